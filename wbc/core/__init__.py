@@ -1,0 +1,1 @@
+"""Robot model, contacts, limits, quadratic program and controller: the floor everything else stands on."""

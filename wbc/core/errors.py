@@ -1,0 +1,142 @@
+"""One root exception, and the checks that raise it.
+
+Every message says what was wrong, what was expected and what is available, so that a caller can mend the
+input without reading this code.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+"""Every array in the library: float64, in SI units."""
+
+
+class WbcError(Exception):
+    """Root of every exception that the library raises on purpose."""
+
+
+class InputError(WbcError, ValueError):
+    """An argument that cannot be used; the message names the value, the rule and the choices."""
+
+
+class UnknownNameError(InputError, LookupError):
+    """A name that does not exist; the message lists the nearest ones that do."""
+
+
+class ModelError(InputError):
+    """A robot model that cannot be simulated or controlled as it stands."""
+
+
+class InfeasibleError(WbcError):
+    """Hard constraints that contradict each other; the message names the groups."""
+
+
+class MeasurementError(WbcError):
+    """A measurement that cannot be used, such as one with NaN in it."""
+
+
+def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
+    """Raise `UnknownNameError` for a name that is not among the choices.
+
+    Args:
+        kind: What the name should have been: "frame", "joint", "robot", …
+        name: What was given.
+        choices: What would have been accepted.
+
+    Raises:
+        UnknownNameError: Always.
+    """
+    names = sorted(choices)
+    near = difflib.get_close_matches(str(name), names, n=3, cutoff=0.5)
+    if near:
+        hint = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
+    elif len(names) <= 20:
+        hint = "choices: " + (", ".join(names) or "none")
+    else:
+        hint = f"there are {len(names)}, among them " + ", ".join(names[:10])
+    raise UnknownNameError(f"no {kind} '{name}'; {hint}")
+
+
+def choose(kind: str, name: str, choices: Iterable[str]) -> str:
+    """Return `name` if it is one of `choices`.
+
+    Raises:
+        UnknownNameError: It is not.
+    """
+    names = list(choices)
+    if name not in names:
+        unknown_name(kind, name, names)
+    return name
+
+
+def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
+    """Copy `value` into a float64 array, or say what is wrong with it.
+
+    Args:
+        what: How the message calls it, for example "com target (m)".
+        value: Numbers.
+        shape: Required shape; any when None.
+
+    Raises:
+        InputError: Not numbers, wrong shape, NaN or infinite.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} must be numbers, got {value!r}") from error
+    if shape is not None and array.shape != shape:
+        raise InputError(f"{what} must have shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{what} must be finite, got {array}")
+    return array
+
+
+def finite_scalar(
+    what: str, value: Any, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False
+) -> float:
+    """Return `value` as a float inside [low, high], or say what is wrong with it.
+
+    Args:
+        what: How the message calls it, with its unit.
+        value: A number.
+        low: Least value allowed (excluded with `open_low`).
+        high: Greatest value allowed.
+        open_low: True if `low` itself is not allowed.
+
+    Raises:
+        InputError: Not a number, not finite or out of range.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} must be a number, got {value!r}") from error
+    if not math.isfinite(number):
+        raise InputError(f"{what} must be finite, got {number}")
+    if number < low or number > high or (open_low and number == low):
+        raise InputError(f"{what} must lie in {'(' if open_low else '['}{low:g}, {high:g}], got {number:g}")
+    return number
+
+
+def positive(what: str, value: Any) -> float:
+    """Return `value` as a float above zero.
+
+    Raises:
+        InputError: Not a number, not finite or not above zero.
+    """
+    return finite_scalar(what, value, low=0.0, open_low=True)
+
+
+def non_negative(what: str, value: Any) -> float:
+    """Return `value` as a float that is zero or above.
+
+    Raises:
+        InputError: Not a number, not finite or negative.
+    """
+    return finite_scalar(what, value, low=0.0)
