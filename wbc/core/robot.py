@@ -1,0 +1,241 @@
+"""A floating-base robot: its model, and its state with everything that the tick reads from it.
+
+`Robot.update(q, v)` runs Pinocchio once; afterwards the mass matrix, bias forces, centre of mass and all frames
+are plain attributes. Frames and joints are looked up by name once, when a task or contact is made, never in a tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, ModelError, finite_array, positive, unknown_name
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
+
+BASE_DOF = 6
+"""Velocity coordinates of the floating base: linear, then angular, both in the base frame."""
+
+
+@dataclass(frozen=True)
+class Sole:
+    """A rectangular sole.
+
+    Attributes:
+        name: How contacts and measurements call it, "left_foot" or "right_foot".
+        frame: Model frame at the centre of the rectangle: x forward, z away from the ground.
+        length: Extent along x, m.
+        width: Extent along y, m.
+    """
+
+    name: str
+    frame: str
+    length: float
+    width: float
+
+    def __post_init__(self) -> None:
+        positive(f"length of sole '{self.name}' (m)", self.length)
+        positive(f"width of sole '{self.name}' (m)", self.width)
+
+
+class Robot:
+    """Pinocchio model, data and current state of a humanoid.
+
+    Attributes:
+        name: Name of the robot.
+        model: Pinocchio model with a free-flyer root; never changed after construction.
+        data: Pinocchio data of the current state.
+        soles: The soles that can make contact, left first.
+        half_sitting: Reference configuration with the soles on the ground z = 0, shape (nq,).
+        nq: Size of a configuration: base position (world, m), base quaternion (xyzw), joints (rad or m).
+        nv: Size of a velocity: base linear and angular velocity in the base frame, joints.
+        na: Number of actuated joints, nv − 6.
+        joint_names: Actuated joints in the order of the velocity vector, length na.
+        q: Configuration of the last `update`, shape (nq,).
+        v: Velocity of the last `update`, shape (nv,).
+        mass: Total mass, kg.
+        mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
+        bias: Coriolis, centrifugal and gravity forces h(q, v), shape (nv,); overwritten by the next update.
+        com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
+        com_velocity: Its velocity in the world, shape (3,), m/s; overwritten by the next update.
+        com_jacobian: Jacobian of the centre of mass, shape (3, nv); overwritten by the next update.
+        position_lower: Lower joint limits, shape (na,), rad (or m).
+        position_upper: Upper joint limits, shape (na,), rad (or m).
+        velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s).
+        torque_limit: Largest joint torque, shape (na,), Nm (or N).
+        torso_frame: Frame of the chest.
+        imu_frame: Frame of the inertial measurement unit.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        soles: Sequence[Sole],
+        half_sitting: ArrayLike,
+        *,
+        torso_frame: str | None = None,
+        imu_frame: str | None = None,
+        frames: Mapping[str, str] | None = None,
+    ) -> None:
+        """Take a model that is complete: limits, armature and sole frames are in it.
+
+        Args:
+            model: Pinocchio model with a free-flyer root and joints of one degree of freedom.
+            soles: The soles that can make contact, left first.
+            half_sitting: Reference configuration, shape (nq,).
+            torso_frame: Frame of the chest; the root when None.
+            imu_frame: Frame of the IMU; the root when None.
+            frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
+
+        Raises:
+            ModelError: No free-flyer root, or a joint of several degrees of freedom.
+            UnknownNameError: A frame that is not in the model.
+            InputError: A half-sitting of the wrong shape.
+        """
+        if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
+            raise ModelError(f"robot '{model.name}' must have a free-flyer root joint")
+        for joint, name in zip(model.joints[2:], list(model.names)[2:], strict=True):
+            if joint.nv != 1 or joint.nq != 1:
+                raise ModelError(f"joint '{name}' has {joint.nq} coordinates; joints of one coordinate are required")
+        self.model = model
+        self.data = model.createData()
+        self.name = str(model.name)
+        self.nq, self.nv = int(model.nq), int(model.nv)
+        self.na = self.nv - BASE_DOF
+        self.joint_names = tuple(list(model.names)[2:])
+        self._frame_ids = {frame.name: i for i, frame in reversed(list(enumerate(model.frames)))}
+        self.soles = tuple(soles)
+        for sole in self.soles:
+            self.frame_id(sole.frame)
+        root = next(f.name for f in model.frames if f.parentJoint == 1 and f.type == pin.FrameType.BODY)
+        self.base_frame = str(root)
+        self.torso_frame = torso_frame or self.base_frame
+        self.imu_frame = imu_frame or self.base_frame
+        self.frames = dict(frames or {})
+        for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
+            self.frame_id(frame)
+
+        self.half_sitting = finite_array("half-sitting configuration", half_sitting, (self.nq,))
+        self.half_sitting.setflags(write=False)
+        self.position_lower = np.array(model.lowerPositionLimit[7:])
+        self.position_upper = np.array(model.upperPositionLimit[7:])
+        self.velocity_limit = np.array(model.upperVelocityLimit[BASE_DOF:])
+        self.torque_limit = np.array(model.upperEffortLimit[BASE_DOF:])
+        if (self.position_lower > self.position_upper).any():
+            bad = self.joint_names[int(np.argmax(self.position_lower > self.position_upper))]
+            raise ModelError(f"joint '{bad}' has a lower position limit above its upper one")
+        self.mass = float(pin.computeTotalMass(model))
+
+        # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
+        self.mass_matrix: Array = self.data.M
+        self.bias: Array = self.data.nle
+        self.com: Array = self.data.com[0]
+        self.com_velocity: Array = self.data.vcom[0]
+        self.com_jacobian: Array = self.data.Jcom
+        self.q = np.array(self.half_sitting)
+        self.v = np.zeros(self.nv)
+        self.update(self.q, self.v)
+
+    def update(self, q: Array, v: Array) -> None:
+        """Compute everything that depends on the state.
+
+        Args:
+            q: Configuration, shape (nq,); the quaternion is taken as normalised.
+            v: Velocity, shape (nv,).
+        """
+        self.q[:] = q
+        self.v[:] = v
+        pin.computeAllTerms(self.model, self.data, self.q, self.v)
+        pin.updateFramePlacements(self.model, self.data)
+
+    def clone(self) -> Robot:
+        """Return another robot of the same model with a state of its own."""
+        return Robot(
+            self.model,
+            self.soles,
+            self.half_sitting,
+            torso_frame=self.torso_frame,
+            imu_frame=self.imu_frame,
+            frames=self.frames,
+        )
+
+    def frame_id(self, name: str) -> int:
+        """Return the index of a frame.
+
+        Raises:
+            UnknownNameError: There is no such frame; the nearest names are given.
+        """
+        if name not in self._frame_ids:
+            unknown_name("frame", name, self._frame_ids)
+        return self._frame_ids[name]
+
+    def joint_index(self, name: str) -> int:
+        """Return the place of an actuated joint in arrays of shape (na,).
+
+        Raises:
+            UnknownNameError: There is no such joint; the nearest names are given.
+        """
+        if name not in self.joint_names:
+            unknown_name("joint", name, self.joint_names)
+        return self.joint_names.index(name)
+
+    def sole(self, name: str) -> Sole:
+        """Return a sole by its name or by its frame.
+
+        Raises:
+            UnknownNameError: No sole has that name or frame.
+        """
+        for sole in self.soles:
+            if name in (sole.name, sole.frame):
+                return sole
+        unknown_name("sole", name, [sole.name for sole in self.soles])
+
+    def placement(self, frame: str | int) -> pin.SE3:
+        """Placement of a frame in the world at the last update.
+
+        Raises:
+            UnknownNameError: There is no such frame.
+        """
+        return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
+
+    @property
+    def com_drift(self) -> Array:
+        """Acceleration of the centre of mass when all joint accelerations are zero, shape (3,), m/s²."""
+        pin.centerOfMass(self.model, self.data, self.q, self.v, self._no_acceleration)
+        return np.array(self.data.acom[0])
+
+    def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
+        """Half-sitting with some joints changed and the lower sole put back on the ground z = 0.
+
+        Args:
+            joints: Joint name → position, rad (or m).
+
+        Returns:
+            Configuration, shape (nq,).
+
+        Raises:
+            UnknownNameError: No such joint.
+            InputError: A position that is not finite.
+        """
+        q = np.array(self.half_sitting)
+        for name, value in (joints or {}).items():
+            index = self.joint_index(name)
+            if not np.isfinite(value):
+                raise InputError(f"position of joint '{name}' must be finite, got {value}")
+            q[7 + index] = value
+        data = self.model.createData()
+        pin.framesForwardKinematics(self.model, data, q)
+        q[2] -= min(data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles)
+        return q
+
+    @property
+    def _no_acceleration(self) -> Array:
+        return np.zeros(self.nv)
+
+    def __repr__(self) -> str:
+        return f"Robot('{self.name}', nv={self.nv}, mass={self.mass:.1f} kg)"
