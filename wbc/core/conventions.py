@@ -1,0 +1,220 @@
+"""Every convention of the library, and the one place where states are translated to MuJoCo's and back.
+
+World frame: z up; metres, newtons, kilograms, radians, seconds. Gravity is `wbc.core.robot.GRAVITY` along −z.
+
+Spatial vectors are [linear; angular], as in Pinocchio: a velocity is [v; ω], a wrench is [f; n].
+
+Quaternions are xyzw. A configuration `q` is [base position in the world; base quaternion; joints], a velocity
+`v` is [base linear velocity; base angular velocity; joint velocities], both base velocities **in the base
+frame**, as Pinocchio has them. Joints keep Pinocchio's order (`Robot.joint_names`).
+
+A sole frame lies at the centre of the sole rectangle, x forward, z up and away from the ground. A contact
+wrench is what the ground does to the robot, in the sole frame, at the sole centre. `left_foot_ratio` is 1 when
+the left foot carries all the weight.
+
+Errors are target − measured. Gains never depend on the control period.
+
+MuJoCo's free joint differs in two ways: its quaternion is wxyz, and its linear velocity is that of the body's
+origin **in the world** (its angular velocity is in the body frame, as here). With R the rotation of the base,
+
+    qvel = T(q) v,    T = blockdiag(R, I, …),    qacc = T v̇ + [R (ω × v_lin); 0],    τ = Tᵀ τ_mujoco,
+
+so that M = Tᵀ M_mujoco T. Joints are matched by name outside and by index arrays here: `joint_qpos[i]` and
+`joint_dof[i]` are the places in MuJoCo's `qpos` and `qvel` of Pinocchio's i-th actuated joint
+(`model.jnt_qposadr`, `model.jnt_dofadr`); without them the joints follow the base in the same order. MuJoCo's
+base always comes first.
+
+Sources: Pinocchio, `JointModelFreeFlyer`; MuJoCo documentation, "Computation / Floating objects", `mjJNT_FREE`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.core.errors import Array
+
+Index = NDArray[np.intp]
+"""Places of joints in an array."""
+
+
+def rotation_of(quaternion: Array) -> Array:
+    """Rotation matrix of a unit quaternion.
+
+    Args:
+        quaternion: xyzw, shape (4,), of unit length.
+
+    Returns:
+        Rotation, shape (3, 3).
+    """
+    x, y, z, w = quaternion.tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Array | None = None) -> Array:
+    """Translate a configuration.
+
+    Args:
+        q: Configuration, shape (nq,), quaternion xyzw.
+        joint_qpos: Place in `qpos` of each actuated joint, shape (na,).
+        out: MuJoCo's `qpos` to write into (other entries, such as those of compliant feet, are kept).
+
+    Returns:
+        `out`, or a new array of shape (nq,).
+    """
+    qpos = np.empty(q.size) if out is None else out
+    qpos[0:3] = q[0:3]
+    qpos[3] = q[6]
+    qpos[4:7] = q[3:6]
+    qpos[slice(7, q.size) if joint_qpos is None else joint_qpos] = q[7:]
+    return qpos
+
+
+def configuration_from_mujoco(
+    qpos: Array, joint_qpos: Index | None = None, out: Array | None = None
+) -> Array:
+    """Translate MuJoCo's `qpos`.
+
+    Args:
+        qpos: MuJoCo's positions, quaternion wxyz.
+        joint_qpos: Place in `qpos` of each actuated joint, shape (na,).
+        out: Configuration to write into.
+
+    Returns:
+        Configuration, shape (nq,), quaternion xyzw.
+    """
+    joints = qpos[7:] if joint_qpos is None else qpos[joint_qpos]
+    q = np.empty(7 + joints.size) if out is None else out
+    q[0:3] = qpos[0:3]
+    q[3:6] = qpos[4:7]
+    q[6] = qpos[3]
+    q[7:] = joints
+    return q
+
+
+def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: Array | None = None) -> Array:
+    """Translate a velocity.
+
+    Args:
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,), base in the base frame.
+        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
+        out: MuJoCo's `qvel` to write into (other entries are kept).
+
+    Returns:
+        `out`, or a new array of shape (nv,): base linear velocity in the world.
+    """
+    qvel = np.empty(v.size) if out is None else out
+    qvel[0:3] = rotation_of(q[3:7]) @ v[0:3]
+    qvel[3:6] = v[3:6]
+    qvel[slice(6, v.size) if joint_dof is None else joint_dof] = v[6:]
+    return qvel
+
+
+def velocity_from_mujoco(
+    q: Array, qvel: Array, joint_dof: Index | None = None, out: Array | None = None
+) -> Array:
+    """Translate MuJoCo's `qvel`.
+
+    Args:
+        q: Configuration (ours, not `qpos`), shape (nq,).
+        qvel: MuJoCo's velocities.
+        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
+        out: Velocity to write into.
+
+    Returns:
+        Velocity, shape (nv,), base in the base frame.
+    """
+    joints = qvel[6:] if joint_dof is None else qvel[joint_dof]
+    v = np.empty(6 + joints.size) if out is None else out
+    v[0:3] = rotation_of(q[3:7]).T @ qvel[0:3]
+    v[3:6] = qvel[3:6]
+    v[6:] = joints
+    return v
+
+
+def acceleration_to_mujoco(
+    q: Array, v: Array, a: Array, joint_dof: Index | None = None, out: Array | None = None
+) -> Array:
+    """Translate an acceleration: the derivative of the world velocity gains the term R (ω × v).
+
+    Args:
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        a: Acceleration v̇, shape (nv,).
+        joint_dof: Place in `qacc` of each actuated joint, shape (na,).
+        out: MuJoCo's `qacc` to write into (other entries are kept).
+
+    Returns:
+        `out`, or a new array of shape (nv,).
+    """
+    qacc = velocity_to_mujoco(q, a, joint_dof, out)
+    qacc[0:3] += rotation_of(q[3:7]) @ np.cross(v[3:6], v[0:3])
+    return qacc
+
+
+def acceleration_from_mujoco(
+    q: Array, v: Array, qacc: Array, joint_dof: Index | None = None, out: Array | None = None
+) -> Array:
+    """Translate MuJoCo's `qacc`; the inverse of `acceleration_to_mujoco`.
+
+    Args:
+        q: Configuration, shape (nq,).
+        v: Velocity (ours, not `qvel`), shape (nv,).
+        qacc: MuJoCo's accelerations.
+        joint_dof: Place in `qacc` of each actuated joint, shape (na,).
+        out: Acceleration to write into.
+
+    Returns:
+        Acceleration v̇, shape (nv,).
+    """
+    a = velocity_from_mujoco(q, qacc, joint_dof, out)
+    a[0:3] -= np.cross(v[3:6], v[0:3])
+    return a
+
+
+def force_from_mujoco(
+    q: Array, qfrc: Array, joint_dof: Index | None = None, out: Array | None = None
+) -> Array:
+    """Translate generalised forces, τ = Tᵀ τ_mujoco.
+
+    T is orthogonal in the base block and the identity elsewhere, so that forces translate as velocities do.
+
+    Args:
+        q: Configuration, shape (nq,).
+        qfrc: MuJoCo's generalised forces.
+        joint_dof: Place in `qfrc` of each actuated joint, shape (na,).
+        out: Forces to write into.
+
+    Returns:
+        Generalised forces, shape (nv,), base wrench in the base frame.
+    """
+    return velocity_from_mujoco(q, qfrc, joint_dof, out)
+
+
+def mass_matrix_from_mujoco(q: Array, mass_matrix: Array, joint_dof: Index | None = None) -> Array:
+    """Translate a joint-space inertia, M = Tᵀ M_mujoco T.
+
+    Args:
+        q: Configuration, shape (nq,).
+        mass_matrix: MuJoCo's full mass matrix (`mj_fullM`).
+        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
+
+    Returns:
+        Mass matrix, shape (nv, nv).
+    """
+    if joint_dof is None:
+        matrix = np.array(mass_matrix)
+    else:
+        places = np.concatenate([np.arange(6), joint_dof])
+        matrix = mass_matrix[np.ix_(places, places)]
+    rotation = rotation_of(q[3:7])
+    matrix[:3] = rotation.T @ matrix[:3]
+    matrix[:, :3] = matrix[:, :3] @ rotation
+    return matrix
