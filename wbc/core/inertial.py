@@ -1,0 +1,128 @@
+"""Attitude, gyro bias and velocity of an inertial measurement unit, aided by a velocity from the legs.
+
+The gyroscope turns the attitude and the accelerometer pushes the velocity, both quickly and with a drift. The
+velocity that the stance foot tells pulls the drift out of all of them: an attitude that is off by a small
+tilt turns gravity into a false horizontal acceleration, so a velocity that runs away says which way the
+attitude leans. Unlike a filter that takes the accelerometer for the vertical, this one is not tilted by the
+accelerations of the gait.
+
+A tilt error obeys s³ + s²/τ_v + s/(τ_v τ_t) + 1/(τ_v τ_t τ_b) = 0 with the time constants of the settings.
+
+Source: velocity-aided attitude observers, M.-D. Hua, Control Engineering Practice 18(7), 2010; gyro bias as
+the integral of the correction, R. Mahony, T. Hamel, J.-M. Pflimlin, IEEE TAC 53(5), 2008.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, positive
+from wbc.core.robot import GRAVITY
+
+
+@dataclass(frozen=True)
+class InertialSettings:
+    """How fast the legs pull the drift out of the inertial estimate. Time constants, so the period is free.
+
+    Attributes:
+        velocity_time_constant: Accelerometer above it, legs below it, s.
+        tilt_time_constant: Decay of a roll or pitch error, s; far above the former.
+        yaw_time_constant: Decay of a yaw error towards the feet, s.
+        bias_time_constant: Integral time of the gyro bias, s; 4 tilt time constants are critically damped,
+            infinity keeps the bias at zero.
+        flight_time_constant: Decay of the velocity when no foot is loaded, s.
+    """
+
+    velocity_time_constant: float = 0.05
+    tilt_time_constant: float = 2.0
+    yaw_time_constant: float = 1.0
+    bias_time_constant: float = 8.0
+    flight_time_constant: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("velocity", "tilt", "yaw", "flight"):
+            positive(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
+        if not self.bias_time_constant > 0.0:
+            positive("bias_time_constant (s)", self.bias_time_constant)
+
+
+class InertialFilter:
+    """State of the filter.
+
+    Attributes:
+        rotation: Attitude of the IMU in the world, shape (3, 3).
+        velocity: Velocity of the IMU point in the world, shape (3,), m/s.
+        gyro_bias: What the gyroscope adds to the truth, in the IMU frame, shape (3,), rad/s.
+    """
+
+    def __init__(self, settings: InertialSettings | None = None) -> None:
+        self.settings = settings or InertialSettings()
+        self.rotation: Array = np.eye(3)
+        self.velocity: Array = np.zeros(3)
+        self.gyro_bias: Array = np.zeros(3)
+        self._last: tuple[Array, Array] | None = None
+
+    def reset(self, rotation: Array, velocity: Array | None = None) -> None:
+        """Start over from an attitude; the gyro bias that was learnt is kept.
+
+        Args:
+            rotation: Attitude of the IMU in the world, shape (3, 3).
+            velocity: Velocity of the IMU point in the world, shape (3,), m/s; zero when None.
+        """
+        self.rotation = np.array(rotation)
+        self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
+        self._last = None
+
+    def align(self, specific_force: Array) -> None:
+        """Turn the attitude the shortest way so that the specific force of a robot at rest points up.
+
+        Args:
+            specific_force: Accelerometer, in the IMU frame, shape (3,), m/s².
+        """
+        up = self.rotation @ specific_force
+        turn = pin.Quaternion.FromTwoVectors(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0]))
+        self.rotation = turn.toRotationMatrix() @ self.rotation
+
+    def predict(self, angular_velocity: Array, specific_force: Array, dt: float) -> None:
+        """Move on by one period, with the mean of the samples at its two ends.
+
+        Args:
+            angular_velocity: Gyroscope, in the IMU frame, shape (3,), rad/s.
+            specific_force: Accelerometer, in the IMU frame, shape (3,), m/s².
+            dt: Time since the last call, s.
+        """
+        gyro, force = self._last or (angular_velocity, specific_force)
+        self._last = (np.array(angular_velocity), np.array(specific_force))
+        if dt <= 0.0:
+            return
+        half = pin.exp3((0.5 * dt) * (0.5 * (gyro + angular_velocity) - self.gyro_bias))
+        middle = self.rotation @ half
+        self.velocity += (0.5 * dt) * (middle @ (force + specific_force))
+        self.velocity[2] -= dt * GRAVITY
+        self.rotation = middle @ half
+
+    def correct(self, velocity: Array | None, yaw_error: float, dt: float) -> None:
+        """Pull the state towards what the legs say.
+
+        Args:
+            velocity: Velocity of the IMU point from the legs, in the world, shape (3,), m/s; None in flight.
+            yaw_error: Yaw of the IMU by the feet minus its yaw by the filter, rad.
+            dt: Time since the last call, s.
+        """
+        s = self.settings
+        if velocity is None:
+            self.velocity *= math.exp(-dt / s.flight_time_constant)
+            return
+        innovation = velocity - self.velocity
+        share = -math.expm1(-dt / s.velocity_time_constant)
+        self.velocity += share * innovation
+        # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
+        tilt = share / (GRAVITY * s.tilt_time_constant)
+        yaw = -math.expm1(-dt / s.yaw_time_constant)
+        turn = np.array([-tilt * innovation[1], tilt * innovation[0], yaw * yaw_error])
+        self.gyro_bias -= self.rotation.T @ (turn / s.bias_time_constant)
+        self.rotation = pin.exp3(turn) @ self.rotation

@@ -1,0 +1,292 @@
+"""Base pose and velocity from encoders, IMU and foot wrenches, without ground truth.
+
+Each loaded foot holds the robot at one point that rests on the ground, its anchor. The anchor is the material
+point of the sole at the measured centre of pressure and moves over the sole with it, so a foot may roll over
+its edge, over a stone or on soft phalanges: nothing assumes that the sole is flat or parallel to the ground.
+The base hangs on both anchors, each in proportion to its load, and the joints' velocities with the anchors at
+rest give the velocity, which the IMU smooths (`wbc.core.inertial`).
+
+For a rigid sole that rolls without slip the construction is exact; a sole that deforms leaves the velocity
+that its material point at the centre of pressure has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative
+from wbc.core.inertial import InertialFilter, InertialSettings
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.signals import Measurement
+
+
+@dataclass(frozen=True)
+class ObserverSettings:
+    """Settings of the observer.
+
+    Attributes:
+        inertial: Time constants of the inertial part.
+        anchor_at_cop: Anchor each foot at its centre of pressure; at the sole centre when False, which takes
+            the sole for flat and resting as a whole.
+        min_load: Normal force below which a foot holds nothing, N.
+        load_time_constant: Low-pass of the normal forces, s; 0 for none.
+        cop_time_constant: Low-pass of the centres of pressure, s; 0 for none.
+        slip_time_constant: How fast loaded feet that disagree settle between themselves, s.
+        reference_time_constant: How fast anchors follow the sole placements given to `update`, s.
+    """
+
+    inertial: InertialSettings = field(default_factory=InertialSettings)
+    anchor_at_cop: bool = True
+    min_load: float = 20.0
+    load_time_constant: float = 0.01
+    cop_time_constant: float = 0.02
+    slip_time_constant: float = 0.2
+    reference_time_constant: float = 0.1
+
+    def __post_init__(self) -> None:
+        non_negative("min_load (N)", self.min_load)
+        for name in ("load", "cop", "slip", "reference"):
+            non_negative(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
+
+
+class Observer:
+    """Estimates the state of a robot from its sensors.
+
+    Attributes:
+        robot: The estimated robot; updated in place by every `update`.
+        settings: Settings.
+        inertial: Attitude, velocity and gyro bias of the IMU.
+        load: Normal forces after the low-pass, shape (number of soles,), N.
+        share: Part of the base that hangs on each foot, shape (number of soles,); sums to 1, or 0 in flight.
+        cop: Centres of pressure in the sole frames after the low-pass, shape (number of soles, 2), m.
+        anchor: Resting points of the feet in the world, shape (number of soles, 3), m.
+        net_wrench: What the ground does to the robot in the last measurement, unfiltered, [force; moment] at
+            the world origin in world axes, shape (6,), N and Nm.
+    """
+
+    def __init__(self, robot: Robot, settings: ObserverSettings | None = None) -> None:
+        """Start at half-sitting.
+
+        Args:
+            robot: Robot to estimate; it is cloned, its own state is left alone.
+            settings: Settings; the defaults when None.
+        """
+        self.robot = robot.clone()
+        self.settings = settings or ObserverSettings()
+        self.inertial = InertialFilter(self.settings.inertial)
+        n = len(robot.soles)
+        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._half = np.array([[sole.length, sole.width] for sole in robot.soles]).reshape(n, 2) / 2.0
+        self._imu = robot.frame_id(robot.imu_frame)
+        self._data = robot.model.createData()  # kinematics with the base at the origin
+        self._q = pin.neutral(robot.model)
+        self._v = np.zeros(robot.nv)
+        self.load, self.share = np.zeros(n), np.zeros(n)
+        self.cop, self.anchor = np.zeros((n, 2)), np.zeros((n, 3))
+        self._anchor_yaw = np.zeros(n)
+        self.net_wrench = np.zeros(6)
+        self._position = np.zeros(3)
+        self._time: float | None = None
+        self.reset()
+
+    @property
+    def in_flight(self) -> bool:
+        """True when no foot carries more than the minimum load."""
+        return not self.share.any()
+
+    def reset(self, q: Array | None = None, specific_force: Array | None = None) -> None:
+        """Forget everything but the gyro bias and start at rest from a configuration.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+            specific_force: Accelerometer of the robot at rest, in the IMU frame, shape (3,), m/s²: roll and
+                pitch are then taken from it instead of q.
+
+        Raises:
+            InputError: A configuration of the wrong shape or not finite.
+        """
+        robot = self.robot
+        q = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
+        robot.update(q, np.zeros(robot.nv))
+        self.inertial.reset(robot.placement(self._imu).rotation)
+        if specific_force is not None:
+            base_to_imu = robot.placement(self._imu).rotation.T @ robot.placement(robot.base_frame).rotation
+            self.inertial.align(finite_array("specific force (m/s²)", specific_force, (3,)))
+            tilted = np.array(q)
+            tilted[3:7] = pin.Quaternion(self.inertial.rotation @ base_to_imu).coeffs()
+            robot.update(tilted, np.zeros(robot.nv))
+        self._position = np.array(robot.q[:3])
+        self._time = None
+        self.load[:] = 0.0
+        self.share[:] = 0.0
+        self.cop[:] = 0.0
+        for i, sole in enumerate(self._soles):
+            placement = robot.placement(sole)
+            self.anchor[i] = placement.translation
+            self._anchor_yaw[i] = _yaw(placement.rotation)
+
+    def update(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> Robot:
+        """Take in one measurement.
+
+        Args:
+            measurement: Sensors; its time stamp gives the period.
+            soles: Where the controller's model has its soles in the world; loaded feet are drawn there, so
+                that the estimate does not wander off from the controller's world. Odometry when None.
+
+        Returns:
+            The estimated robot, the same object each time.
+
+        Raises:
+            MeasurementError: Not finite, of the wrong shape, or older than the last one.
+        """
+        self._check(measurement)
+        first = self._time is None
+        dt = 0.0 if self._time is None else measurement.time - self._time
+        self._time = measurement.time
+
+        # Kinematics in the base frame, as if the base rested at the origin.
+        model, data = self.robot.model, self._data
+        self._q[7:] = measurement.joint_position
+        self._v[BASE_DOF:] = measurement.joint_velocity
+        pin.forwardKinematics(model, data, self._q, self._v)
+        pin.updateFramePlacement(model, data, self._imu)
+        for sole in self._soles:
+            pin.updateFramePlacement(model, data, sole)
+        imu = data.oMf[self._imu]
+        imu_rate = pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
+
+        gyro = measurement.angular_velocity
+        self.inertial.predict(gyro, measurement.specific_force, dt)
+        base = self.inertial.rotation @ imu.rotation.T
+        spin = self.inertial.rotation @ (gyro - self.inertial.gyro_bias) - base @ imu_rate.angular
+
+        spin_matrix = pin.skew(spin)
+
+        self._update_loads(measurement.sole_wrench, dt, base, first)
+        yaw_error = 0.0
+        velocity = None
+        if not self.in_flight:
+            slip = np.zeros(3)  # what the velocity of the anchors would be if the base only turned
+            for i, sole in enumerate(self._soles):
+                if self.share[i] == 0.0:
+                    continue
+                point, point_rate = self._anchor_point(i, sole)
+                slip += self.share[i] * (spin_matrix @ (base @ point) + base @ point_rate)
+                yaw = _yaw(base @ data.oMf[sole].rotation)
+                yaw_error += self.share[i] * _wrap(self._anchor_yaw[i] - yaw)
+            velocity = -slip
+        imu_arm = spin_matrix @ (base @ imu.translation) + base @ imu_rate.linear
+        if first and velocity is not None:
+            self.inertial.velocity = velocity + imu_arm
+        self.inertial.correct(None if velocity is None else velocity + imu_arm, yaw_error, dt)
+
+        base = self.inertial.rotation @ imu.rotation.T
+        base_velocity = self.inertial.velocity - imu_arm
+        self._update_position(base, base_velocity, soles, dt)
+
+        q, v = self._q, self._v
+        q[:3] = self._position
+        q[3:7] = pin.Quaternion(base).normalized().coeffs()
+        v[:3] = base.T @ base_velocity
+        v[3:6] = base.T @ spin
+        self.robot.update(q, v)
+        q[:7] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+        v[:BASE_DOF] = 0.0
+        self._update_net_wrench(measurement.sole_wrench)
+        return self.robot
+
+    def _check(self, measurement: Measurement) -> None:
+        measurement.check_finite()
+        na, n = self.robot.na, len(self._soles)
+        for name, shape in (("joint_position", (na,)), ("joint_velocity", (na,)), ("sole_wrench", (n, 6))):
+            if getattr(measurement, name).shape != shape:
+                got = getattr(measurement, name).shape
+                raise MeasurementError(f"{name} must have shape {shape} for {self.robot!r}, got {got}")
+        if self._time is not None and measurement.time < self._time:
+            raise MeasurementError(
+                f"measurement at {measurement.time:g} s is older than the last, {self._time:g} s"
+            )
+
+    def _update_loads(self, wrenches: Array, dt: float, base: Array, first: bool) -> None:
+        """Loads, shares and centres of pressure; an anchor moves over the sole with the latter."""
+        s = self.settings
+        force = np.maximum(wrenches[:, 2], 0.0)
+        self.load += (1.0 if first else _gain(dt, s.load_time_constant)) * (force - self.load)
+        above = np.maximum(self.load - s.min_load, 0.0)
+        total = float(above.sum())
+        self.share = above / total if total > 0.0 else np.zeros_like(above)
+        if not s.anchor_at_cop:
+            return
+        gain = 1.0 if first else _gain(dt, s.cop_time_constant)
+        for i, sole in enumerate(self._soles):
+            x = y = 0.0
+            if force[i] > s.min_load:
+                (length, width), f = self._half[i], force[i]
+                x = min(max(-wrenches[i, 4] / f, -length), length)
+                y = min(max(wrenches[i, 3] / f, -width), width)
+            step = gain * (np.array((x, y)) - self.cop[i])
+            self.cop[i] += step
+            self.anchor[i] += base @ (self._data.oMf[sole].rotation[:, :2] @ step)
+
+    def _anchor_point(self, i: int, sole: int) -> tuple[Array, Array]:
+        """Point of a sole at its centre of pressure, and its velocity, with the base at the origin."""
+        placement = self._data.oMf[sole]
+        rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
+        arm = placement.rotation[:, :2] @ self.cop[i]
+        return placement.translation + arm, rate.linear + pin.skew(rate.angular) @ arm
+
+    def _update_position(
+        self, base: Array, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float
+    ) -> None:
+        """Hang the base on the anchors; anchors that carry little follow the base."""
+        s = self.settings
+        placements = [self._data.oMf[sole] for sole in self._soles]
+        arms = [
+            base @ (X.translation + X.rotation[:, :2] @ c) for X, c in zip(placements, self.cop, strict=True)
+        ]
+        yaws = [_yaw(base @ X.rotation) for X in placements]
+        if soles is not None:
+            if len(soles) != len(self._soles):
+                raise InputError(f"one sole placement for each of {len(self._soles)} soles, got {len(soles)}")
+            gain = _gain(dt, s.reference_time_constant)
+            for i, reference in enumerate(soles):
+                if reference is None or self.share[i] == 0.0:
+                    continue
+                over = base @ (placements[i].rotation[:, :2] @ self.cop[i])
+                self.anchor[i] += gain * (reference.translation + over - self.anchor[i])
+                self._anchor_yaw[i] += gain * _wrap(_yaw(reference.rotation) - self._anchor_yaw[i])
+        if self.in_flight:
+            self._position = self._position + dt * base_velocity
+        else:
+            candidates = self.anchor - np.array(arms)
+            self._position = self.share @ candidates
+        # Feet that disagree settle between themselves; equal gains leave their common place and yaw alone.
+        common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(self.share, self._anchor_yaw, yaws, strict=True))
+        slip = _gain(dt, s.slip_time_constant)
+        for i, arm in enumerate(arms):
+            gain = 1.0 if self.share[i] == 0.0 else slip
+            self.anchor[i] += gain * (self._position + arm - self.anchor[i])
+            self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
+
+    def _update_net_wrench(self, wrenches: Array) -> None:
+        self.net_wrench[:] = 0.0
+        for i, sole in enumerate(self._soles):
+            self.net_wrench += self.robot.placement(sole).act(pin.Force(wrenches[i])).vector
+
+
+def _yaw(rotation: Array) -> float:
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def _wrap(angle: float) -> float:
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def _gain(dt: float, time_constant: float) -> float:
+    """Share of the way to its input that a first-order low-pass goes in dt."""
+    return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
