@@ -1,0 +1,208 @@
+"""The paper's soft-constraint law, its translation to MuJoCo, and the spheres under a sole."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negative, positive
+
+Integrator = Literal["discrete", "implicitfast", "implicit", "Euler"]
+ConstraintRow = Literal["normal", "friction", "equality"]
+
+
+class SolverParameters(NamedTuple):
+    """What MuJoCo's `solref` and `solimp` attributes take."""
+
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+
+
+class LawGains(NamedTuple):
+    """Coefficients of eq. (1) at one violation.
+
+    `impedance` d has no unit, `damping` b is in 1/s and `stiffness` k in 1/s², so that every term is an
+    acceleration.
+    """
+
+    impedance: float
+    damping: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class ConstraintLaw:
+    """Soft constraint a = (1 − d) a₀ − d b v − d k r with d = d(r), eq. (1) of the paper.
+
+    The paper prints rad/(Nms²) for d; it is a ratio and has no unit.
+
+    Attributes:
+        time_constant: t, s.
+        damping_ratio: ζ, 1 is critical.
+        impedance: d at zero violation and d_max at full violation, each in (0, 1).
+        width: Violation at which d reaches d_max, m (MuJoCo's default, the paper gives none).
+
+    Source: Frizza et al., Humanoids 2022, eq. (1)–(2); MuJoCo documentation, "Solver parameters".
+    """
+
+    time_constant: float
+    damping_ratio: float = 1.0
+    impedance: tuple[float, float] = (0.9, 0.95)
+    width: float = 0.001
+
+    def __post_init__(self) -> None:
+        positive("constraint time constant (s)", self.time_constant)
+        positive("constraint damping ratio", self.damping_ratio)
+        positive("constraint width (m)", self.width)
+        if len(self.impedance) != 2:
+            raise InputError(f"impedance must be the two numbers (d_0, d_max), got {self.impedance!r}")
+        for name, value in zip(("d_0", "d_max"), self.impedance, strict=True):
+            finite_scalar(f"constraint impedance {name}", value, low=0.0001, high=0.9999)
+
+    def impedance_at(self, violation: float) -> float:
+        """d(r): a smooth rise from d_0 to d_max over `width`, power 2 about the middle.
+
+        Args:
+            violation: |r|, m.
+
+        Source: MuJoCo documentation, "Impedance" (midpoint 0.5, power 2).
+        """
+        d_0, d_max = self.impedance
+        x = min(abs(violation) / self.width, 1.0)
+        y = 2.0 * x * x if x <= 0.5 else 1.0 - 2.0 * (1.0 - x) ** 2
+        return d_0 + (d_max - d_0) * y
+
+    def gains(self, violation: float) -> LawGains:
+        """Eq. (2): b = 2 / (d_max t), k = d(r) / (d_max² t² ζ²).
+
+        The paper prints ζ where MuJoCo has ζ²; they agree at ζ = 1, the value used for all its constraints.
+
+        Args:
+            violation: |r|, m.
+        """
+        d = self.impedance_at(violation)
+        d_max, t = self.impedance[1], self.time_constant
+        return LawGains(d, 2.0 / (d_max * t), d / (d_max * t * self.damping_ratio) ** 2)
+
+
+LOOP_CLOSURE = ConstraintLaw(0.002, impedance=(0.9, 0.95))
+"""Frontal arch to sole: t = 2 ms, d from 0.9 to 0.95 (paper, section II-B)."""
+
+SOLE_GROUND = ConstraintLaw(0.0001, impedance=(0.99, 0.99))
+"""Sole to ground: t = 0.1 ms, d = 0.99 against creeping (paper, section II-B)."""
+
+
+def solver_parameters(law: ConstraintLaw) -> SolverParameters:
+    """The one place where the paper's parameters become MuJoCo's.
+
+    They are solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2). The numbers go in as the paper has them,
+    but MuJoCo does not always use them so: see `effective_time_constant`.
+    """
+    return SolverParameters((law.time_constant, law.damping_ratio), (*law.impedance, law.width, 0.5, 2.0))
+
+
+def effective_time_constant(
+    law: ConstraintLaw, timestep: float, *, integrator: Integrator = "discrete", row: ConstraintRow = "normal"
+) -> float:
+    """Time constant that MuJoCo really uses for a constraint row with its `refsafe` protection on, s.
+
+    Explicit and implicit velocity integrators cannot follow a constraint faster than two steps, so every t
+    below 2 dt is raised to it: the paper's 0.1 ms is 2 ms at dt = 1 ms, and the 2 ms loop closure is 4 ms at
+    dt = 2 ms. The `discrete` integrator limits the stiffness of normal rows alone, to K dt² ≤ 1 / d_max,
+    which is t ≥ dt / √d_max; friction and equality rows keep t as it is written.
+
+    Args:
+        law: The constraint.
+        timestep: Physics step dt, s.
+        integrator: MuJoCo's integrator.
+        row: Normal or friction direction of a contact, or an equality.
+
+    Source: measured on mujoco 3.17 through `MjData.efc_KBIP`; MuJoCo documentation, "refsafe".
+    """
+    positive("timestep (s)", timestep)
+    choose("integrator", integrator, ("discrete", "implicitfast", "implicit", "Euler"))
+    choose("constraint row", row, ("normal", "friction", "equality"))
+    if integrator != "discrete":
+        return max(law.time_constant, 2.0 * timestep)
+    if row == "normal":
+        return max(law.time_constant, timestep / math.sqrt(law.impedance[1]))
+    return law.time_constant
+
+
+@dataclass(frozen=True)
+class SoleContact:
+    """How a sole touches the ground: an even grid of small spheres, whose lowest points span the rectangle.
+
+    Spheres, because a box on a height field loses contacts beyond 50 per pair and its centre of pressure
+    wanders by up to 35 mm. A stone narrower than the lateral spacing can pass between two columns.
+
+    Attributes:
+        law: Constraint law of the contact.
+        friction: Coulomb coefficient; the controller assumes 0.7, the plant leaves it a margin.
+        condim: Directions of contact force: 3 (normal, two tangents), 4 (with spin) or 6 (with rolling).
+        spin_friction: Coefficient about the normal, m; used with `condim` 4 and 6.
+        rolling_friction: Coefficient of rolling, m; used with `condim` 6.
+        radius: Radius of the spheres, m.
+        columns: Spheres across the sole.
+        rows_per_phalanx: Rows of spheres under each phalanx of a soft sole.
+        row_spacing: Largest distance between rows of a rigid sole, m.
+        inset: Distance from the edges of the rectangle to the outer sphere centres, m.
+
+    Source: friction 0.7 from the authors' public controller configuration; sphere grid, cone and law measured
+    on this foot at 1 ms (2 × 3 spheres of 7 mm against boxes and capsules).
+    """
+
+    law: ConstraintLaw = field(default_factory=lambda: SOLE_GROUND)
+    friction: float = 0.8
+    condim: int = 3
+    spin_friction: float = 0.005
+    rolling_friction: float = 0.0001
+    radius: float = 0.007
+    columns: int = 3
+    rows_per_phalanx: int = 2
+    row_spacing: float = 0.015
+    inset: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("sole friction", self.friction)
+        if self.condim not in (3, 4, 6):
+            raise InputError(f"condim of the sole contact must be 3, 4 or 6, got {self.condim}")
+        non_negative("spin friction (m)", self.spin_friction)
+        non_negative("rolling friction (m)", self.rolling_friction)
+        positive("radius of the sole spheres (m)", self.radius)
+        positive("row spacing (m)", self.row_spacing)
+        non_negative("inset of the sole spheres (m)", self.inset)
+        for name, count, least in (
+            ("columns", self.columns, 2),
+            ("rows_per_phalanx", self.rows_per_phalanx, 1),
+        ):
+            if int(count) != count or count < least:
+                raise InputError(
+                    f"{name} of the sole contact must be an integer of at least {least}, got {count}"
+                )
+
+    def rows(self, length: float) -> int:
+        """Number of rows of a rigid sole of this length (m)."""
+        return max(2, math.ceil((length - 2.0 * self.inset) / self.row_spacing) + 1)
+
+    def row_positions(self, length: float, count: int) -> Array:
+        """Place along x of the rows in the sole frame from the toe backwards, shape (count,), m."""
+        return _even(length, count, self.inset)[::-1].copy()
+
+    def column_positions(self, width: float) -> Array:
+        """Place along y of the columns in the sole frame from right to left, shape (columns,), m."""
+        return _even(width, self.columns, self.inset)
+
+    def lateral_spacing(self, width: float) -> float:
+        """Distance between neighbouring columns on a sole of this width, m."""
+        return (width - 2.0 * self.inset) / (self.columns - 1)
+
+
+def _even(extent: float, count: int, inset: float) -> Array:
+    half = extent / 2.0 - inset
+    if half <= 0.0:
+        raise InputError(f"inset {inset:g} m leaves nothing of a sole {extent:g} m wide")
+    return np.linspace(-half, half, count)

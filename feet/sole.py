@@ -1,0 +1,168 @@
+"""Where a foot goes on a robot: the robot's own sole, and the foot fitted in its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from wbc.core.errors import Array, InputError, finite_array, positive
+
+SIDES = ("left", "right")
+"""Which foot: prefix of every name that a foot adds to a model."""
+
+
+@dataclass(frozen=True)
+class SoleGeometry:
+    """A rectangular sole under an ankle link.
+
+    The sole frame has its origin at the centre of the rectangle, x forward, y left, z away from the ground.
+    The origin of the ankle link is where its last joint axis passes; it is called the ankle below.
+
+    Attributes:
+        ankle_link: Body that carries the sole.
+        translation: Sole centre in the ankle link, m.
+        rotation: Sole axes in the ankle link, unit quaternion xyzw; a 3 × 3 matrix is accepted and converted.
+        length: Extent along x, m.
+        width: Extent along y, m.
+        spacing: Lateral distance between the two sole centres when standing, m; None leaves it unchecked.
+    """
+
+    ankle_link: str
+    translation: tuple[float, float, float]
+    rotation: tuple[float, float, float, float]
+    length: float
+    width: float
+    spacing: float | None = None
+
+    def __post_init__(self) -> None:
+        translation = finite_array("sole centre in the ankle link (m)", self.translation, (3,))
+        given = finite_array("sole rotation", self.rotation)
+        if given.shape == (3, 3):
+            if not np.allclose(given @ given.T, np.eye(3), atol=1e-6) or np.linalg.det(given) < 0:
+                raise InputError(
+                    f"sole rotation must be a right-handed rotation matrix, got {given.tolist()}"
+                )
+            given = Rotation.from_matrix(given).as_quat()
+        elif given.shape != (4,) or abs(np.linalg.norm(given) - 1.0) > 1e-6:
+            raise InputError(
+                f"sole rotation must be a unit quaternion xyzw or a 3 x 3 matrix, got {given.tolist()}"
+            )
+        object.__setattr__(self, "translation", tuple(map(float, translation)))
+        object.__setattr__(self, "rotation", tuple(map(float, given)))
+        positive("sole length (m)", self.length)
+        positive("sole width (m)", self.width)
+        if self.spacing is not None:
+            positive("lateral distance between the soles (m)", self.spacing)
+        if self.ankle[2] <= 0.0:
+            raise InputError(
+                f"the ankle of '{self.ankle_link}' must lie above its sole, got a height "
+                f"of {self.ankle[2]:.4f} m"
+            )
+
+    @property
+    def rotation_matrix(self) -> Array:
+        """Sole axes in the ankle link, shape (3, 3)."""
+        return np.asarray(Rotation.from_quat(self.rotation).as_matrix(), dtype=np.float64)
+
+    @property
+    def placement(self) -> pin.SE3:
+        """Sole frame in the ankle link."""
+        return pin.SE3(self.rotation_matrix, np.array(self.translation))
+
+    @property
+    def ankle(self) -> Array:
+        """Origin of the ankle link in the sole frame, shape (3,), m."""
+        return np.asarray(-self.rotation_matrix.T @ np.array(self.translation))
+
+    @classmethod
+    def under_ankle(
+        cls,
+        ankle_height: float,
+        length: float,
+        width: float,
+        *,
+        ankle_link: str = "ankle",
+        ankle_behind: float = 0.0,
+        spacing: float | None = None,
+    ) -> SoleGeometry:
+        """A level sole whose centre is ahead of an upright ankle link.
+
+        Args:
+            ankle_height: Height of the ankle over the sole, m.
+            length: Extent along x, m.
+            width: Extent along y, m.
+            ankle_link: Body that carries the sole.
+            ankle_behind: Distance from the ankle forward to the sole centre, m.
+            spacing: Lateral distance between the two sole centres, m.
+        """
+        positive("ankle height over the sole (m)", ankle_height)
+        return cls(
+            ankle_link,
+            (ankle_behind, 0.0, -ankle_height),
+            (0.0, 0.0, 0.0, 1.0),
+            length,
+            width,
+            spacing=spacing,
+        )
+
+
+@dataclass(frozen=True)
+class FootFit:
+    """A foot in its place under an ankle, before any simulator is involved.
+
+    Attributes:
+        sole: The rectangle that replaces the robot's own: what a contact of the controller must use.
+        added_inertia: What the foot adds to the ankle link in its rest shape, in the axes and at the origin
+            of that link. A controller model may append it or leave the foot's mass unknown, as it was on
+            paper.
+        mass: Mass added to the robot by this foot, kg.
+        height_change: Rise of the ankle against the robot's own sole, m.
+    """
+
+    sole: SoleGeometry
+    added_inertia: pin.Inertia = field(compare=False)
+    mass: float
+    height_change: float
+
+
+def box_inertia(mass: float, size: ArrayLike, center: ArrayLike) -> pin.Inertia:
+    """Inertia of a uniform box in the frame that `center` is given in.
+
+    Args:
+        mass: kg.
+        size: Full extents along the axes, shape (3,), m.
+        center: Centre of the box, shape (3,), m.
+    """
+    x, y, z = finite_array("box size (m)", size, (3,))
+    if mass == 0.0:
+        return pin.Inertia.Zero()
+    return pin.Inertia(
+        mass,
+        finite_array("box centre (m)", center, (3,)),
+        mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y]),
+    )
+
+
+def bar_inertia(
+    mass: float, start: ArrayLike, end: ArrayLike, *, width: float, thickness: float
+) -> pin.Inertia:
+    """Inertia of a uniform bar of rectangular section between two points of the x–z plane.
+
+    Args:
+        mass: kg.
+        start: One end, shape (3,), m.
+        end: Other end, shape (3,), m.
+        width: Extent along y, m.
+        thickness: Extent across the bar in the x–z plane, m.
+    """
+    a = finite_array("bar start (m)", start, (3,))
+    b = finite_array("bar end (m)", end, (3,))
+    along = b - a
+    pitch = np.arctan2(-along[2], along[0])
+    placement = pin.SE3(Rotation.from_euler("y", pitch).as_matrix(), (a + b) / 2.0)
+    size = (float(np.linalg.norm(along)), width, thickness)
+    return placement.act(box_inertia(mass, size, np.zeros(3)))
