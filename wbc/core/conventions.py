@@ -9,8 +9,8 @@ Quaternions are xyzw. A configuration `q` is [base position in the world; base q
 frame**, as Pinocchio has them. Joints keep Pinocchio's order (`Robot.joint_names`).
 
 A sole frame lies at the centre of the sole rectangle, x forward, z up and away from the ground. A contact
-wrench is what the ground does to the robot, in the sole frame, at the sole centre. `left_foot_ratio` is 1 when
-the left foot carries all the weight.
+wrench is what the ground does to the robot, in the sole frame, at the sole centre. `left_foot_ratio` is 1
+when the left foot carries all the weight.
 
 Errors are target − measured. Gains never depend on the control period.
 
@@ -24,7 +24,7 @@ so that M = Tᵀ M_mujoco T. Joints are matched by name outside and by index arr
 (`model.jnt_qposadr`, `model.jnt_dofadr`); without them the joints follow the base in the same order. MuJoCo's
 base always comes first.
 
-Sources: Pinocchio, `JointModelFreeFlyer`; MuJoCo documentation, "Computation / Floating objects", `mjJNT_FREE`.
+Sources: Pinocchio `JointModelFreeFlyer`; MuJoCo documentation "Computation / Floating objects", `mjJNT_FREE`.
 """
 
 from __future__ import annotations

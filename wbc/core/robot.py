@@ -101,7 +101,9 @@ class Robot:
             raise ModelError(f"robot '{model.name}' must have a free-flyer root joint")
         for joint, name in zip(model.joints[2:], list(model.names)[2:], strict=True):
             if joint.nv != 1 or joint.nq != 1:
-                raise ModelError(f"joint '{name}' has {joint.nq} coordinates; joints of one coordinate are required")
+                raise ModelError(
+                    f"joint '{name}' has {joint.nq} coordinates; joints of one coordinate are required"
+                )
         self.model = model
         self.data = model.createData()
         self.name = str(model.name)

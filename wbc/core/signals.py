@@ -42,7 +42,9 @@ class Measurement:
         """
         for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench"):
             if not np.isfinite(getattr(self, name)).all():
-                raise MeasurementError(f"measurement at {self.time:.4f} s: {name} is not finite: {getattr(self, name)}")
+                raise MeasurementError(
+                    f"measurement at {self.time:.4f} s: {name} is not finite: {getattr(self, name)}"
+                )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,57 @@
+"""Choice of axes and joints, shared by the tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.core.errors import InputError, unknown_name
+from wbc.core.robot import BASE_DOF, Robot
+
+
+def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:
+    """Return which of `choices` are in `axes`.
+
+    Args:
+        task: Name of the task, for the message.
+        axes: Names of axes, each at most once.
+        choices: Names allowed, in order.
+
+    Returns:
+        Mask of shape (len(choices),).
+
+    Raises:
+        InputError: No axis at all, or one twice.
+        UnknownNameError: An axis that is not among the choices.
+    """
+    chosen = [axes] if isinstance(axes, str) else list(axes)
+    if not chosen or len(set(chosen)) != len(chosen):
+        raise InputError(f"task '{task}' needs axes out of {', '.join(choices)}, each once; got {chosen}")
+    for axis in chosen:
+        if axis not in choices:
+            unknown_name(f"axis for task '{task}'", axis, choices)
+    return np.array([axis in chosen for axis in choices])
+
+
+def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
+    """Return the velocity coordinates of joints.
+
+    Raises:
+        UnknownNameError: The robot has no such joint.
+    """
+    return np.array([BASE_DOF + robot.joint_index(joint) for joint in joints], dtype=np.intp)
+
+
+def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp] | None:
+    """Return the velocity coordinates that a task limited to `joints` must not use; None when it may use all.
+
+    The floating base counts as not selected: a task that may move only some joints may not move the base.
+
+    Raises:
+        UnknownNameError: The robot has no such joint.
+    """
+    if joints is None:
+        return None
+    return np.setdiff1d(np.arange(robot.nv), joint_columns(robot, joints))

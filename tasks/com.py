@@ -1,0 +1,93 @@
+"""The centre of mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, finite_array
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.task import MotionTask
+from wbc.tasks.axes import axis_mask
+
+
+class CoMTask(MotionTask):
+    """Bring the centre of mass to a point of the world.
+
+    Error and residual are along the chosen world axes, in m and m/s²; the weight is a cost per (m/s²)².
+    """
+
+    unit = "m"
+
+    def __init__(
+        self,
+        target: ArrayLike | None = None,
+        *,
+        axes: Sequence[str] = ("x", "y", "z"),
+        name: str = "com",
+        weight: ArrayLike = 10.0,
+        stiffness: ArrayLike = 30.0,
+        damping: ArrayLike | None = None,
+        hard: bool = False,
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            target: Point in the world, shape (3,), m; the present one when None.
+            axes: World axes that matter, out of x, y, z.
+            name: Name of the task.
+            weight: Cost per (m/s²)².
+            stiffness: 1/s².
+            damping: 1/s; critical when None.
+            hard: Make it a constraint.
+
+        Raises:
+            InputError: An unknown axis, or a target that is not a finite point.
+        """
+        self._mask = axis_mask(name, axes, ("x", "y", "z"))
+        self._all = bool(self._mask.all())
+        super().__init__(
+            name, int(self._mask.sum()), weight=weight, stiffness=stiffness, damping=damping, hard=hard
+        )
+        self._target: Array | None = None
+        if target is not None:
+            self.target = target
+
+    @property
+    def target(self) -> Array:
+        """Point in the world, shape (3,), m."""
+        return np.array(self.robot.com) if self._target is None else self._target
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self._target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+
+    def bind(self, robot: Robot) -> None:
+        """Take the present centre of mass as target when none was given."""
+        super().bind(robot)
+        self._base_rotation = robot.data.oMi[1].rotation
+        if self._target is None:
+            self._target = np.array(robot.com)
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `MotionTask.evaluate`.
+
+        The drift needs no second pass over the kinematics: at zero generalised acceleration the forces on the base
+        rows of the bias, turned into the world, are mass · (drift − gravity).
+        """
+        robot = self.robot
+        difference = self._target - robot.com
+        acceleration = self._base_rotation.dot(robot.bias[:3])
+        acceleration /= robot.mass
+        acceleration[2] -= GRAVITY
+        if self._all:
+            jacobian[:] = robot.com_jacobian
+            error[:] = difference
+            drift[:] = acceleration
+        else:
+            mask = self._mask
+            jacobian[:] = robot.com_jacobian[mask]
+            error[:] = difference[mask]
+            drift[:] = acceleration[mask]

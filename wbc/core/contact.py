@@ -1,0 +1,386 @@
+"""Contacts: what holds a frame still, and the wrenches that it may pass on.
+
+Each contact has as many force variables as motion rows. Along an axis that the contact holds, the row says "this
+frame does not accelerate"; along one that it leaves free, or everywhere while it is inactive, the same row says "this
+force is zero". Switching a contact therefore never changes the size of the problem.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array, non_negative, positive
+from wbc.core.robot import Robot
+
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Names of the axes of a contact frame, in the order of its wrench."""
+
+
+def rectangle_wrench_cone(half_length: float, half_width: float, friction: float) -> Array:
+    """Wrenches that a rectangular sole can pass on with Coulomb friction at its corners.
+
+    Args:
+        half_length: Half extent along x, m.
+        half_width: Half extent along y, m.
+        friction: Coulomb coefficient μ of the inner friction pyramid |f_x|, |f_y| ≤ μ f_z.
+
+    Returns:
+        Matrix F with F w ≤ 0 for a wrench w = [force; moment] in the sole frame at its centre, shape (16, 6).
+
+    Raises:
+        InputError: A size or friction that is not positive.
+
+    Source: Caron, Pham, Nakamura, "Stability of surface contacts for humanoid robots: closed-form formulae of the
+    contact wrench cone for rectangular support areas", ICRA 2015, eq. (9)–(14).
+    """
+    x, y = positive("half length (m)", half_length), positive("half width (m)", half_width)
+    mu = positive("friction", friction)
+    cone = np.zeros((16, 6))
+    cone[0:4, 2] = -mu  # friction pyramid
+    cone[0:4, 0:2] = [[1, 0], [-1, 0], [0, 1], [0, -1]]
+    cone[4:6, 2], cone[4:6, 3] = -y, [1, -1]  # CoP inside the rectangle: |m_x| ≤ Y f_z
+    cone[6:8, 2], cone[6:8, 4] = -x, [1, -1]  # and |m_y| ≤ X f_z
+    row = 8
+    for yaw in (
+        1.0,
+        -1.0,
+    ):  # yaw moment within its bounds: ± m_z ≤ μ (X + Y) f_z − |Y f_x ± μ m_x| − |X f_y ± μ m_y|
+        for s in (1.0, -1.0):
+            for t in (1.0, -1.0):
+                cone[row] = [s * y, t * x, -mu * (x + y), yaw * s * mu, yaw * t * mu, yaw]
+                row += 1
+    return cone
+
+
+def friction_pyramid(friction: float) -> Array:
+    """Forces that a point can pass on: |f_x|, |f_y| ≤ μ f_z.
+
+    Returns:
+        Matrix F with F f ≤ 0, shape (4, 3).
+
+    Raises:
+        InputError: Friction that is not positive.
+    """
+    mu = positive("friction", friction)
+    return np.array([[1, 0, -mu], [-1, 0, -mu], [0, 1, -mu], [0, -1, -mu]], dtype=float)
+
+
+class Contact(ABC):
+    """Base of contacts.
+
+    Attributes:
+        name: How status tables and solutions call it; unique within a controller.
+        frame: Frame of the robot that is in contact.
+        dim: Number of motion rows and of force variables.
+        force_axis: Place of the normal force among the force variables.
+        cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
+        wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,).
+        stiffness: Pull back to where the contact was made, 1/s².
+        damping: Damping of contact velocity, 1/s.
+        ramp: Time over which the normal force may come and must go, s.
+        min_force: Least normal force while fully active, N.
+        max_force: Greatest normal force, N; several times the robot's weight when None.
+    """
+
+    dim: int
+    force_axis = 2
+
+    def __init__(
+        self,
+        name: str,
+        frame: str,
+        cone: Array,
+        *,
+        min_force: float,
+        max_force: float | None,
+        ramp: float,
+        stiffness: float,
+        damping: float | None,
+        wrench_weight: ArrayLike,
+        active: bool,
+        free_axes: Sequence[str],
+    ) -> None:
+        self.name = name
+        self.frame = frame
+        self.cone = cone
+        self.min_force = non_negative(f"least force of contact '{name}' (N)", min_force)
+        self.max_force = (
+            None if max_force is None else positive(f"greatest force of contact '{name}' (N)", max_force)
+        )
+        if self.max_force is not None and self.max_force <= self.min_force:
+            raise InputError(
+                f"greatest force of contact '{name}' must exceed the least, got {self.max_force} ≤ {self.min_force} N"
+            )
+        self.ramp = non_negative(f"force ramp of contact '{name}' (s)", ramp)
+        self.stiffness = non_negative(f"stiffness of contact '{name}' (1/s²)", stiffness)
+        self.damping = (
+            2.0 * np.sqrt(self.stiffness)
+            if damping is None
+            else non_negative(f"damping of '{name}' (1/s)", damping)
+        )
+        weight = finite_array(f"wrench weight of contact '{name}'", wrench_weight)
+        if (weight < 0.0).any() or weight.shape not in ((), (self.dim,)):
+            raise InputError(
+                f"wrench weight of contact '{name}' must be ≥ 0, scalar or ({self.dim},), got {weight}"
+            )
+        self.wrench_weight = np.array(np.broadcast_to(weight, (self.dim,)))
+        self._held = np.ones(self.dim, dtype=bool)
+        for axis in free_axes:
+            if axis not in AXES[: self.dim] or axis == AXES[self.force_axis]:
+                choices = ", ".join(a for i, a in enumerate(AXES[: self.dim]) if i != self.force_axis)
+                raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
+            self._held[AXES.index(axis)] = False
+        self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
+        self._active = bool(active)
+        self._robot: Robot | None = None
+        self.revision = 0
+
+    @property
+    def active(self) -> bool:
+        """True while the contact is wanted. Assigning it starts the force ramp."""
+        return self._active
+
+    @active.setter
+    def active(self, value: bool) -> None:
+        value = bool(value)
+        if value == self._active:
+            return
+        self._active = value
+        if value and self._load == 0.0:
+            self._set_load(0.0 if self.ramp > 0.0 else 1.0, engage=True)
+        elif not value and self.ramp == 0.0:
+            self._set_load(0.0)
+
+    @property
+    def engaged(self) -> bool:
+        """True while the contact holds its frame: active, or still unloading."""
+        return self._active or self._load > 0.0
+
+    @property
+    def held_axes(self) -> tuple[str, ...]:
+        """Axes along which the frame is held."""
+        return tuple(axis for axis, held in zip(AXES, self._held, strict=False) if held)
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the frame and remember where the contact is.
+
+        Raises:
+            UnknownNameError: The robot has no such frame.
+        """
+        self._robot = robot
+        self._id = robot.frame_id(self.frame)
+        self._placement = robot.data.oMf[self._id]
+        if self.max_force is None:
+            self.max_force = 4.0 * robot.mass * 9.80665
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the present placement of the frame as the place of the contact."""
+        self._target = pin.SE3(self._placement)
+
+    def advance(self, dt: float) -> None:
+        """Move the force ramp on by one control period, s."""
+        goal = 1.0 if self._active else 0.0
+        if self._load != goal:
+            step = dt / self.ramp if self.ramp > 0.0 else 1.0
+            self._set_load(
+                min(goal, self._load + step) if goal > self._load else max(goal, self._load - step)
+            )
+
+    @property
+    def normal_force_range(self) -> tuple[float, float]:
+        """Least and greatest normal force allowed now, N."""
+        assert self.max_force is not None
+        high = self._load * self.max_force
+        return min(self.min_force, 0.5 * high), high
+
+    @abstractmethod
+    def write_motion(self, jacobian: Array, acceleration: Array) -> None:
+        """Fill the motion rows of an engaged contact.
+
+        Args:
+            jacobian: To fill: Jacobian dual to the force variables, shape (dim, nv).
+            acceleration: To fill: what Jacobian · acceleration must equal, shape (dim,).
+        """
+
+    def _set_load(self, load: float, *, engage: bool = False) -> None:
+        self._load = load
+        self.revision += 1
+        if engage and self._robot is not None:
+            self.reset()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.name}', frame='{self.frame}', active={self.active})"
+
+
+class SoleContact(Contact):
+    """A rectangular sole flat on the ground; its wrench is in the sole frame at the sole centre."""
+
+    dim = 6
+
+    def __init__(
+        self,
+        sole: str,
+        *,
+        friction: float = 0.7,
+        min_force: float = 10.0,
+        max_force: float | None = None,
+        margin: float = 0.005,
+        ramp: float = 0.1,
+        stiffness: float = 100.0,
+        damping: float | None = None,
+        wrench_weight: ArrayLike = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3),
+        active: bool = True,
+        free_axes: Sequence[str] = (),
+    ) -> None:
+        """Describe the contact; the rectangle comes from the robot's sole.
+
+        Args:
+            sole: Name of one of the robot's soles, or its frame.
+            friction: Coulomb coefficient; 0.7 as in the soft-foot experiments of Frizza et al., 2022.
+            min_force: Least normal force while active, N.
+            max_force: Greatest normal force, N; four times the robot's weight when None.
+            margin: How far the CoP stays inside the edge of the rectangle, m.
+            ramp: Time of the force ramp when the contact is switched, s.
+            stiffness: Pull back to where the contact was made, 1/s².
+            damping: Damping of contact velocity, 1/s; critical when None.
+            wrench_weight: Cost per N² (first three) and (Nm)² (last three), in the sole frame. The defaults make
+                100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
+            active: Whether it starts active, with full load allowed.
+            free_axes: Axes of the sole frame that are not held, out of x, y, roll, pitch, yaw.
+
+        Raises:
+            InputError: A value out of range.
+        """
+        self._friction = positive(f"friction of contact '{sole}'", friction)
+        self._margin = non_negative(f"CoP margin of contact '{sole}' (m)", margin)
+        super().__init__(
+            sole,
+            sole,
+            np.zeros((16, 6)),
+            min_force=min_force,
+            max_force=max_force,
+            ramp=ramp,
+            stiffness=stiffness,
+            damping=damping,
+            wrench_weight=wrench_weight,
+            active=active,
+            free_axes=free_axes,
+        )
+
+    def bind(self, robot: Robot) -> None:
+        """Take frame and rectangle from the robot's sole.
+
+        Raises:
+            UnknownNameError: The robot has no such sole.
+            InputError: The margin leaves nothing of the sole.
+        """
+        sole = robot.sole(self.name)
+        self.name, self.frame = sole.name, sole.frame
+        if 2.0 * self._margin >= min(sole.length, sole.width):
+            raise InputError(
+                f"CoP margin of contact '{self.name}' must be below half of its sole, "
+                f"{sole.length} × {sole.width} m; got {self._margin} m"
+            )
+        self.set_rectangle(sole.length, sole.width)
+        self._local = pin.LOCAL
+        super().bind(robot)
+
+    def set_rectangle(self, length: float, width: float) -> None:
+        """Bound the CoP to a rectangle of the given full size around the sole centre, less the margin, m.
+
+        Raises:
+            InputError: A size that is not larger than twice the margin.
+        """
+        self.cone[:] = rectangle_wrench_cone(
+            length / 2 - self._margin, width / 2 - self._margin, self._friction
+        )
+        self.revision += 1
+
+    def write_motion(self, jacobian: Array, acceleration: Array) -> None:
+        """Fill the motion rows in the sole frame; see `Contact.write_motion`."""
+        robot = self._robot
+        assert robot is not None
+        jacobian[:] = pin.getFrameJacobian(robot.model, robot.data, self._id, self._local)
+        error = pin.log6(self._placement.actInv(self._target)).vector
+        np.dot(jacobian, robot.v, out=acceleration)
+        acceleration *= -self.damping
+        acceleration += self.stiffness * error
+        acceleration -= pin.getFrameAcceleration(robot.model, robot.data, self._id, self._local).vector
+
+
+class PointContact(Contact):
+    """A point, such as a hand on a wall; its force is in a contact frame whose z axis is the surface normal."""
+
+    dim = 3
+
+    def __init__(
+        self,
+        frame: str,
+        *,
+        normal: ArrayLike = (0.0, 0.0, 1.0),
+        friction: float = 0.7,
+        min_force: float = 0.0,
+        max_force: float | None = None,
+        ramp: float = 0.1,
+        stiffness: float = 100.0,
+        damping: float | None = None,
+        wrench_weight: ArrayLike = 1e-5,
+        active: bool = True,
+        free_axes: Sequence[str] = (),
+    ) -> None:
+        """Describe the contact.
+
+        Args:
+            frame: Frame at the point.
+            normal: Direction from the surface to the robot, in the world; normalised here.
+            friction: Coulomb coefficient.
+            min_force: Least normal force while active, N.
+            max_force: Greatest normal force, N; four times the robot's weight when None.
+            ramp: Time of the force ramp when the contact is switched, s.
+            stiffness: Pull back to where the contact was made, 1/s².
+            damping: Damping of contact velocity, 1/s; critical when None.
+            wrench_weight: Cost per N², scalar or shape (3,).
+            active: Whether it starts active, with full load allowed.
+            free_axes: Tangential axes of the contact frame that are not held, out of x and y.
+
+        Raises:
+            InputError: A value out of range.
+        """
+        axis = finite_array(f"normal of contact '{frame}'", normal, (3,))
+        length = float(np.linalg.norm(axis))
+        if length < 1e-9:
+            raise InputError(f"normal of contact '{frame}' must not be zero")
+        world_to_contact = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
+        self._world_to_contact = np.ascontiguousarray(world_to_contact)
+        super().__init__(
+            frame,
+            frame,
+            friction_pyramid(friction),
+            min_force=min_force,
+            max_force=max_force,
+            ramp=ramp,
+            stiffness=stiffness,
+            damping=damping,
+            wrench_weight=wrench_weight,
+            active=active,
+            free_axes=free_axes,
+        )
+
+    def write_motion(self, jacobian: Array, acceleration: Array) -> None:
+        """Fill the motion rows in the contact frame; see `Contact.write_motion`."""
+        robot = self._robot
+        assert robot is not None
+        world = pin.LOCAL_WORLD_ALIGNED
+        full = pin.getFrameJacobian(robot.model, robot.data, self._id, world)
+        np.dot(self._world_to_contact, full[:3], out=jacobian)
+        drift = pin.getFrameClassicalAcceleration(robot.model, robot.data, self._id, world).linear
+        pull = self.stiffness * (self._target.translation - self._placement.translation) - drift
+        np.dot(jacobian, robot.v, out=acceleration)
+        acceleration *= -self.damping
+        acceleration += self._world_to_contact @ pull
