@@ -253,7 +253,7 @@ def test_the_control_period_does_not_matter() -> None:
 
 @cache
 def rolling(radius: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
-    """On one foot rolling sideways: a cylinder of a radius (m), or for 0 a flat sole on its edge 50 mm out."""
+    """On one foot rolling sideways: a cylinder (radius, m) or, for 0, a flat sole on its edge 50 mm out."""
     robot = biped()
     dt, times = 0.005, 0.005 * np.arange(402)
     qs, cop = np.zeros((len(times), robot.nq)), np.zeros((len(times), 2))
@@ -267,7 +267,6 @@ def rolling(radius: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
         else:
             edge = np.array([0.0, -0.05, 0.0])
             sole = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.zeros(3))
-            sole.rotation = pin.rpy.rpyToMatrix(-roll, 0.0, 0.0).T
             sole.translation = edge - sole.rotation @ edge
             cop[k, 1] = -0.05
         q = np.array(robot.half_sitting)

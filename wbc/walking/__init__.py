@@ -1,1 +1,1 @@
-"""Placeholder."""
+"""Footsteps, pattern, swing foot, stabilizer law and phases: what turns tasks into a walk."""

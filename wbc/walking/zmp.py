@@ -1,0 +1,76 @@
+"""From contact wrenches to points: the centre of pressure under a sole, the ZMP of all soles together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, WbcError
+
+MIN_FORCE = 1.0
+"""Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`)."""
+
+
+class NoContactForceError(WbcError):
+    """The normal force is too small to have a centre of pressure."""
+
+
+def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
+    """Centre of pressure of a contact in its sole plane.
+
+    Args:
+        wrench: [force; moment] in the sole frame at the sole centre, shape (6,), N and Nm.
+        min_force: Normal force below which there is none, N.
+
+    Returns:
+        Point in the sole frame, shape (2,), m.
+
+    Raises:
+        NoContactForceError: The normal force is below `min_force`.
+    """
+    force = wrench[2]
+    if not force >= min_force:
+        raise NoContactForceError(
+            f"no centre of pressure: normal force {force:.3g} N is below {min_force:g} N"
+        )
+    return np.array([-wrench[4] / force, wrench[3] / force])
+
+
+def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
+    """Zero-tilting moment point of a wrench in a plane.
+
+    Args:
+        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+        plane: Frame of the plane; its z axis is the normal.
+        min_force: Force along the normal below which there is none, N.
+
+    Returns:
+        Point in the world, shape (3,), m.
+
+    Raises:
+        NoContactForceError: The force along the normal is below `min_force`.
+
+    Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
+    """
+    origin, normal = plane.translation, plane.rotation[:, 2]
+    force = float(normal @ wrench[:3])
+    if not force >= min_force:
+        raise NoContactForceError(f"no ZMP: force along the normal {force:.3g} N is below {min_force:g} N")
+    moment = wrench[3:] - pin.skew(origin) @ wrench[:3]
+    return np.array(origin + pin.skew(normal) @ moment / force)
+
+
+def net_wrench(wrenches: Array, soles: list[pin.SE3]) -> Array:
+    """Sum of contact wrenches at the world origin in world axes.
+
+    Args:
+        wrenches: [force; moment] of each contact in its sole frame, shape (n, 6), N and Nm.
+        soles: Placement of each sole in the world, n of them.
+
+    Returns:
+        [force; moment], shape (6,), N and Nm.
+    """
+    total = np.zeros(6)
+    for wrench, sole in zip(wrenches, soles, strict=True):
+        total += sole.act(pin.Force(wrench)).vector
+    return total
