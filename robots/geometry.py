@@ -1,0 +1,126 @@
+"""Sole rectangles from the geometry of the feet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.robots import frames
+from wbc.robots.urdf import Element, moving_link_of
+
+SLICE = 5e-3
+"""Thickness of the slice of the foot, from its lowest point up, that touches the ground, m."""
+
+PLAUSIBLE = (0.03, 0.6)
+"""Sides of a rectangle that can be a sole, m; anything else is taken for something other than a foot."""
+
+
+def sole_rectangle(
+    root: Element, model: pin.Model, frame: str, package_dirs: tuple[str, ...], base: Path | None
+) -> tuple[Array, float, float] | None:
+    """Rectangle around what the foot has within 5 mm of its lowest point.
+
+    Collision geometry is used where there is any, visual geometry otherwise.
+
+    Args:
+        root: The `<robot>` element.
+        model: Pinocchio model of it.
+        frame: Frame whose z axis points away from the ground.
+        package_dirs: Where `package://` is looked up.
+        base: Directory of the URDF, for relative paths.
+
+    Returns:
+        Centre in the frame (m, shape (3,)), length and width (m), or None without usable geometry.
+    """
+    sole = model.frames[model.getFrameId(frame)]
+    owner = moving_link_of(root)
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    moving = frames.carrier_link(model, sole.parentJoint)
+    for tag in ("collision", "visual"):
+        clouds = []
+        for name in (name for name, mover in owner.items() if mover == moving):
+            placement = sole.placement.actInv(frames.body_frame(model, name).placement)
+            for element in links[name].findall(tag):
+                clouds += [
+                    _move(placement, cloud) for cloud in _points(element, package_dirs, base, placement)
+                ]
+        if not clouds:
+            continue
+        points = np.concatenate(clouds)
+        low = float(points[:, 2].min())
+        touching = points[points[:, 2] < low + SLICE]
+        least, most = touching.min(axis=0), touching.max(axis=0)
+        length, width = (most - least)[:2].tolist()
+        if PLAUSIBLE[0] < width and PLAUSIBLE[0] < length < PLAUSIBLE[1] and width < PLAUSIBLE[1]:
+            centre = 0.5 * (least + most)
+            centre[2] = low
+            return centre, length, width
+    return None
+
+
+def _points(
+    element: Element, package_dirs: tuple[str, ...], base: Path | None, placement: pin.SE3
+) -> Iterator[Array]:
+    """Points of a shape in the link frame that its lowest slice is spanned by."""
+    geometry = element.find("geometry")
+    if geometry is None or not len(geometry):
+        return
+    shape, origin = geometry[0], _origin(element)
+    if shape.tag == "box":
+        half = 0.5 * _numbers(shape.get("size", "0 0 0"))
+        yield _move(origin, half * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
+    elif shape.tag == "sphere":
+        down = (placement * origin).rotation[2]
+        yield _move(origin, -float(shape.get("radius", "0")) * down[None, :])
+    elif shape.tag == "cylinder":
+        radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
+        angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+        rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(32, half_length)], axis=1)
+        yield _move(origin, np.concatenate([rim, rim * [1.0, 1.0, -1.0]]))
+    elif shape.tag == "mesh":
+        path = _resolve(shape.get("filename", ""), package_dirs, base)
+        if path is not None:
+            vertices = _mesh_vertices(path)
+            if vertices is not None:
+                yield _move(origin, vertices * _numbers(shape.get("scale", "1 1 1")))
+
+
+def _mesh_vertices(path: Path) -> Array | None:
+    """Vertices of a mesh, or None when it cannot be read: geometry is optional."""
+    try:
+        return np.array(coal.MeshLoader().load(str(path)).vertices())
+    except (ValueError, RuntimeError):
+        return None
+
+
+def _resolve(filename: str, package_dirs: tuple[str, ...], base: Path | None) -> Path | None:
+    name = filename.removeprefix("file://")
+    candidates = [Path(name)]
+    if filename.startswith("package://"):
+        name = filename.removeprefix("package://")
+        tail = name.split("/", 1)[-1]
+        candidates = [Path(d) / part for d in package_dirs for part in (name, tail)]
+    elif base is not None:
+        candidates.append(base / name)
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def _origin(element: Element) -> pin.SE3:
+    origin = element.find("origin")
+    if origin is None:
+        return pin.SE3.Identity()
+    rpy = _numbers(origin.get("rpy", "0 0 0"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), _numbers(origin.get("xyz", "0 0 0")))
+
+
+def _move(placement: pin.SE3, points: Array) -> Array:
+    return np.asarray(points @ placement.rotation.T + placement.translation)
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(part) for part in text.split()])

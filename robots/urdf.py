@@ -1,0 +1,253 @@
+"""One URDF string that both Pinocchio and MuJoCo read: reading, tidying and limits.
+
+What the two importers treat differently is settled here, in the string itself, so that they cannot disagree:
+continuous joints, mimic joints, a "world" root, missing limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+from wbc.core.errors import InputError, ModelError, unknown_name
+
+Element = ElementTree.Element
+
+CONTINUOUS_RANGE = math.pi
+"""A continuous joint becomes a revolute one of ± this range, rad: both importers then give it one coordinate."""
+
+DEFAULT_VELOCITY = {"revolute": 6.0, "prismatic": 0.5}
+"""Velocity limit of a joint that has none, rad/s and m/s: between Talos (3.9–7) and HRP-4C (4.1–9.8) for legs."""
+
+MOVING = ("revolute", "prismatic")
+"""Joint types that a robot may have after tidying; all others but "fixed" are refused."""
+
+
+def read(source: str | Path) -> Element:
+    """Parse a URDF.
+
+    Args:
+        source: Path of a file, or the XML itself.
+
+    Returns:
+        The `<robot>` element.
+
+    Raises:
+        InputError: The file does not exist.
+        ModelError: Not XML, or not a URDF.
+    """
+    text = str(source)
+    where = "URDF string"
+    if not text.lstrip().startswith("<"):
+        path = Path(source).expanduser()
+        where = f"'{path}'"
+        if not path.is_file():
+            raise InputError(f"no URDF file {where}; give a path or the XML itself")
+        text = path.read_text(encoding="utf-8")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{where} is not well-formed XML: {error}") from error
+    if root.tag != "robot":
+        raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>")
+    if root.find("link") is None:
+        raise ModelError(f"{where} has no links")
+    return root
+
+
+def to_string(root: Element) -> str:
+    """Serialise a URDF."""
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def without_geometry(urdf: str) -> str:
+    """Keep links, inertias and joints only: the same kinematics and inertias, no meshes to find.
+
+    Args:
+        urdf: URDF string.
+
+    Returns:
+        URDF string that MuJoCo reads without any file.
+    """
+    root = ElementTree.fromstring(urdf)
+    for child in list(root):
+        if child.tag not in ("link", "joint"):
+            root.remove(child)
+    for link in root.findall("link"):
+        for child in list(link):
+            if child.tag != "inertial":
+                link.remove(child)
+    return to_string(root)
+
+
+def joints(root: Element, types: tuple[str, ...] | None = None) -> dict[str, Element]:
+    """Joints by name, of the given types or all."""
+    # Transmissions and ros_control blocks hold <joint> elements too: only direct children are joints.
+    found = {str(joint.get("name")): joint for joint in root.findall("joint")}
+    return {name: joint for name, joint in found.items() if types is None or joint.get("type") in types}
+
+
+def parent_and_child(joint: Element) -> tuple[str, str]:
+    """Names of the links that a joint connects.
+
+    Raises:
+        ModelError: The joint names no parent or no child.
+    """
+    parent, child = joint.find("parent"), joint.find("child")
+    if parent is None or child is None or not parent.get("link") or not child.get("link"):
+        raise ModelError(f"joint '{joint.get('name')}' must name a parent link and a child link")
+    return str(parent.get("link")), str(child.get("link"))
+
+
+def moving_link_of(root: Element) -> dict[str, str]:
+    """For every link the link that it is rigidly fixed to: the root, or the child of a moving joint."""
+    fixed_to = {child: parent for parent, child in map(parent_and_child, joints(root, ("fixed",)).values())}
+    result = {}
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        while name in fixed_to:
+            name = fixed_to[name]
+        result[str(link.get("name"))] = name
+    return result
+
+
+def tidy(root: Element) -> list[str]:
+    """Settle in place what Pinocchio and MuJoCo would read differently.
+
+    Args:
+        root: The `<robot>` element; changed.
+
+    Returns:
+        What was changed, one line each.
+
+    Raises:
+        ModelError: A tree with several roots, a joint of a type that is not supported or whose limits are empty.
+    """
+    notes = _drop_world(root)
+    for name, joint in joints(root).items():
+        kind = joint.get("type")
+        if kind == "continuous":
+            joint.set("type", "revolute")
+            limit = _limit_of(joint)
+            limit.set("lower", repr(-CONTINUOUS_RANGE))
+            limit.set("upper", repr(CONTINUOUS_RANGE))
+            notes.append(f"joint '{name}': continuous, now revolute within ±{CONTINUOUS_RANGE:.4f} rad")
+        elif kind not in (*MOVING, "fixed"):
+            raise ModelError(
+                f"joint '{name}' is of type '{kind}'; supported: revolute, continuous, prismatic, fixed"
+            )
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+            if kind != "fixed":
+                notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now a joint of its own")
+    for name, joint in joints(root, MOVING).items():
+        limit = _limit_of(joint)
+        if limit.get("lower") is None and limit.get("upper") is None:
+            if joint.get("type") == "prismatic":
+                raise ModelError(f"prismatic joint '{name}' has no position limits")
+            limit.set("lower", repr(-CONTINUOUS_RANGE))
+            limit.set("upper", repr(CONTINUOUS_RANGE))
+            notes.append(f"joint '{name}': no position limits given, ±{CONTINUOUS_RANGE:.4f} rad")
+        if not _number(limit, "lower", name) < _number(limit, "upper", name):
+            raise ModelError(
+                f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
+            )
+        if not 0.0 < _number(limit, "velocity", name) < math.inf:
+            limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
+            notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
+        # Pinocchio's parser wants the attribute; zero says "not given" until the torque rule has seen the model.
+        if not 0.0 < _number(limit, "effort", name) < math.inf:
+            limit.set("effort", "0")
+    return notes
+
+
+def set_limits(
+    root: Element,
+    *,
+    position: Mapping[str, tuple[float, float]] | None = None,
+    velocity: Mapping[str, float] | None = None,
+    torque: Mapping[str, float] | None = None,
+) -> None:
+    """Write limits into the joints.
+
+    Args:
+        root: The `<robot>` element, tidied; changed.
+        position: Joint → (lower, upper), rad or m.
+        velocity: Joint → largest speed, rad/s or m/s.
+        torque: Joint → largest torque or force, Nm or N.
+
+    Raises:
+        UnknownNameError: No such moving joint.
+        InputError: Not finite, not positive, or an empty range.
+    """
+    moving = joints(root, MOVING)
+    for what, values in (("velocity", velocity), ("torque", torque)):
+        for name, value in (values or {}).items():
+            if name not in moving:
+                unknown_name("joint", name, moving)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"{what} limit of joint '{name}' must be finite and above zero, got {value}")
+            _limit_of(moving[name]).set("effort" if what == "torque" else what, repr(float(value)))
+    for name, (lower, upper) in (position or {}).items():
+        if name not in moving:
+            unknown_name("joint", name, moving)
+        if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+            raise InputError(
+                f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
+            )
+        _limit_of(moving[name]).set("lower", repr(float(lower)))
+        _limit_of(moving[name]).set("upper", repr(float(upper)))
+
+
+def joints_without_torque_limit(root: Element) -> list[str]:
+    """Moving joints of a tidied URDF that say nothing about their torque."""
+    return [name for name, j in joints(root, MOVING).items() if _number(_limit_of(j), "effort", name) == 0.0]
+
+
+def _limit_of(joint: Element) -> Element:
+    limit = joint.find("limit")
+    return ElementTree.SubElement(joint, "limit") if limit is None else limit
+
+
+def _number(element: Element, attribute: str, joint: str) -> float:
+    """A limit attribute; zero when it is missing, as the URDF specification has it."""
+    text = element.get(attribute, "0")
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise ModelError(f"joint '{joint}': {attribute}='{text}' is not a number") from error
+    if math.isnan(value):
+        raise ModelError(f"joint '{joint}': {attribute} is NaN")
+    return value
+
+
+def _drop_world(root: Element) -> list[str]:
+    """Remove a root that stands for the world: the robot's own root gets the free-flyer."""
+    notes: list[str] = []
+    while True:
+        names = [str(link.get("name")) for link in root.findall("link")]
+        if len(set(names)) != len(names):
+            raise ModelError(f"two links are called '{next(n for n in names if names.count(n) > 1)}'")
+        pairs = {name: parent_and_child(joint) for name, joint in joints(root).items()}
+        for name, ends in pairs.items():
+            for end in ends:
+                if end not in names:
+                    raise ModelError(f"joint '{name}' refers to link '{end}', which does not exist")
+        children = {child for _, child in pairs.values()}
+        roots = [name for name in names if name not in children]
+        if len(roots) != 1:
+            raise ModelError(
+                f"the links must form one tree with one root, got {len(roots)} roots: {roots[:5]}"
+            )
+        below = [name for name, (parent, _) in pairs.items() if parent == roots[0]]
+        link = next(link for link in root.findall("link") if link.get("name") == roots[0])
+        if len(below) != 1 or link.find("inertial") is not None:
+            return notes
+        joint = joints(root)[below[0]]
+        if not (joint.get("type") == "floating" or (joint.get("type") == "fixed" and roots[0] == "world")):
+            return notes
+        root.remove(link)
+        root.remove(joint)
+        notes.append(f"root link '{roots[0]}' and joint '{below[0]}' removed: the robot floats freely")
