@@ -21,7 +21,7 @@ class BalanceTask:
     """Everything that must be equal for all libraries.
 
     Gains and weights cannot be made exactly equal (each library regularises forces in its own way), but they do
-    not change what is computed in a tick. They are chosen so that the sway is followed to about a millimetre and
+    not change what is computed in a tick. They are chosen so that the sway is followed to a tenth of a millimetre and
     no limit is active.
     """
 
@@ -63,8 +63,8 @@ class BalanceTask:
     """Deceleration that the joint-position limits may count on, rad/s²."""
     period: float = 0.001
     """Control period, s."""
-    warm_up: int = 200
-    """Ticks run before the measured ones, not counted."""
+    warm_up: int = 1000
+    """Ticks before the measured ones: a second, in which the velocity jump of the start dies out."""
     ticks: int = 4000
     """Ticks measured."""
 
