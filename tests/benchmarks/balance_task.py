@@ -22,7 +22,7 @@ class BalanceTask:
 
     Gains and weights cannot be made exactly equal (each library regularises forces in its own way), but they do
     not change what is computed in a tick. They are chosen so that the sway is followed to a tenth of a millimetre and
-    no limit is active.
+    no joint limit is active.
     """
 
     urdf: str
