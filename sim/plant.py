@@ -1,0 +1,520 @@
+"""The plant: a humanoid on its feet on a ground, simulated by MuJoCo, with drives, sensors and pushes.
+
+    plant = Plant(description)
+    while plant.time < 10.0:
+        plant.step(controller.solve(plant.measure()))
+
+What goes in and out are the `Command` and `Measurement` that a real robot would take and give; what only a simulation
+knows is apart, in `truth`.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from dataclasses import replace
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.conventions import configuration_to_mujoco
+from wbc.core.errors import (
+    Array,
+    InputError,
+    MeasurementError,
+    WbcError,
+    choose,
+    finite_array,
+    positive,
+)
+from wbc.core.robot import Robot
+from wbc.core.signals import Command, Measurement
+from wbc.feet import Foot, RangeSensor, VariableStiffnessFoot
+from wbc.feet import foot as foot_by_name
+from wbc.feet.runtime_mjcf import RangeFinder, SoleStiffness
+from wbc.robots.description import RobotDescription
+from wbc.sim.model import build_model
+from wbc.sim.pushes import Push, Pushes
+from wbc.sim.sensors import NO_NOISE, SensorChain, SensorNoise, noise_preset
+from wbc.sim.settings import PhysicsSettings, steps_per_tick
+from wbc.sim.terrain import Terrain
+from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.truth import GroundTruth, TruthReader
+
+Interpolation = Literal["hold", "linear"]
+
+INITIAL_PRESS = 1e-6
+"""How deep the soles are set into the ground at the start, m, so that all of their spheres are in contact at once."""
+
+_log = logging.getLogger(__name__)
+
+if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the working directory
+    mujoco.set_mju_user_warning(lambda message: _log.info("MuJoCo: %s", message))
+
+
+class DivergedError(WbcError):
+    """The simulation has diverged: its state means nothing any more."""
+
+
+class Plant:
+    """A simulated robot.
+
+    Position control: the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, inside every physics step and integrated
+    implicitly. Torque control: τ alone. Both are limited to the torque of the description.
+
+    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are those of
+    the physics step that ended now, because that is when they acted.
+
+    Attributes:
+        description: The robot as data.
+        robot: The robot as a model, for names and sizes; its state is not kept up to date.
+        foot: The feet.
+        terrain: The ground as drawn.
+        physics: Settings of the physics.
+        control_period: Time that `step` advances, s.
+        steps: Physics steps in it.
+        noise: Errors of the sensors.
+        interpolation: "hold" keeps a command for the whole control period; "linear" moves the references from the last
+            command to this one, reached at the end of the period.
+        seed: Seed of every random draw.
+        model: MuJoCo's model.
+        data: MuJoCo's state; positions and velocities are up to date after `step`.
+        ticks: Control periods since the start.
+        diverged: Why the simulation cannot go on, None as long as it can.
+    """
+
+    diverged: str | None
+    _truth: GroundTruth | None
+    _measurement: Measurement | None
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        *,
+        foot: str | Foot = "flat",
+        terrain: str | Terrain = "flat",
+        timestep: float = 0.001,
+        control_period: float = 0.005,
+        noise: str | SensorNoise = NO_NOISE,
+        seed: int = 0,
+        interpolation: Interpolation = "hold",
+        initial_configuration: ArrayLike | None = None,
+        range_sensor: RangeSensor | None = None,
+        physics: PhysicsSettings | None = None,
+    ) -> None:
+        """Build the model and put the robot on the ground.
+
+        Args:
+            description: The robot.
+            foot: A foot, or the name of one: "flat" is the robot's own sole.
+            terrain: The ground, or the name of a family with its own amplitude and seed 0.
+            timestep: Physics step, s.
+            control_period: Time between two commands, s; a whole multiple of the physics step.
+            noise: Errors of the sensors, or the name of a preset: "none", "realistic".
+            seed: Seed of every random draw.
+            interpolation: "hold" or "linear".
+            initial_configuration: Where the robot starts, shape (nq,); half-sitting on the ground when None.
+            range_sensor: Range sensor under each toe; none when None.
+            physics: Further settings of the physics; `timestep` is put in place of theirs.
+
+        Raises:
+            UnknownNameError: No such foot, terrain, noise preset or interpolation.
+            InputError: A value out of range, a control period that is no multiple of the physics step, a foot that does
+                not fit.
+            ModelError: A robot that cannot be simulated.
+        """
+        self.interpolation: Interpolation = (
+            "linear" if choose("interpolation", interpolation, ("hold", "linear")) == "linear" else "hold"
+        )
+        self.steps = steps_per_tick(control_period, timestep)
+        self.control_period, self.timestep = float(control_period), float(timestep)
+        self.noise = noise_preset(noise) if isinstance(noise, str) else noise
+        self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
+        self.physics = _with_timestep(physics, timestep)
+        self.seed = _checked_seed(seed)
+        self.description = description
+        self.robot: Robot = description.robot()
+        self._plant = build_model(
+            description,
+            self.robot,
+            foot=self.foot,
+            terrain=terrain_by_name(terrain) if isinstance(terrain, str) else terrain,
+            physics=self.physics,
+        )
+        self.terrain = self._plant.ground.terrain
+        self.feet = self._plant.feet
+        self.model = self._plant.model
+        self.data = mujoco.MjData(self.model)
+        self._na, self._soles = self.robot.na, len(self.feet)
+        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
+        self._servo_bias = np.array(self.model.actuator_biasprm)
+        self._truth_reader = TruthReader(self._plant)
+        self._pushes = Pushes()
+        self._range_sensor = range_sensor
+        self._stiffness = self._find_stiffness()
+        self._chain = SensorChain(self.noise, self._na, self._soles, self.timestep)
+        self._prepare_signals()
+        self.reset(initial_configuration)
+
+    # ------------------------------------------------------------------------------------------------ state
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start, s."""
+        return self.ticks * self.control_period
+
+    def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
+        """Start anew at rest, servos holding the configuration, no pushes, clocks at zero.
+
+        Args:
+            configuration: Where the robot starts, shape (nq,), used as it is; half-sitting on the ground when None.
+            seed: New seed; the same as before when None.
+
+        Raises:
+            InputError: A configuration of the wrong shape, not finite or without orientation.
+        """
+        if configuration is None:
+            q = self.on_ground(self.robot.half_sitting)
+        else:
+            q = finite_array("configuration", configuration, (self.robot.nq,))
+            length = float(np.linalg.norm(q[3:7]))
+            if abs(length - 1.0) > 1e-3:
+                raise InputError(f"quaternion of the configuration must have length 1, got {length:g}")
+            q[3:7] /= length
+        if seed is not None:
+            self.seed = _checked_seed(seed)
+        data = self.data
+        mujoco.mj_resetData(self.model, data)
+        configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        for stiffness in self._stiffness:
+            if stiffness is not None:
+                stiffness.reset()
+        self._pushes.clear(data)
+        self._set_mode(position_control=True)
+        np.multiply(self._kp, q[7:], out=self._target)
+        self._from[:] = self._target
+        data.ctrl[:] = self._target
+        mujoco.mj_forward(self.model, data)
+        self._truth_reader.capture(data)
+        self.ticks = 0
+        self.diverged = None
+        children = np.random.SeedSequence(self.seed).generate_state(1 + self._soles)
+        self._ranges = self._make_ranges(children[1:].tolist())
+        self._after_step()
+        self._chain.reset(self._signals, int(children[0]))
+
+    def on_ground(self, configuration: ArrayLike) -> Array:
+        """Move a configuration up or down until its lowest sole point touches the ground.
+
+        Args:
+            configuration: Shape (nq,).
+
+        Returns:
+            Configuration, shape (nq,), pressed into the ground by a micrometre.
+
+        Raises:
+            InputError: A configuration of the wrong shape or not finite.
+        """
+        q = finite_array("configuration", configuration, (self.robot.nq,))
+        data, kinds = mujoco.MjData(self.model), mujoco.mjtObj.mjOBJ_SITE
+        configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        mujoco.mj_kinematics(self.model, data)
+        lift = -math.inf
+        for foot in self.feet:
+            site = mujoco.mj_name2id(self.model, kinds, foot.wrench_site)
+            x, y = np.meshgrid(
+                foot.fit.sole.length * np.linspace(-0.5, 0.5, 21),
+                foot.fit.sole.width * np.linspace(-0.5, 0.5, 9),
+            )
+            local = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+            points = data.site_xpos[site][:, None] + data.site_xmat[site].reshape(3, 3) @ local
+            lift = max(lift, float(np.max(self.terrain.height(points[0], points[1]) - points[2])))
+        q[2] += lift - INITIAL_PRESS
+        return q
+
+    def truth(self) -> GroundTruth:
+        """The true state now; the same object until the next step."""
+        if self._truth is None:
+            self._truth = self._truth_reader.read(self.data, self.joint_torque)
+        return self._truth
+
+    # ----------------------------------------------------------------------------------------- sensors, drives
+
+    def measure(self) -> Measurement:
+        """What the sensors say now; the same object until the next step.
+
+        Raises:
+            MeasurementError: The simulation has diverged.
+        """
+        if self._measurement is None:
+            reading = self._chain.read(self._signals)
+            if self.diverged is not None or not math.isfinite(reading.sum()):
+                raise MeasurementError(
+                    f"no measurement at {self.time:.4f} s: {self.diverged or 'a sensor is not finite'}"
+                )
+            reading.setflags(write=False)
+            na = self._na
+            self._measurement = Measurement(
+                self.time,
+                reading[:na],
+                reading[na : 2 * na],
+                reading[2 * na : 2 * na + 3],
+                reading[2 * na + 3 : 2 * na + 6],
+                reading[2 * na + 6 :].reshape(self._soles, 6),
+                self._read_ranges(),
+                np.array([math.nan if s is None else s.actual for s in self._stiffness]),
+            )
+        return self._measurement
+
+    def step(self, command: Command) -> None:
+        """Give the drives a command and advance by one control period.
+
+        Position control without a velocity reference takes it as zero.
+
+        Args:
+            command: References of the servos and feed-forward torque, or torque alone.
+
+        Raises:
+            InputError: A command of the wrong shape, not finite, or one that this robot cannot follow; the simulation
+                has not moved.
+            DivergedError: The simulation has diverged before; `diverged` says why.
+        """
+        if self.diverged is not None:
+            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
+        self._take(command)
+        model, data, steps = self.model, self.data, self.steps
+        if self._pushes or self._chain.depth or self._from is not self._target:
+            self._advance_singly()
+        else:
+            # The first half of the coming step was done at the end of the last one, when the sensors were read.
+            data.ctrl[:] = self._target
+            mujoco.mj_step2(model, data)
+            if steps > 1:
+                mujoco.mj_step(model, data, steps - 1)
+            self._truth_reader.capture(data)
+            mujoco.mj_step1(model, data)
+        self.ticks += 1
+        self._after_step()
+
+    def hold(self, configuration: ArrayLike | None = None) -> Command:
+        """A command that holds a posture with the servos.
+
+        Args:
+            configuration: Shape (nq,); half-sitting when None.
+        """
+        q = self.robot.half_sitting if configuration is None else finite_array("configuration", configuration)
+        zero = np.zeros(self._na)
+        return Command(zero, np.array(q[7:]), zero)
+
+    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
+        """Push a body from outside, beginning now; pushes add up.
+
+        Args:
+            body: Link or frame of the robot; "torso" is its torso whatever the link is called.
+            force: In the world, shape (3,), N; constant.
+            duration: s.
+            at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
+
+        Raises:
+            UnknownNameError: No such body; the nearest names are given.
+            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
+        """
+        index, place = self._plant.body(body, self.robot)
+        point = None if at is None else finite_array("point of attack (m)", at, (3,))
+        self._pushes.add(
+            Push(
+                index,
+                finite_array("force of the push (N)", force, (3,)),
+                None if point is None else place.act(point),
+                positive("duration of the push (s)", duration),
+            )
+        )
+
+    # ------------------------------------------------------------------------------------------------- inside
+
+    def _prepare_signals(self) -> None:
+        """Lay out the vector of all signals, and where each comes from."""
+        na, model = self._na, self.model
+        gyro, accelerometer = self._plant.imu
+        places = [*range(gyro, gyro + 3), *range(accelerometer, accelerometer + 3)]
+        for foot in self.feet:
+            for name in (foot.force_sensor, foot.torque_sensor):
+                first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
+                places += range(first, first + 3)
+        self._places = np.array(places, dtype=np.intp)
+        self._signals = np.empty(2 * na + len(places))
+        self._positions, self._velocities = self._signals[:na], self._signals[na : 2 * na]
+        self._sensors = self._signals[2 * na :]
+        self._wrenches = self._signals[2 * na + 6 :]
+        self._target, self._servo_part = np.zeros(na), np.zeros(na)
+        self._from = np.zeros(na) if self.interpolation == "linear" else self._target
+        self.joint_torque = np.zeros(na)
+        self._position_control = True
+
+    def _sample(self) -> None:
+        """Write the true signals of now."""
+        data = self.data
+        data.qpos.take(self._plant.joint_qpos, out=self._positions)
+        data.qvel.take(self._plant.joint_dof, out=self._velocities)
+        data.sensordata.take(self._places, out=self._sensors)
+        # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
+        np.negative(self._wrenches, out=self._wrenches)
+
+    def _after_step(self) -> None:
+        data = self.data
+        data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque)
+        self._truth = None
+        self._measurement = None
+        self._sample()
+        warned = data.warning.number
+        if warned.any() or not math.isfinite(data.qpos.sum() + data.qvel.sum()):
+            names = [mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)]
+            self.diverged = (
+                f"simulation diverged before {self.time:.4f} s ({', '.join(names) or 'NaN in the state'})"
+            )
+
+    def _take(self, command: Command) -> None:
+        """Check a command and turn it into targets of the actuators; nothing changes if it is refused."""
+        position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
+        shape = (self._na,)
+        if torque.shape != shape or not (
+            (position is None or position.shape == shape) and (velocity is None or velocity.shape == shape)
+        ):
+            raise InputError(
+                f"joint references of a command must have shape {shape}, got torque {_shape(torque)}, "
+                f"position {_shape(position)}, velocity {_shape(velocity)}"
+            )
+        if position is None:
+            if velocity is not None:
+                raise InputError("a command with a velocity reference needs a position reference, too")
+            target = torque
+        else:
+            target = np.multiply(self._kp, position, out=self._servo_part)
+            if velocity is not None:
+                target += self._kd * velocity
+            target += torque
+        if not math.isfinite(target.sum()):
+            self._refuse(command)
+        if command.sole_stiffness is not None or self._moving_stiffness:
+            self._set_stiffness(command.sole_stiffness)
+        if (position is not None) is not self._position_control:
+            self._set_mode(position_control=position is not None)
+            self._target[:] = target
+        if self._from is not self._target:
+            self._from[:] = self._target
+        self._target[:] = target
+
+    def _refuse(self, command: Command) -> None:
+        for name in ("joint_position", "joint_velocity", "joint_torque"):
+            value = getattr(command, name)
+            if value is not None and not np.isfinite(value).all():
+                joint = self.robot.joint_names[int(np.argmin(np.isfinite(value)))]
+                raise InputError(f"command: {name} of joint '{joint}' is not finite")
+        raise InputError("command: references so large that their sum is not finite")
+
+    def _set_mode(self, *, position_control: bool) -> None:
+        """Switch the servos on or off: their gains are the bias of the actuators."""
+        self._position_control = position_control
+        self.model.actuator_biasprm[:] = self._servo_bias if position_control else 0.0
+
+    def _advance_singly(self) -> None:
+        """One control period step by step: for pushes, moving references and sensors with a memory."""
+        model, data = self.model, self.data
+        moving = self._from is not self._target
+        for i in range(1, self.steps + 1):
+            if moving and i < self.steps:
+                data.ctrl[:] = self._from + (i / self.steps) * (self._target - self._from)
+            else:
+                data.ctrl[:] = self._target
+            if self._pushes:
+                self._pushes.apply(data, self.timestep)
+            mujoco.mj_step2(model, data)
+            if i == self.steps:
+                self._truth_reader.capture(data)
+            mujoco.mj_step1(model, data)
+            if self._chain.depth:
+                self._sample()
+                self._chain.push(self._signals)
+
+    # --------------------------------------------------------------------------------------------- feet
+
+    def _find_stiffness(self) -> list[SoleStiffness | None]:
+        """Stiffness of each sole, None for a rigid one."""
+        actuator = self.foot.actuator if isinstance(self.foot, VariableStiffnessFoot) else None
+        self._moving_stiffness = actuator is not None
+        return [
+            SoleStiffness(self.model, foot, actuator) if foot.variable_joints else None for foot in self.feet
+        ]
+
+    def _set_stiffness(self, command: Array | None) -> None:
+        """Let the stiffness actuators work for one control period.
+
+        Raises:
+            InputError: Wrong shape, a stiffness for a sole that has a fixed one, or out of range.
+        """
+        if command is not None:
+            if not self._moving_stiffness:
+                raise InputError(
+                    "command: the soles of this plant have a fixed stiffness; choose foot='variable' to command it"
+                )
+            if np.shape(command) != (self._soles,):
+                raise InputError(
+                    f"command: sole_stiffness must have shape ({self._soles},), got {np.shape(command)}"
+                )
+        soles = [s for s in self._stiffness if s is not None]
+        wanted = [s.state.commanded for s in soles] if command is None else [float(k) for k in command]
+        for sole, stiffness in zip(soles, wanted, strict=True):
+            sole.actuator.check(stiffness)
+        changed = False
+        for sole, stiffness in zip(soles, wanted, strict=True):
+            before = sole.actual
+            changed |= sole.step(stiffness, self.control_period) != before
+        if changed:  # the springs' forces belong to the half of the step that is already done
+            mujoco.mj_step1(self.model, self.data)
+
+    def _make_ranges(self, seeds: list[int]) -> list[RangeFinder]:
+        if self._range_sensor is None:
+            return []
+        return [
+            RangeFinder(
+                self.model, foot, ground_group=self._plant.ground.group, sensor=self._range_sensor, seed=seed
+            )
+            for foot, seed in zip(self.feet, seeds, strict=True)
+        ]
+
+    def _read_ranges(self) -> Array:
+        if not self._ranges:
+            return np.full(self._soles, np.nan)
+        return np.array([finder.read(self.model, self.data) for finder in self._ranges])
+
+
+def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
+    """How many times faster than reality a plant runs while it holds its posture; its state moves on.
+
+    Args:
+        plant: The plant.
+        seconds: Simulated time, s.
+    """
+    command = plant.hold()
+    ticks = max(1, round(positive("simulated time (s)", seconds) / plant.control_period))
+    start = time.perf_counter()
+    for _ in range(ticks):
+        plant.step(command)
+    return ticks * plant.control_period / (time.perf_counter() - start)
+
+
+def _shape(array: Array | None) -> tuple[int, ...] | None:
+    return None if array is None else np.shape(array)
+
+
+def _with_timestep(physics: PhysicsSettings | None, timestep: float) -> PhysicsSettings:
+    return replace(PhysicsSettings() if physics is None else physics, timestep=timestep)
+
+
+def _checked_seed(seed: int) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
+    return int(seed)

@@ -1,0 +1,156 @@
+"""What real sensors do to a signal: delay, bias, noise and steps of resolution.
+
+The order is the physical one: the sensor shows what was true a latency ago, adds its bias and its noise, and
+rounds the result to its resolution. Everything is off by default and one seed repeats everything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from wbc.core.errors import Array, choose, non_negative
+
+
+@dataclass(frozen=True)
+class SignalNoise:
+    """Errors of one signal; each channel of it draws its own.
+
+    Attributes:
+        std: Standard deviation of white noise, in the unit of the signal, a new draw at every reading.
+        bias_std: Standard deviation of a constant bias, drawn once at reset.
+        quantum: Resolution: readings are multiples of it; 0 is none.
+        latency: Age of what is read, s, rounded up to whole physics steps. 0 is the freshest value there is.
+    """
+
+    std: float = 0.0
+    bias_std: float = 0.0
+    quantum: float = 0.0
+    latency: float = 0.0
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            non_negative(f"{f.name} of a signal", getattr(self, f.name))
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Errors of every sensor of the robot; all off by default.
+
+    Attributes:
+        joint_position: Encoders, rad (or m).
+        joint_velocity: Velocities of the drives, rad/s (or m/s).
+        angular_velocity: Gyroscope, rad/s.
+        specific_force: Accelerometer, m/s².
+        sole_force: Forces under the ankles, N.
+        sole_moment: Moments about the sole centres, Nm.
+    """
+
+    joint_position: SignalNoise = field(default_factory=SignalNoise)
+    joint_velocity: SignalNoise = field(default_factory=SignalNoise)
+    angular_velocity: SignalNoise = field(default_factory=SignalNoise)
+    specific_force: SignalNoise = field(default_factory=SignalNoise)
+    sole_force: SignalNoise = field(default_factory=SignalNoise)
+    sole_moment: SignalNoise = field(default_factory=SignalNoise)
+
+
+NO_NOISE = SensorNoise()
+"""Perfect sensors."""
+
+NOISE_PRESETS: Mapping[str, SensorNoise] = {"none": NO_NOISE}
+
+
+def noise_preset(name: str) -> SensorNoise:
+    """Return the sensor errors of that name.
+
+    Raises:
+        UnknownNameError: No such preset; the choices are given.
+    """
+    return NOISE_PRESETS[choose("sensor noise", name, NOISE_PRESETS)]
+
+
+class SensorChain:
+    """Applies `SensorNoise` to a flat vector of all signals.
+
+    The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole].
+
+    Attributes:
+        depth: How many physics steps the oldest signal lies behind; 0 needs no history.
+    """
+
+    def __init__(self, noise: SensorNoise, joints: int, soles: int, timestep: float) -> None:
+        """Lay the errors out over the vector.
+
+        Args:
+            noise: The errors.
+            joints: Number of encoders.
+            soles: Number of force sensors.
+            timestep: Physics step, s.
+        """
+        wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
+        channels = (
+            [noise.joint_position] * joints
+            + [noise.joint_velocity] * joints
+            + [noise.angular_velocity] * 3
+            + [noise.specific_force] * 3
+            + wrench * soles
+        )
+        self.size = len(channels)
+        self._std = np.array([c.std for c in channels])
+        self._bias_std = np.array([c.bias_std for c in channels])
+        # 1e-9: a latency of 3 steps of 0.001 s is 3 steps, not 4.
+        self._delay = np.array([math.ceil(c.latency / timestep - 1e-9) for c in channels], dtype=np.intp)
+        quantum = np.array([c.quantum for c in channels])
+        self._rounded = np.flatnonzero(quantum)
+        self._quantum = quantum[self._rounded]
+        self._noisy = bool(self._std.any())
+        self.depth = int(self._delay.max(initial=0))
+        self._history = np.zeros((self.depth + 1, self.size))
+        self._columns = np.arange(self.size)
+        self._head = 0
+        self._draw = np.empty(self.size)
+        self._bias = np.zeros(self.size)
+        self._biased = bool(self._bias_std.any())
+        self._rng = np.random.default_rng(0)
+
+    def reset(self, truth: Array, seed: int) -> None:
+        """Draw new biases and forget the past, as if the robot had always been as it is now.
+
+        Args:
+            truth: True signals now, shape (size,).
+            seed: Seed of every draw from now on.
+        """
+        self._rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+        self._bias = self._bias_std * self._rng.standard_normal(self.size)
+        self._history[:] = truth
+        self._head = 0
+
+    def push(self, truth: Array) -> None:
+        """Take in the true signals after one physics step, shape (size,); needed with a latency alone."""
+        self._head = (self._head + 1) % (self.depth + 1)
+        self._history[self._head] = truth
+
+    def read(self, truth: Array) -> Array:
+        """What the sensors show.
+
+        Args:
+            truth: True signals now, shape (size,); with a latency, what `push` was given last.
+
+        Returns:
+            Readings, shape (size,), a new array.
+        """
+        if self.depth:
+            out = self._history[(self._head - self._delay) % (self.depth + 1), self._columns]
+        else:
+            out = truth.copy()
+        if self._biased:
+            out += self._bias
+        if self._noisy:
+            self._rng.standard_normal(out=self._draw)
+            out += self._std * self._draw
+        if self._rounded.size:
+            out[self._rounded] = np.rint(out[self._rounded] / self._quantum) * self._quantum
+        return out
