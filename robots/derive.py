@@ -94,7 +94,9 @@ def describe(
     given = dict(half_sitting or {})
     posture_all = posture.half_sitting(model, (left_frame, right_frame), given, stance)
     legs = [names[j - 2] for frame in (left_frame, right_frame) for j in leg_joints(model, frame)]
-    solved = [f"{joint} {np.degrees(posture_all[joint]):.2f}" for joint in legs if joint not in given]
+    solved = [
+        f"{joint} {round(np.degrees(posture_all[joint]), 2) + 0.0}" for joint in legs if joint not in given
+    ]
     if solved:
         notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
     rest = [joint for joint in names if joint not in given and joint not in legs]
@@ -197,7 +199,7 @@ def _sole(
     if isinstance(given, str):
         name = f"{which}_sole"
         shift = placement * pin.SE3(np.eye(3), centre)
-        x, y, z = centre * 1e3
+        x, y, z = np.round(centre * 1e3) + 0.0
         notes.append(f"{which}: sole frame '{name}' at ({x:.0f}, {y:.0f}, {z:.0f}) mm from '{given}'")
         return _as_sole(which, name, link, shift, length, width)
     return _as_sole(which, name, link, placement, length, width)

@@ -37,7 +37,8 @@ def talos() -> RobotDescription:
     """PAL Robotics Talos, fingers fixed.
 
     Half-sitting and rotor data are those of its SRDF (ankle roll −0.0017 rad taken as zero, so that soles are
-    flat); the sole, 211 × 124 mm, is the outline of its foot mesh within 5 mm of the ground.
+    flat); the sole, 211 × 124 mm, is the outline of its foot mesh within 5 mm of the ground, whose centre is 5 mm
+    behind the sole link.
     """
     leg = {"1": 0.0, "2": 0.0, "3": -0.411354, "4": 0.859395, "5": -0.448041, "6": 0.0}
     arm = {"1": 0.25847, "2": 0.173046, "3": -0.0002, "4": -0.525366, "5": 0.0, "6": 0.0, "7": 0.1}
@@ -51,7 +52,12 @@ def talos() -> RobotDescription:
         }
     left, right = (
         SoleDescription(
-            f"{side}_sole_link", f"{side}_sole_link", name=f"{side}_foot", length=0.211, width=0.124
+            f"{side}_sole",
+            f"{side}_sole_link",
+            translation=(-0.0054, 0.0, 0.0),
+            name=f"{side}_foot",
+            length=0.211,
+            width=0.124,
         )
         for side in ("left", "right")
     )

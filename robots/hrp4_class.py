@@ -148,6 +148,7 @@ class Joint:
 def trunk() -> tuple[list[Link], list[Joint]]:
     """Pelvis, waist, chest, neck and head."""
     u = UPPER
+    crown = (1.58 - 0.784 - 0.197 - 0.434) * u  # top of the head above the neck joints
     links = [
         Link(
             "pelvis",
@@ -165,7 +166,7 @@ def trunk() -> tuple[list[Link], list[Joint]]:
                 Shape("box", (0.120, 0.170, 0.100), (-0.018, 0.0, 0.090), colour=GREY),
                 Shape("box", (0.165, 0.210, 0.130), (-0.025, 0.0, 0.200)),
                 Shape("box", (0.120, 0.150, 0.035), (-0.036, 0.0, 0.2825)),
-                Shape("cylinder", (0.028, 0.090), (-0.036, 0.0, 0.345), colour=DARK),
+                Shape("cylinder", (0.033, 0.090), (-0.036, 0.0, 0.345), colour=DARK),
             ),
         ),
         Link("neck_link", 0.339, (Shape("sphere", (0.030,), colour=DARK),)),
@@ -173,9 +174,9 @@ def trunk() -> tuple[list[Link], list[Joint]]:
             "head",
             3.257,
             (
-                Shape("sphere", (0.068,), (0.004, 0.0, 0.082)),
+                Shape("sphere", (0.068,), (0.004, 0.0, crown - 0.068)),
                 Shape("cylinder", (0.058, 0.080), (0.004, 0.0, 0.050), colour=WHITE),
-                Shape("box", (0.030, 0.090, 0.035), (0.055, 0.0, 0.080), colour=DARK),
+                Shape("box", (0.030, 0.100, 0.034), (0.062, 0.0, 0.085), colour=DARK),
             ),
         ),
     ]

@@ -142,6 +142,9 @@ def tidy(root: Element) -> list[str]:
             joint.remove(mimic)
             if kind != "fixed":
                 notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now a joint of its own")
+    rubbing = [name for name, joint in joints(root, MOVING).items() if _drop_dynamics(joint)]
+    if rubbing:
+        notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")
     for name, joint in joints(root, MOVING).items():
         limit = _limit_of(joint)
         if limit.get("lower") is None and limit.get("upper") is None:
@@ -204,6 +207,17 @@ def set_limits(
 def joints_without_torque_limit(root: Element) -> list[str]:
     """Moving joints of a tidied URDF that say nothing about their torque."""
     return [name for name, j in joints(root, MOVING).items() if _number(_limit_of(j), "effort", name) == 0.0]
+
+
+def _drop_dynamics(joint: Element) -> bool:
+    """Remove damping and friction, which MuJoCo would simulate and no equation of the controller knows."""
+    dropped = False
+    for dynamics in joint.findall("dynamics"):
+        dropped |= any(
+            _number(dynamics, key, str(joint.get("name"))) != 0.0 for key in ("damping", "friction")
+        )
+        joint.remove(dynamics)
+    return dropped
 
 
 def _limit_of(joint: Element) -> Element:
