@@ -116,8 +116,8 @@ class BiasEstimator:
             innovation_covariance = cross[:2] + cross[2:] + noise * np.eye(2)
             gain = np.linalg.solve(innovation_covariance, cross.T).T
             self._state += gain @ (np.asarray(dcm[:2]) - self._state[:2] - self._state[2:])
-            self._covariance -= gain @ cross.T
-            self._covariance = 0.5 * (self._covariance + self._covariance.T)
+            covariance: Array = self._covariance - gain @ cross.T
+            self._covariance = np.asarray(0.5 * (covariance + covariance.T), dtype=np.float64)
         self._yaw = yaw
         self._zmp[:] = zmp[:2]
         self._clamp()

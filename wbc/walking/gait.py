@@ -1,0 +1,91 @@
+"""How a robot walks: step sizes, timings and swing height."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, fields, replace
+
+from wbc.core.errors import InputError, non_negative, positive
+
+logger = logging.getLogger(__name__)
+
+TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
+
+
+@dataclass(frozen=True)
+class Gait:
+    """Sizes and timings of steps.
+
+    The defaults are those of the soft-footed robot of Frizza et al., Humanoids 2022 (the authors' published
+    plan: 0.8 s / 0.3 s, 60 mm swing); 0.145 m per step makes 22 steps of 3 m.
+
+    Attributes:
+        step_length: Greatest forward distance from stance foot to landing, m.
+        feet_spacing: Lateral distance between the sole centres, m; the robot's own when None.
+        single_support: Time on one foot, s.
+        double_support: Time on both feet between steps, s.
+        initial_double_support: Time to shift the weight before the first step, s.
+        final_double_support: Time to come to rest after the last step, s.
+        swing_height: Highest point of the swing foot over the higher of its two ends, m.
+        takeoff_time: Time the foot rises before it moves on, s.
+        landing_time: Time the foot only sinks before it lands, s.
+        landing_speed: Downward speed at touch-down, m/s.
+    """
+
+    step_length: float = 0.145
+    feet_spacing: float | None = None
+    single_support: float = 0.8
+    double_support: float = 0.3
+    initial_double_support: float = 0.8
+    final_double_support: float = 0.8
+    swing_height: float = 0.06
+    takeoff_time: float = 0.05
+    landing_time: float = 0.1
+    landing_speed: float = 0.05
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "feet_spacing":
+                if value is not None:
+                    positive("feet_spacing (m)", value)
+            elif field.name in ("takeoff_time", "landing_time", "landing_speed"):
+                non_negative(f"{field.name} of the gait", value)
+            else:
+                positive(f"{field.name} of the gait", value)
+        if self.takeoff_time + self.landing_time > 0.5 * self.single_support:
+            raise InputError(
+                f"takeoff_time + landing_time must be at most half of the single support, "
+                f"{0.5 * self.single_support:g} s, got {self.takeoff_time + self.landing_time:g} s"
+            )
+
+    def on_grid(self, period: float) -> tuple[Gait, tuple[str, ...]]:
+        """Round the timings to multiples of the control period.
+
+        Args:
+            period: Control period, s.
+
+        Returns:
+            The gait, and one message for each timing that was changed.
+
+        Raises:
+            InputError: A period that is not above zero or longer than half of a timing.
+        """
+        period = positive("control period (s)", period)
+        changed: dict[str, float] = {}
+        notes = []
+        for name in TIMINGS:
+            value = getattr(self, name)
+            ticks = round(value / period)
+            if ticks < 2:
+                raise InputError(
+                    f"{name} of {value:g} s must span two control periods of {period:g} s or more"
+                )
+            if abs(ticks * period - value) > 1e-9:
+                changed[name] = ticks * period
+                notes.append(
+                    f"{name} of {value:g} s rounded to {ticks * period:g} s, a multiple of the control period"
+                )
+        for note in notes:
+            logger.warning("%s", note)
+        return replace(self, **changed), tuple(notes)
