@@ -90,6 +90,7 @@ class Controller:
     Attributes:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
         dt: Control period, s.
+        model_time: Wall time of the last model update, s; reported in the timings of the next solution.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class Controller:
         self._torque_limits: TorqueLimits | None = None
         self._row_limits: list[RowLimit] = []
         self._dirty = True
-        self._model_time = 0.0
+        self.model_time = 0.0
         self._solution: Solution | None = None
 
     # ---- what the problem consists of ---------------------------------------------------------------------------
@@ -390,7 +391,7 @@ class Controller:
         """
         start = perf_counter()
         self.robot.update(q, v)
-        self._model_time = perf_counter() - start
+        self.model_time = perf_counter() - start
 
     def solve(self, measurement: Measurement | None = None) -> Solution:
         """Solve the problem at the present state of the robot.
@@ -428,7 +429,7 @@ class Controller:
             residual, multipliers = np.full(self._residual.size, np.nan), np.zeros(solver.z.size)
             if x.size != p.gradient.size:
                 x = np.zeros(p.gradient.size)
-        timings = Timings(self._model_time, assembled - start, solved - assembled, perf_counter() - solved)
+        timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)
         self._solution = solution = Solution(
             status, x, torques, solver.iterations, timings, self._layout, residual, multipliers
         )
@@ -550,8 +551,8 @@ class Controller:
 
     def _residuals(self, x: Array) -> Array:
         """Achieved minus wanted, for all rows of all tasks; a new array."""
-        p, nv, residual = self.problem, self.problem.nv, self._residual
-        a = x[:nv]
+        residual = self._residual
+        a = x[: self.robot.nv]
         np.dot(self._jacobian, a, out=residual[self._soft])
         if self._hard_rhs.size:
             np.dot(self._hard_jacobian, a, out=residual[self._hard])

@@ -18,37 +18,52 @@ RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
 
 
-def viable_acceleration(distance: Array, velocity: Array, braking: Array, dt: float) -> Array:
-    """Greatest acceleration towards a bound after which the bound can still be kept by braking.
+class BrakingLaw:
+    """Greatest velocity at the end of a period after which a bound can still be kept by braking.
 
     The acceleration is held over one control period. After it, with velocity v⁺ and distance d⁺ left, the state must
-    be viable: v⁺² ≤ 2 ā d⁺ for v⁺ > 0. If the joint turns round within the period, the point where it turns must not
-    lie beyond the bound. From a viable state the result is never below −ā, so that braking at ā always suffices.
-
-    Args:
-        distance: Way left to the bound, shape (n,), rad; negative beyond it.
-        velocity: Velocity towards the bound, shape (n,), rad/s.
-        braking: Deceleration ā that is always available, shape (n,), rad/s².
-        dt: Control period, s.
-
-    Returns:
-        Upper bound of the acceleration towards the bound, shape (n,), rad/s²; not yet clipped to ±ā.
+    be viable: v⁺² ≤ 2 ā d⁺ for v⁺ > 0. If the joint has to turn round within the period, the point where it turns
+    must not lie beyond the bound. From a viable state no more than the deceleration ā is ever needed. From beyond
+    the bound, the way back is asked for.
 
     Source: Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of robot
     arms", RA-L 3(1), 2018, section IV; the case of turning within the period is ours.
     """
-    # (v + a dt)² = 2 ā (d − v dt − a dt²/2), solved for v⁺ = v + a dt, which does not cancel for small dt.
-    half = 0.5 * braking * dt
-    final = np.sqrt(np.maximum(half * half + braking * (2.0 * distance - velocity * dt), 0.0)) - half
-    bound = (final - velocity) / dt
-    turning = final < 0.0
-    outside = distance <= 0.0
-    if turning.any():
-        safe = np.where(outside, 1.0, distance)
-        bound = np.where(turning, -velocity * np.abs(velocity) / (2.0 * safe), bound)
-    if outside.any():
-        bound = np.where(outside, (distance / RECOVERY_TIME - velocity) / dt, bound)
-    return bound
+
+    def __init__(self, braking: Array, dt: float) -> None:
+        """Prepare for a deceleration ā that is always available and a control period.
+
+        Args:
+            braking: Deceleration ā, any shape, rad/s².
+            dt: Control period, s.
+        """
+        self._dt = dt
+        # v⁺² = 2 ā (d − (v + v⁺) dt/2), solved for v⁺, is √(2 ā d − ā dt v + (ā dt/2)²) − ā dt/2.
+        self._per_distance, self._per_velocity = 2.0 * braking, braking * dt
+        self._half = 0.5 * dt * braking
+        self._square = self._half * self._half
+        self._final, self._product = np.zeros_like(self._half), np.zeros_like(self._half)
+
+    def __call__(self, distance: Array, velocity: Array) -> Array:
+        """Return the upper bound of the velocity v⁺ towards the bound, rad/s; overwritten by the next call.
+
+        Args:
+            distance: Way left to the bound, rad; negative beyond it.
+            velocity: Velocity towards the bound, rad/s.
+        """
+        final = self._final
+        np.multiply(self._per_distance, distance, out=final)
+        final -= np.multiply(self._per_velocity, velocity, out=self._product)
+        final += self._square
+        np.maximum(final, 0.0, out=final)
+        np.sqrt(final, out=final)
+        final -= self._half
+        if final.min() < 0.0:  # the bound is too near to stop before the period ends, or has been crossed
+            i = (final < 0.0).nonzero()
+            d, v = distance[i], velocity[i]
+            turned = v - v * np.abs(v) * (0.5 * self._dt) / np.maximum(d, 1e-12)
+            final[i] = np.where(d > 0.0, turned, d / RECOVERY_TIME)
+        return final
 
 
 class JointLimits:
@@ -105,13 +120,12 @@ class JointLimits:
         self.lower = np.minimum(robot.position_lower + self._margin, middle)
         self.upper = np.maximum(robot.position_upper - self._margin, middle)
         self.velocity = self._ratio * robot.velocity_limit
-        # Both directions are computed as one vector: first towards the upper bounds, then towards the lower ones.
-        self._sign = np.concatenate([np.ones(na), -np.ones(na)])
-        self._offset = np.concatenate([self.upper, -self.lower])
-        self._speed = np.concatenate([self.velocity, self.velocity])
-        self._braking = np.concatenate([self.acceleration, self.acceleration])
-        self._state = np.zeros(2 * na)
-        self._rate = np.zeros(2 * na)
+        # Row 0 is about the upper bounds, row 1, with signs turned, about the lower ones.
+        self._sign = np.array([[1.0], [-1.0]])
+        self._offset = np.array([self.upper, -self.lower])
+        self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
+        self._gap = np.zeros(na)
+        self._dt = 0.0
 
     def write(self, dt: float, lower: Array, upper: Array) -> None:
         """Fill the acceleration interval of every joint.
@@ -121,27 +135,32 @@ class JointLimits:
             lower: To fill, shape (na,), rad/s².
             upper: To fill, shape (na,), rad/s².
         """
-        robot = self._robot
-        na = robot.na
-        q, v = robot.q[7:], robot.v[6:]
-        rate = self._rate
-        rate[:na] = v
-        np.negative(v, out=rate[na:])
-        bound = self._braking
-        if self._use_velocity:
-            bound = np.minimum(bound, (self._speed - rate) / dt)
+        if dt != self._dt:
+            self._dt = dt
+            self._law = BrakingLaw(np.array([self.acceleration, self.acceleration]), dt)
+            self._most = np.array([self.acceleration, self.acceleration])
+            self._least = -self._most
+        robot, rate, distance = self._robot, self._rate, self._distance
+        np.multiply(self._sign, robot.v[6:], out=rate)
         if self._use_position:
-            state = self._state
-            state[:na] = q
-            np.negative(q, out=state[na:])
-            bound = np.minimum(bound, viable_acceleration(self._offset - state, rate, self._braking, dt))
-        bound = np.maximum(bound, -self._braking)
-        upper[:] = bound[:na]
-        np.negative(bound[na:], out=lower)
-        crossed = lower > upper
-        if crossed.any():
-            middle = 0.5 * (lower + upper)
-            lower[crossed] = upper[crossed] = middle[crossed]
+            np.multiply(self._sign, robot.q[7:], out=distance)
+            bound = self._law(np.subtract(self._offset, distance, out=distance), rate)
+            if self._use_velocity:
+                np.minimum(bound, self.velocity, out=bound)
+        elif self._use_velocity:
+            bound = np.array([self.velocity, self.velocity])
+        else:
+            bound = np.full_like(rate, np.inf)
+        bound -= rate
+        bound *= 1.0 / dt
+        np.minimum(bound, self._most, out=bound)
+        np.maximum(bound, self._least, out=bound)
+        upper[:] = bound[0]
+        np.negative(bound[1], out=lower)
+        np.subtract(upper, lower, out=self._gap)
+        if self._gap.min() < 0.0:
+            crossed = self._gap < 0.0
+            lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
 
 
 class TorqueLimits:

@@ -69,14 +69,17 @@ class Observer:
             the world origin in world axes, shape (6,), N and Nm.
     """
 
-    def __init__(self, robot: Robot, settings: ObserverSettings | None = None) -> None:
+    def __init__(
+        self, robot: Robot, settings: ObserverSettings | None = None, *, adopt: bool = False
+    ) -> None:
         """Start at half-sitting.
 
         Args:
-            robot: Robot to estimate; it is cloned, its own state is left alone.
+            robot: Robot to estimate.
             settings: Settings; the defaults when None.
+            adopt: Estimate into `robot` itself instead of a clone, as a controller of the estimated robot wants.
         """
-        self.robot = robot.clone()
+        self.robot = robot if adopt else robot.clone()
         self.settings = settings or ObserverSettings()
         self.inertial = InertialFilter(self.settings.inertial)
         n = len(robot.soles)

@@ -98,7 +98,9 @@ class QpSolver:
 
         All arrays are C-ordered float64. Nothing is raised: the status says what happened.
         """
-        if not (math.isfinite(float(g.dot(g)) + float(b.dot(b))) and bool((lower <= upper).all())):
+        # NaN and infinity in the state reach g, b and the bounds; comparisons with NaN are false.
+        np.subtract(upper, lower, out=self._excess)
+        if not (math.isfinite(g.dot(g) + b.dot(b)) and self._excess.min() >= 0.0):
             self._persistent = None
             return Status.REFUSED
         solved = proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
@@ -139,10 +141,8 @@ class QpSolver:
         np.dot(A, x, out=self._equality)
         self._equality -= b
         tolerance = self._settings.residual_tolerance
-        if self._equality.size and not max(self._equality.max(), -self._equality.min()) <= tolerance:
+        if not (self._equality.max() <= tolerance and self._equality.min() >= -tolerance):
             return False
-        if not self.rows.size:
-            return True
         np.subtract(self.rows, upper, out=self._excess)
         if not self._excess.max() <= tolerance:
             return False

@@ -54,7 +54,7 @@ class Rows:
             getattr(self, field)[:] = getattr(other, field)
 
 
-class Task(ABC):
+class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
     """Base of all tasks; subclass `MotionTask`, `SelectionTask` or `VariableTask`, not this.
 
     Attributes:
@@ -187,7 +187,7 @@ class Task(ABC):
         """
         self._robot = robot
 
-    def observe(self, measurement: Measurement, dt: float) -> None:
+    def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Take notice of the sensors before the rows are written; does nothing unless a task needs it.
 
         Args:

@@ -1,0 +1,269 @@
+"""From a controller's accelerations and torques to the commands of a robot's drives.
+
+Position control integrates the accelerations to references of joint position and velocity, as mc_rtc does: the
+robot that is controlled (the model that moves as commanded) and the robot that is estimated (from sensors) are two
+objects. Torque control sends the torques and needs the estimate alone.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.controller import Controller
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
+from wbc.core.observer import Observer
+from wbc.core.signals import Command, Measurement
+from wbc.core.solution import Solution
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class FailurePolicy:
+    """What to do when a tick has no solution or its measurement cannot be used.
+
+    The last good command is held while the motion is damped; when failures go on, the robot is stopped: position
+    control freezes its references, torque control only damps. A stopped control stays stopped until `reset`.
+
+    Attributes:
+        damping_time: Time constant with which reference velocities decay while a command is held, s.
+        joint_damping: Damping torque in torque control, as part of the torque limit per rad/s.
+        stop_after: Time of uninterrupted failure after which the robot is stopped, s.
+    """
+
+    damping_time: float = 0.05
+    joint_damping: float = 0.02
+    stop_after: float = 0.1
+
+    def __post_init__(self) -> None:
+        positive("damping time of the failure policy (s)", self.damping_time)
+        non_negative("joint damping of the failure policy (s/rad)", self.joint_damping)
+        non_negative("stop_after of the failure policy (s)", self.stop_after)
+
+
+class _Control:
+    """What both modes share: the observer, failures and the last solution."""
+
+    def __init__(
+        self, controller: Controller, observer: Observer | None, policy: FailurePolicy | None
+    ) -> None:
+        self.controller = controller
+        self.observer = Observer(controller.robot) if observer is None else observer
+        if self.observer.robot.model is not controller.robot.model:
+            raise InputError("the observer must estimate the same robot model that the controller uses")
+        self.policy = policy or FailurePolicy()
+        self.failures = 0
+        self.solution: Solution | None = None
+        self._failing = 0
+
+    @property
+    def stopped(self) -> bool:
+        """True after failures have gone on for too long; `reset` starts again."""
+        return self._failing * self.controller.dt > self.policy.stop_after
+
+    def _measure(self, measurement: Measurement) -> bool:
+        """Update the estimate; False if the measurement had to be refused."""
+        try:
+            self.observer.update(measurement)
+        except MeasurementError as error:
+            logger.error("measurement refused: %s", error)
+            return False
+        return True
+
+    def _count(self, good: bool) -> bool:
+        """Count failures; True if the tick can be used."""
+        if good and not self.stopped:
+            self._failing = 0
+            return True
+        self.failures += 1
+        self._failing += 1
+        if self._failing == 1 or (
+            self.stopped and (self._failing - 1) * self.controller.dt <= self.policy.stop_after
+        ):
+            reason = "no measurement" if self.solution is None else self.solution.status.value
+            logger.error("tick failed (%s)%s", reason, "; stopped" if self.stopped else "; command held")
+        return False
+
+
+class TorqueControl(_Control):
+    """Sends the torques of the solution; the controller's robot is the estimated one.
+
+    Attributes:
+        controller: The controller.
+        observer: Estimates the state from measurements.
+        solution: Result of the last tick.
+        failures: Number of failed ticks so far.
+    """
+
+    def __init__(
+        self, controller: Controller, observer: Observer | None = None, policy: FailurePolicy | None = None
+    ) -> None:
+        """Connect a controller to its observer.
+
+        Args:
+            controller: The controller.
+            observer: Of the same robot model; a new one when None. If it estimates into the controller's own
+                robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
+            policy: What to do on failure.
+
+        Raises:
+            InputError: An observer of another robot model.
+        """
+        if observer is None:
+            observer = Observer(controller.robot, adopt=True)
+        super().__init__(controller, observer, policy)
+        self._torques = np.zeros(controller.robot.na)
+
+    def reset(self, q: Array | None = None) -> None:
+        """Start again from a configuration at rest; half-sitting when None."""
+        self.observer.reset(q)
+        robot = self.controller.robot
+        robot.update(self.observer.robot.q, self.observer.robot.v)
+        self.controller.reset()
+        self._failing = 0
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick.
+
+        Args:
+            measurement: What the sensors say now.
+
+        Returns:
+            The torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
+        """
+        controller = self.controller
+        start = perf_counter()
+        good = self._measure(measurement)
+        if good:
+            if self.observer.robot is not controller.robot:
+                controller.robot.update(self.observer.robot.q, self.observer.robot.v)
+            controller.model_time = perf_counter() - start
+            self.solution = controller.solve(measurement)
+            good = self.solution.ok
+        if self._count(good):
+            assert self.solution is not None
+            self._torques = self.solution.torques
+            return Command(self._torques)
+        damping = np.zeros_like(self._torques)
+        if np.isfinite(measurement.joint_velocity).all():
+            limit = np.minimum(controller.robot.torque_limit, 1e6)
+            damping = -self.policy.joint_damping * limit * measurement.joint_velocity
+        return Command(damping if self.stopped else self._torques + damping)
+
+
+class PositionControl(_Control):
+    """Integrates the accelerations of the solution to references of joint position and velocity.
+
+    Attributes:
+        controller: The controller.
+        observer: Estimates the state from measurements.
+        feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
+            them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
+        feedforward: Add the torques of the solution to the servos.
+        solution: Result of the last tick.
+        failures: Number of failed ticks so far.
+        q: Configuration of the commanded robot, shape (nq,).
+        v: Its velocity, shape (nv,).
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        observer: Observer | None = None,
+        policy: FailurePolicy | None = None,
+        *,
+        feedback: Literal["open", "closed"] = "open",
+        feedforward: bool = True,
+        reference_time: float = 0.1,
+    ) -> None:
+        """Connect a controller to its observer.
+
+        Args:
+            controller: The controller; in open loop its robot becomes the commanded robot, starting from its
+                present state.
+            observer: Of the same robot model; a new one when None.
+            policy: What to do on failure.
+            feedback: "open" or "closed"; see the attribute.
+            feedforward: Add the torques of the solution to the servos, against the sag of position servos.
+            reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
+
+        Raises:
+            InputError: An observer of another robot model, or an unknown feedback.
+        """
+        if feedback not in ("open", "closed"):
+            raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
+        if feedback == "open" and observer is not None and observer.robot is controller.robot:
+            raise InputError(
+                "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
+            )
+        super().__init__(controller, observer, policy)
+        self.feedback = feedback
+        self.feedforward = bool(feedforward)
+        self._pull = -math.expm1(-controller.dt / positive("reference time (s)", reference_time))
+        self.q = np.array(controller.robot.q)
+        self.v = np.array(controller.robot.v)
+        self._torques = np.zeros(controller.robot.na)
+        self._step = np.zeros(controller.robot.nv)
+
+    def reset(self, q: Array | None = None) -> None:
+        """Start again from a configuration at rest; half-sitting when None."""
+        robot = self.controller.robot
+        self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
+        self.v[:] = 0.0
+        robot.update(self.q, self.v)
+        self.observer.reset(self.q)
+        self.controller.reset()
+        self._failing = 0
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick.
+
+        Args:
+            measurement: What the sensors say now.
+
+        Returns:
+            References that the servos shall reach at the next tick, and feed-forward torques. Nothing is raised: a
+            failed tick follows the policy.
+        """
+        controller, dt = self.controller, self.controller.dt
+        robot = controller.robot
+        start = perf_counter()
+        good = self._measure(measurement)
+        if good:
+            if self.feedback == "open":
+                robot.update(self.q, self.v)
+            else:
+                robot.update(self.observer.robot.q, self.observer.robot.v)
+            controller.model_time = perf_counter() - start
+            self.solution = controller.solve(measurement)
+            good = self.solution.ok
+        if self._count(good):
+            assert self.solution is not None
+            acceleration = self.solution.accelerations
+            self._torques = self.solution.torques
+            if self.feedback == "closed":
+                self._draw_to_estimate()
+        elif self.stopped:
+            acceleration = -self.v / dt
+        else:
+            acceleration = -self.v / max(self.policy.damping_time, dt)
+        # Constant acceleration over the period, for which the braking law of the joint limits is made.
+        np.multiply(acceleration, 0.5 * dt * dt, out=self._step)
+        self._step += self.v * dt
+        self.q[:] = pin.integrate(robot.model, self.q, self._step)
+        self.v += acceleration * dt
+        torques = self._torques if self.feedforward else np.zeros_like(self._torques)
+        return Command(torques, self.q[7:].copy(), self.v[6:].copy())
+
+    def _draw_to_estimate(self) -> None:
+        estimate = self.observer.robot
+        difference = pin.difference(estimate.model, self.q, estimate.q)
+        self.q[:] = pin.integrate(estimate.model, self.q, self._pull * difference)
+        self.v += self._pull * (estimate.v - self.v)
