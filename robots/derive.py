@@ -269,7 +269,8 @@ def _torque_limits(
             found[name] = TORQUE_RATIO * weight_moment
             continue
         # data.mass and data.com of a joint are those of its subtree, the latter in the joint frame.
-        reach = float(np.linalg.norm(data.com[joint])) if model.joints[joint].shortname()[11] == "R" else 1.0
+        slides = model.joints[joint].shortname().startswith("JointModelP")
+        reach = 1.0 if slides else float(np.linalg.norm(data.com[joint]))
         found[name] = max(LIMB_FACTOR * data.mass[joint] * GRAVITY * reach, 0.005 * weight_moment)
     return found
 

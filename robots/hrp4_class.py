@@ -20,7 +20,7 @@ any walk was simulated with this model:
 
 - Legs: those of Talos (100, 160, 160, 300, 160, 100 Nm along the leg; 90.27 kg, centre of mass at 0.877 m), the one
   robot at hand with published torque limits and the same leg, scaled by the ratio of m g h, 0.39 for 39 kg and
-  0.78 m, and rounded: 40, 60, 60, 115, 60, 40 Nm.
+  0.80 m, and rounded: 40, 60, 60, 115, 60, 40 Nm.
 - Waist: 60 Nm, as the hip; the upper body bent forward by 90° needs about 2/3 of that.
 - Arms: at least twice what holds the arm stretched out sideways: shoulder pitch and roll 20 Nm, shoulder yaw and
   elbow 10 Nm, wrist 4 Nm; hand and neck 2 and 6 Nm.

@@ -9,7 +9,6 @@ from wbc.core.errors import InputError, unknown_name
 from wbc.robots import example_robots, hrp4_class
 from wbc.robots.description import RobotDescription
 
-
 _FACTORIES: dict[str, Callable[[], RobotDescription]] = {
     "hrp4_class": hrp4_class.describe,
     "talos": example_robots.talos,

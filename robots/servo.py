@@ -19,7 +19,7 @@ ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 """Rotor inertia seen at a joint over m h², with m the mass of the robot and h the height of its centre of mass.
 
 Talos declares 0.1 kg m² for every joint (rotor 1e-5 kg m², reduction 100, in its SRDF) at 90.27 kg and 0.877 m.
-Inertias of similar robots scale with m h²: 0.034 kg m² for a robot of 39 kg and 0.78 m.
+Inertias of similar robots scale with m h²: 0.036 kg m² for a robot of 39 kg and 0.80 m.
 """
 
 
