@@ -1,0 +1,32 @@
+"""Grounds to walk on: named families of rough terrain with one height query for simulation, tests and pictures.
+
+    >>> ground = terrain("stones", amplitude=0.03, seed=1)
+    >>> float(ground.height(0.0, 0.0))
+    0.0
+
+`wbc.sim.terrain.render.add_to_spec` draws a terrain into a MuJoCo model; nothing else here needs MuJoCo.
+"""
+
+from wbc.sim.terrain import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
+from wbc.sim.terrain.checks import ClearanceWarning, check_clearance
+from wbc.sim.terrain.family import Family, FieldFamily, ShapeFamily, Site, families, family, param
+from wbc.sim.terrain.ground import Ground
+from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.terrain import Rendering, Terrain, terrain
+
+__all__ = [
+    "ClearanceWarning",
+    "Family",
+    "FieldFamily",
+    "Ground",
+    "HeightMap",
+    "Rendering",
+    "ShapeFamily",
+    "Site",
+    "Terrain",
+    "check_clearance",
+    "families",
+    "family",
+    "param",
+    "terrain",
+]

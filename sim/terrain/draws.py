@@ -1,0 +1,43 @@
+"""Random draws that are the same on every machine and under every NumPy release."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError
+
+
+class Draws:
+    """One stream of uniform numbers, fixed by a seed and a name.
+
+    NumPy promises stable streams for its bit generators alone (NEP 19: `Generator` methods may change between
+    releases), so the raw 64-bit words of PCG64 are turned into doubles here.
+    """
+
+    def __init__(self, seed: int, name: str) -> None:
+        """Start the stream.
+
+        Args:
+            seed: Zero or a positive integer.
+            name: Gives streams of their own to families that share a seed.
+        """
+        self._bits = np.random.PCG64(np.random.SeedSequence([check_seed(seed), zlib.crc32(name.encode())]))
+
+    def uniform(self, low: float, high: float, count: int) -> Array:
+        """Draw `count` numbers from [low, high), shape (count,)."""
+        words = self._bits.random_raw(count)
+        unit = (np.asarray(words, dtype=np.uint64) >> np.uint64(11)) * 2.0**-53
+        return np.asarray(low + (high - low) * unit, dtype=np.float64)
+
+
+def check_seed(seed: int) -> int:
+    """Return the seed as an int.
+
+    Raises:
+        InputError: Not a whole number, or negative.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InputError(f"seed must be an integer that is zero or above, got {seed!r}")
+    return int(seed)

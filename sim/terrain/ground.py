@@ -1,0 +1,110 @@
+"""The ground as it is drawn: a floor, solids on it, perhaps a height map; one height query for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.core.errors import Array
+from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.shapes import Box, Shape
+
+Index = NDArray[np.intp]
+
+FLOOR_GAP = 0.01
+"""How far below the lowest point of a height map the endless floor lies, m: no contact is made twice."""
+
+STRIP_DEPTH = 0.05
+"""How far the flat strips' boxes reach below the floor, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A surface z(x, y): the highest of an endless floor, solids and a height map.
+
+    Args:
+        floor: Level of the endless plane, m.
+        shapes: Solids of the rough part.
+        strips: Flat start and stop, as boxes; empty where the floor itself is their level.
+        field: Height map of the rough part, if it is drawn as one.
+    """
+
+    floor: float
+    shapes: tuple[Shape, ...] = ()
+    strips: tuple[Box, ...] = ()
+    field: HeightMap | None = None
+
+    @cached_property
+    def solids(self) -> tuple[Shape, ...]:
+        """All solids, those of the rough part first."""
+        return self.shapes + self.strips
+
+    @cached_property
+    def _boxes(self) -> Array:
+        """Footprint rectangles of the solids, shape (n, 4), m."""
+        return np.array([s.box for s in self.solids]).reshape(-1, 4)
+
+    def _highest(self, x: Array, y: Array) -> tuple[Array, Index]:
+        """Height and index of the solid below each point: -1 floor, -2 height map."""
+        z: Array = np.full(x.shape, self.floor)
+        owner: Index = np.full(x.shape, -1, dtype=np.intp)
+        if self.field is not None:
+            top = self.field.top(x, y)
+            owner[top > z] = -2
+            z = np.maximum(z, top)
+        if x.size == 0 or not self.solids:
+            return z, owner
+        # Points sorted by x: each solid then looks at one slice of them, and most solids at none.
+        order = np.argsort(x, kind="stable")
+        xs, ys = x[order], y[order]
+        first = np.searchsorted(xs, self._boxes[:, 0], side="left")
+        last = np.searchsorted(xs, self._boxes[:, 1], side="right")
+        near = (last > first) & (self._boxes[:, 2] <= ys.max()) & (self._boxes[:, 3] >= ys.min())
+        for i in np.flatnonzero(near):
+            inside = (ys[first[i] : last[i]] >= self._boxes[i, 2]) & (
+                ys[first[i] : last[i]] <= self._boxes[i, 3]
+            )
+            ids = order[first[i] : last[i]][inside]
+            if ids.size:
+                top = self.solids[i].top(x[ids], y[ids])
+                higher = top > z[ids]
+                z[ids[higher]] = top[higher]
+                owner[ids[higher]] = i
+        return z, owner
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height of the ground.
+
+        Args:
+            x: World x, m, any shape.
+            y: World y, m, any shape that broadcasts with x.
+
+        Returns:
+            World z of the surface, m, in the broadcast shape.
+        """
+        bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        return self._highest(bx.ravel(), by.ravel())[0].reshape(bx.shape)
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Outward unit normal of the ground, world frame, in the broadcast shape of x and y plus (3,)."""
+        bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        fx, fy = bx.ravel(), by.ravel()
+        _, owner = self._highest(fx, fy)
+        normals = np.zeros((fx.size, 3))
+        normals[:, 2] = 1.0
+        for i in np.unique(owner[owner != -1]):
+            mine = owner == i
+            part = self.field if i == -2 else self.solids[i]
+            assert part is not None
+            normals[mine] = part.normal(fx[mine], fy[mine])
+        return normals.reshape((*bx.shape, 3))
+
+
+def strip(x0: float, x1: float, width: float, level: float, floor: float) -> Box:
+    """Make a flat box from x0 to x1 with its top at `level`, reaching below the floor, m."""
+    bottom = min(floor, level) - STRIP_DEPTH
+    position = np.array([(x0 + x1) / 2.0, 0.0, (level + bottom) / 2.0])
+    return Box(position, np.array([(x1 - x0) / 2.0, width / 2.0, (level - bottom) / 2.0]), np.eye(3))

@@ -1,0 +1,276 @@
+"""Draw a terrain into a MuJoCo model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.sim.terrain.checks import check_clearance
+from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
+from wbc.sim.terrain.terrain import Rendering, Terrain
+
+TERRAIN_GROUP = 2
+"""Geom group of every terrain geom: MuJoCo's URDF importer uses 0 and 1, and viewers show 0 to 2."""
+
+FIELD_BASE = 0.1
+"""Thickness of a height field below its lowest point, m: nothing falls through at a hard landing."""
+
+SLAB = 0.1
+"""Length of track whose solids share a static body, m, on grounds of many solids.
+
+MuJoCo pairs the world body with every moving body and walks the whole tree of its geoms; bodies of their own are
+sorted out by their bounding boxes first. Two soft soles of 120 spheres, one core, µs a step with all solids in the
+world body / in one body / in slabs of 0.1 m: slats 58 / 28 / 18, cobble stones 83 / 46 / 40, floor tiles
+46 / 44 / 38, small stones 83 / 66 / 62; slabs of 0.05 m gain nothing more.
+"""
+
+FEW_SOLIDS = 100
+"""Up to this many solids each is a body of its own: large floor tiles 45 µs in the world, 22 in slabs, 18 alone."""
+
+_STRIP_COLOUR = (0.55, 0.60, 0.62, 1.0)
+_LOW_COLOUR = np.array([0.40, 0.36, 0.33])
+_HIGH_COLOUR = np.array([0.80, 0.75, 0.66])
+
+_T = mujoco.mjtGeom
+
+
+@dataclass(frozen=True)
+class GroundContact:
+    """How the ground answers a touch, in MuJoCo's terms.
+
+    A sole with a higher `priority` brings its own values (friction as well), and the soft soles do; these are for
+    everything else. The defaults are the paper's sole contact: t = 0.1 ms, zeta = 1, d = 0.99 (eq. 1).
+
+    Args:
+        friction: Sliding coefficient.
+        torsion: Torsional friction, m; MuJoCo's default.
+        rolling: Rolling friction, m; MuJoCo's default.
+        solref: Time constant (s) and damping ratio. With `refsafe` on, MuJoCo raises the time constant to the
+            step (integrator `discrete`) or to two steps (the others).
+        solimp: Impedance: least, greatest, width (m), midpoint, power.
+        condim: Contact dimension: 1, 3, 4 or 6.
+        priority: Compared between the two geoms of a contact.
+        contype: Bit mask.
+        conaffinity: Bit mask.
+    """
+
+    friction: float = 0.7
+    torsion: float = 0.005
+    rolling: float = 0.0001
+    solref: tuple[float, float] = (1e-4, 1.0)
+    solimp: tuple[float, float, float, float, float] = (0.99, 0.99, 0.001, 0.5, 2.0)
+    condim: int = 3
+    priority: int = 0
+    contype: int = 1
+    conaffinity: int = 1
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        for name in ("friction", "torsion", "rolling"):
+            non_negative(f"ground {name}", getattr(self, name))
+        if len(self.solref) != 2:
+            raise InputError(f"ground solref must have 2 values, got {len(self.solref)}")
+        positive("ground solref time constant (s)", self.solref[0])
+        positive("ground solref damping ratio", self.solref[1])
+        if len(self.solimp) != 5:
+            raise InputError(f"ground solimp must have 5 values, got {len(self.solimp)}")
+        for value in self.solimp[:2]:
+            finite_scalar("ground solimp impedance", value, low=0.0, high=1.0)
+        if self.condim not in (1, 3, 4, 6):
+            raise InputError(f"ground condim must be 1, 3, 4 or 6, got {self.condim}")
+
+
+@dataclass(frozen=True)
+class AddedTerrain:
+    """What was drawn.
+
+    Args:
+        terrain: The terrain as drawn; its `height` is what a ray finds.
+        geoms: Names of the geoms.
+        height_field: Name of the height field asset, if there is one.
+        group: Geom group of them all.
+    """
+
+    terrain: Terrain
+    geoms: tuple[str, ...]
+    height_field: str | None
+    group: int
+    ray_groups: Array = field(repr=False, compare=False)
+    """Mask for `mj_ray` that lets rays meet the terrain alone, shape (6,), uint8."""
+
+    @property
+    def rendering(self) -> str:
+        """How it was drawn: "geoms" or "height_field"."""
+        return "geoms" if self.height_field is None else "height_field"
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of the height field."""
+        field = self.terrain.surface.field
+        return 0 if field is None else int(field.z.size)
+
+
+def add_to_spec(
+    spec: mujoco.MjSpec,
+    terrain: Terrain,
+    *,
+    rendering: Rendering | None = None,
+    resolution: float | None = None,
+    sole_radius: float | None = None,
+    contact: GroundContact | None = None,
+    clearance: float | None = None,
+    group: int = TERRAIN_GROUP,
+    prefix: str = "terrain",
+) -> AddedTerrain:
+    """Draw a terrain into the world body of a model.
+
+    Everything is checked before anything is added.
+
+    Args:
+        spec: The model; changed in place.
+        terrain: What to draw.
+        rendering: "geoms", "height_field" or "auto"; the terrain's own when None.
+        resolution: Greatest cell of a height field, m; the terrain's own when None.
+        sole_radius: Radius of the spheres under the soles, m; the terrain's own when None.
+        contact: Contact parameters; the defaults of `GroundContact` when None.
+        clearance: How high the sole is lifted in mid swing, m; a `ClearanceWarning` says if that is too low.
+        group: Geom group of all terrain geoms.
+        prefix: Names are this plus a number.
+
+    Returns:
+        What was added.
+
+    Raises:
+        InputError: Rendering not possible, resolution too coarse (the message names the one needed), or the group
+            or a name is not usable.
+    """
+    if not 0 <= group < mujoco.mjNGROUP:
+        raise InputError(f"geom group must lie in 0..{mujoco.mjNGROUP - 1}, got {group}")
+    if spec.geom(f"{prefix}_floor") is not None:
+        raise InputError(f"the model has a terrain called '{prefix}' already")
+    terrain = replace(
+        terrain,
+        rendering=terrain.rendering if rendering is None else rendering,
+        resolution=terrain.resolution if resolution is None else resolution,
+        sole_radius=terrain.sole_radius if sole_radius is None else sole_radius,
+    )
+    ground = terrain.surface
+    if clearance is not None:
+        check_clearance(terrain, clearance)
+    # Without density the ground adds nothing to the mass of the model.
+    common = _contact_fields(contact or GroundContact()) | {"group": group, "density": 0.0}
+    names = [f"{prefix}_floor"]
+    spec.worldbody.add_geom(
+        name=names[0],
+        type=_T.mjGEOM_PLANE,
+        size=[0, 0, 0.05],
+        pos=[0, 0, ground.floor],
+        rgba=_STRIP_COLOUR,
+        **common,
+    )
+    slabs: dict[int, Any] = {}
+    for i, shape in enumerate(ground.solids):
+        name = f"{prefix}_{i}"
+        colour = _STRIP_COLOUR if i >= len(ground.shapes) else _colour(shape, ground.floor, terrain.amplitude)
+        middle = (shape.box[0] + shape.box[1]) / 2.0
+        key = i if len(ground.shapes) <= FEW_SOLIDS else math.floor(middle / SLAB)
+        if key not in slabs:
+            slabs[key] = spec.worldbody.add_body(name=f"{prefix}_body_{len(slabs)}", pos=[middle, 0, 0])
+        body = slabs[key]
+        body.add_geom(name=name, rgba=colour, **_geom(spec, name, shape, body.pos), **common)
+        names.append(name)
+    asset = None
+    if ground.field is not None:
+        asset = f"{prefix}_field"
+        names.append(asset)
+        spec.worldbody.add_geom(
+            name=asset, rgba=(*_HIGH_COLOUR, 1.0), **_height_field(spec, asset, ground.field), **common
+        )
+    mask = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+    mask[group] = 1
+    return AddedTerrain(terrain, tuple(names), asset, group, mask)
+
+
+def _contact_fields(contact: GroundContact) -> dict[str, Any]:
+    """Return the geom fields of a contact."""
+    return {
+        "friction": [contact.friction, contact.torsion, contact.rolling],
+        "solref": list(contact.solref),
+        "solimp": list(contact.solimp),
+        "condim": contact.condim,
+        "priority": contact.priority,
+        "contype": contact.contype,
+        "conaffinity": contact.conaffinity,
+    }
+
+
+def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:
+    """Shade a solid by the height of its peak."""
+    share = float(np.clip((shape.peak[2] - floor) / amplitude, 0.0, 1.0))
+    return (*(_LOW_COLOUR + share**2 * (_HIGH_COLOUR - _LOW_COLOUR)).tolist(), 1.0)
+
+
+def _quaternion(rotation: Array) -> Array:
+    """MuJoCo quaternion (wxyz) of a rotation matrix, shape (4,)."""
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+    return quaternion
+
+
+def _geom(spec: mujoco.MjSpec, name: str, shape: Shape, origin: Array) -> dict[str, Any]:
+    """Return the geom fields of a solid in a body at `origin` (m); a pyramid adds its mesh to the model."""
+    match shape:
+        case Sphere():
+            return {"type": _T.mjGEOM_SPHERE, "size": [shape.radius, 0, 0], "pos": shape.position - origin}
+        case Ellipsoid():
+            quaternion = _quaternion(shape.rotation)
+            return {
+                "type": _T.mjGEOM_ELLIPSOID,
+                "size": shape.semi_axes,
+                "pos": shape.position - origin,
+                "quat": quaternion,
+            }
+        case Box():
+            quaternion = _quaternion(shape.rotation)
+            return {
+                "type": _T.mjGEOM_BOX,
+                "size": shape.half_size,
+                "pos": shape.position - origin,
+                "quat": quaternion,
+            }
+        case Capsule() | Cylinder():
+            kind = _T.mjGEOM_CAPSULE if isinstance(shape, Capsule) else _T.mjGEOM_CYLINDER
+            return {
+                "type": kind,
+                "size": [shape.radius, 0, 0],
+                "fromto": [*(shape.start - origin), *(shape.end - origin)],
+            }
+        case Pyramid():
+            # Corners about the apex's foot: single precision of the mesh then costs nothing.
+            foot = np.array([shape.apex[0], shape.apex[1], shape.floor])
+            spec.add_mesh(name=name, uservert=(shape.corners - foot).ravel().astype(np.float32))
+            return {"type": _T.mjGEOM_MESH, "meshname": name, "pos": foot - origin}
+        case _:
+            raise InputError(f"no MuJoCo geom for a solid of type {type(shape).__name__}")
+
+
+def _height_field(spec: mujoco.MjSpec, name: str, field: HeightMap) -> dict[str, Any]:
+    """Add a height field asset and return its geom's fields."""
+    low, high = float(field.z.min()), float(field.z.max())
+    rows, columns = field.z.shape
+    # The compiler scales the data to 0..1; a level field has no range and needs any positive one.
+    spec.add_hfield(
+        name=name,
+        nrow=rows,
+        ncol=columns,
+        size=[(field.x1 - field.x0) / 2.0, (field.y1 - field.y0) / 2.0, (high - low) or 1e-3, FIELD_BASE],
+        userdata=(field.z - low).astype(np.float32).ravel(),
+    )
+    position = [(field.x0 + field.x1) / 2.0, (field.y0 + field.y1) / 2.0, low]
+    return {"type": _T.mjGEOM_HFIELD, "hfieldname": name, "pos": position}

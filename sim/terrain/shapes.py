@@ -1,0 +1,358 @@
+"""Solids that grounds are made of, and their upper surface as a height function.
+
+Each solid answers, for vertical lines through (x, y), where the line leaves the solid at the top. The union of
+solids then has the height of the highest one. The formulas are ray–quadric and ray–half-space intersections for
+the ray direction +z.
+"""
+# ruff: noqa: D102 - overrides are documented where they are declared
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wbc.core.errors import Array
+
+_OUTSIDE = -np.inf
+
+
+class Shape(ABC):
+    """A convex solid, placed in the world frame (m)."""
+
+    @property
+    @abstractmethod
+    def box(self) -> tuple[float, float, float, float]:
+        """Rectangle around the footprint: x from, x to, y from, y to, m."""
+
+    @property
+    @abstractmethod
+    def peak(self) -> Array:
+        """A highest point of the solid, shape (3,), m."""
+
+    @abstractmethod
+    def top(self, x: Array, y: Array) -> Array:
+        """Height of the upper surface, m; -inf beside the solid. All arrays have shape (n,)."""
+
+    @abstractmethod
+    def normal(self, x: Array, y: Array) -> Array:
+        """Outward unit normal of the upper surface, shape (n, 3); points must lie inside the footprint."""
+
+
+class Quadric(Shape):
+    """A solid whose curved part is (p - c)ᵀ A (p - c) = 1, written as a quadratic in z."""
+
+    @property
+    @abstractmethod
+    def centre(self) -> Array:
+        """Centre of the quadric, shape (3,), m."""
+
+    @property
+    @abstractmethod
+    def form(self) -> Array:
+        """Symmetric matrix A, shape (3, 3), 1/m²."""
+
+    def upper_root(self, x: Array, y: Array) -> Array:
+        """Height where a vertical line leaves the quadric, m; -inf where it misses."""
+        a, dx, dy = self.form, x - self.centre[0], y - self.centre[1]
+        half = a[0, 2] * dx + a[1, 2] * dy
+        rest = a[0, 0] * dx * dx + 2.0 * a[0, 1] * dx * dy + a[1, 1] * dy * dy - 1.0
+        discriminant = half * half - a[2, 2] * rest
+        root = (np.sqrt(np.maximum(discriminant, 0.0)) - half) / a[2, 2]
+        return np.where(discriminant >= 0.0, self.centre[2] + root, _OUTSIDE)
+
+    def gradient(self, x: Array, y: Array, z: Array) -> Array:
+        """Unit normals of the quadric at points of it, shape (n, 3)."""
+        g = (np.stack([x, y, z], axis=-1) - self.centre) @ self.form
+        return np.asarray(g / np.linalg.norm(g, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(Quadric):
+    """A ball."""
+
+    position: Array
+    radius: float
+
+    @property
+    def centre(self) -> Array:
+        return self.position
+
+    @cached_property
+    def form(self) -> Array:
+        return np.asarray(np.eye(3) / self.radius**2)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        (x, y, _), r = self.position, self.radius
+        return (x - r, x + r, y - r, y + r)
+
+    @property
+    def peak(self) -> Array:
+        return np.asarray(self.position + np.array([0.0, 0.0, self.radius]))
+
+    def top(self, x: Array, y: Array) -> Array:
+        return self.upper_root(x, y)
+
+    def normal(self, x: Array, y: Array) -> Array:
+        return self.gradient(x, y, self.top(x, y))
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoid(Quadric):
+    """An ellipsoid; the columns of `rotation` are its axes in the world frame."""
+
+    position: Array
+    semi_axes: Array
+    rotation: Array
+
+    @property
+    def centre(self) -> Array:
+        return self.position
+
+    @cached_property
+    def form(self) -> Array:
+        return np.asarray(self.rotation @ np.diag(self.semi_axes**-2) @ self.rotation.T)
+
+    @cached_property
+    def _spread(self) -> Array:
+        """Covariance-like matrix A⁻¹: the support in direction u is √(uᵀ A⁻¹ u)."""
+        return np.asarray(self.rotation @ np.diag(self.semi_axes**2) @ self.rotation.T)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        (x, y, _), r = self.position, np.sqrt(np.diag(self._spread))
+        return (x - r[0], x + r[0], y - r[1], y + r[1])
+
+    @property
+    def peak(self) -> Array:
+        column = self._spread[:, 2]
+        return np.asarray(self.position + column / np.sqrt(column[2]))
+
+    def top(self, x: Array, y: Array) -> Array:
+        return self.upper_root(x, y)
+
+    def normal(self, x: Array, y: Array) -> Array:
+        return self.gradient(x, y, self.top(x, y))
+
+
+class _Rod(Quadric):
+    """What a capsule and a cylinder share: an axis from `start` to `end` and a radius."""
+
+    start: Array
+    end: Array
+    radius: float
+
+    @property
+    def centre(self) -> Array:
+        return np.asarray((self.start + self.end) / 2.0)
+
+    @cached_property
+    def half_length(self) -> float:
+        return float(np.linalg.norm(self.end - self.start)) / 2.0
+
+    @cached_property
+    def axis(self) -> Array:
+        """Unit vector from start to end, shape (3,)."""
+        return np.asarray((self.end - self.start) / (2.0 * self.half_length))
+
+    @cached_property
+    def form(self) -> Array:
+        return np.asarray((np.eye(3) - np.outer(self.axis, self.axis)) / self.radius**2)
+
+    def _axial(self, x: Array, y: Array, z: Array) -> Array:
+        """Coordinate along the axis, from the centre, m."""
+        return np.asarray((np.stack([x, y, z], axis=-1) - self.centre) @ self.axis)
+
+    def _tube(self, x: Array, y: Array) -> Array:
+        """Top of the curved wall, m; -inf beside it or past its ends."""
+        z = self.upper_root(x, y)
+        inside = np.abs(self._axial(x, y, np.where(np.isfinite(z), z, 0.0))) <= self.half_length
+        return np.where(inside, z, _OUTSIDE)
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule(_Rod):
+    """A round bar with half balls at its ends; its axis must not be vertical."""
+
+    start: Array
+    end: Array
+    radius: float
+
+    @cached_property
+    def _ends(self) -> tuple[Sphere, Sphere]:
+        return Sphere(self.start, self.radius), Sphere(self.end, self.radius)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        low, high = np.minimum(self.start, self.end), np.maximum(self.start, self.end)
+        r = self.radius
+        return (low[0] - r, high[0] + r, low[1] - r, high[1] + r)
+
+    @property
+    def peak(self) -> Array:
+        return max((ball.peak for ball in self._ends), key=lambda p: float(p[2]))
+
+    def top(self, x: Array, y: Array) -> Array:
+        first, last = self._ends
+        return np.maximum(self._tube(x, y), np.maximum(first.top(x, y), last.top(x, y)))
+
+    def normal(self, x: Array, y: Array) -> Array:
+        z = self.top(x, y)
+        along = np.clip(self._axial(x, y, z), -self.half_length, self.half_length)
+        away = np.stack([x, y, z], axis=-1) - (self.centre + along[:, None] * self.axis)
+        return np.asarray(away / np.linalg.norm(away, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(_Rod):
+    """A round bar with flat ends; its axis must not be vertical."""
+
+    start: Array
+    end: Array
+    radius: float
+
+    @property
+    def _reach(self) -> Array:
+        """Half extents of an end disc along the world axes, shape (3,), m."""
+        return np.asarray(self.radius * np.sqrt(np.maximum(1.0 - self.axis**2, 0.0)))
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        low, high, r = np.minimum(self.start, self.end), np.maximum(self.start, self.end), self._reach
+        return (low[0] - r[0], high[0] + r[0], low[1] - r[1], high[1] + r[1])
+
+    @property
+    def peak(self) -> Array:
+        end = self.start if self.start[2] > self.end[2] else self.end
+        up = np.array([0.0, 0.0, 1.0]) - self.axis[2] * self.axis
+        return np.asarray(end + self.radius * up / np.linalg.norm(up))
+
+    def _disc(self, end: Array, x: Array, y: Array) -> Array:
+        """Height where vertical lines cross the flat end, m; -inf beside it or when the end is vertical."""
+        if abs(self.axis[2]) < 1e-9:
+            return np.full(x.shape, _OUTSIDE)
+        dx, dy = x - end[0], y - end[1]
+        dz = -(self.axis[0] * dx + self.axis[1] * dy) / self.axis[2]
+        return np.where(dx * dx + dy * dy + dz * dz <= self.radius**2, end[2] + dz, _OUTSIDE)
+
+    def top(self, x: Array, y: Array) -> Array:
+        discs = np.maximum(self._disc(self.start, x, y), self._disc(self.end, x, y))
+        return np.maximum(self._tube(x, y), discs)
+
+    def normal(self, x: Array, y: Array) -> Array:
+        z, wall = self.top(x, y), self._tube(x, y)
+        disc = self.axis * np.sign(self.axis[2])
+        curved = self.gradient(x, y, np.where(np.isfinite(wall), wall, self.centre[2] + self.radius))
+        return np.where((wall >= z)[:, None], curved, disc)
+
+
+class Polytope(Shape):
+    """A convex solid bounded by planes: every row of `faces` holds a unit normal n and an offset n·p ≤ c."""
+
+    @property
+    @abstractmethod
+    def corners(self) -> Array:
+        """Corners, shape (k, 3), m."""
+
+    @property
+    @abstractmethod
+    def faces(self) -> Array:
+        """Faces, shape (f, 4): outward unit normal and offset (m)."""
+
+    @cached_property
+    def _upper(self) -> Array:
+        return self.faces[self.faces[:, 2] > 1e-12]
+
+    @cached_property
+    def box(self) -> tuple[float, float, float, float]:
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        return (low[0], high[0], low[1], high[1])
+
+    @property
+    def peak(self) -> Array:
+        return np.asarray(self.corners[np.argmax(self.corners[:, 2])])
+
+    def _exits(self, x: Array, y: Array) -> Array:
+        """Heights of the upper faces' planes along vertical lines, shape (faces, n), m."""
+        f = self._upper
+        return np.asarray((f[:, 3:] - f[:, :1] * x - f[:, 1:2] * y) / f[:, 2:3])
+
+    def top(self, x: Array, y: Array) -> Array:
+        z = self._exits(x, y).min(axis=0)
+        slack = self.faces[:, 3:] - self.faces[:, :1] * x - self.faces[:, 1:2] * y - self.faces[:, 2:3] * z
+        return np.where(slack.min(axis=0) >= -1e-12, z, _OUTSIDE)
+
+    def normal(self, x: Array, y: Array) -> Array:
+        return np.asarray(self._upper[self._exits(x, y).argmin(axis=0), :3])
+
+
+@dataclass(frozen=True, eq=False)
+class Box(Polytope):
+    """A cuboid; the columns of `rotation` are its axes in the world frame."""
+
+    position: Array
+    half_size: Array
+    rotation: Array
+
+    @cached_property
+    def corners(self) -> Array:
+        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=np.float64)
+        return np.asarray(self.position + (signs * self.half_size) @ self.rotation.T)
+
+    @cached_property
+    def faces(self) -> Array:
+        normals = np.concatenate([self.rotation.T, -self.rotation.T])
+        offsets = normals @ self.position + np.tile(self.half_size, 2)
+        return np.column_stack([normals, offsets])
+
+
+@dataclass(frozen=True, eq=False)
+class Pyramid(Polytope):
+    """A square pyramid with a vertical axis, its base reaching `depth` below z = `floor` as a prism."""
+
+    apex: Array
+    floor: float
+    side: float
+    yaw: float
+    depth: float = 0.005
+
+    @cached_property
+    def corners(self) -> Array:
+        angles = self.yaw + np.pi / 4.0 + np.pi / 2.0 * np.arange(4)
+        ring = self.apex[:2] + self.side / np.sqrt(2.0) * np.column_stack([np.cos(angles), np.sin(angles)])
+        layers = [np.column_stack([ring, np.full(4, z)]) for z in (self.floor, self.floor - self.depth)]
+        return np.concatenate([self.apex[None], *layers])
+
+    @cached_property
+    def faces(self) -> Array:
+        angles = self.yaw + np.pi / 2.0 * np.arange(4)
+        out = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(4)])
+        height = self.apex[2] - self.floor
+        slant = out * height + np.array([0.0, 0.0, self.side / 2.0])
+        slant /= np.linalg.norm(slant, axis=1, keepdims=True)
+        down = np.array([[0.0, 0.0, -1.0]])
+        normals = np.concatenate([slant, out, down])
+        base = np.append(self.apex[:2], self.floor)
+        offsets = [*(slant @ self.apex), *(out @ base + self.side / 2.0), self.depth - self.floor]
+        return np.column_stack([normals, offsets])
+
+
+def yaw_rotation(yaw: float) -> Array:
+    """Rotation about the vertical, shape (3, 3), from an angle in rad."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def tilted_rotation(slope_x: float, slope_y: float, yaw: float = 0.0) -> Array:
+    """Axes of a plate whose face rises by `slope_x` along world x and `slope_y` along world y, shape (3, 3).
+
+    The first axis lies above the direction of `yaw` (rad), so that the plate's footprint keeps its heading.
+    """
+    normal = np.array([-slope_x, -slope_y, 1.0])
+    normal /= np.linalg.norm(normal)
+    heading = np.array([np.cos(yaw), np.sin(yaw), slope_x * np.cos(yaw) + slope_y * np.sin(yaw)])
+    heading /= np.linalg.norm(heading)
+    return np.column_stack([heading, np.cross(normal, heading), normal])

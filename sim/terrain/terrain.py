@@ -1,0 +1,332 @@
+"""A terrain: a family with its parameters, an amplitude, a seed and a track; everything follows from these."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import Counter
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, WbcError, choose, finite_scalar, non_negative, positive
+from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, needed_resolution, node_limit, usable_resolution
+from wbc.sim.terrain.draws import Draws, check_seed
+from wbc.sim.terrain.family import (
+    LATERAL_CELLS,
+    Family,
+    FieldFamily,
+    ShapeFamily,
+    Site,
+    cells,
+    make,
+)
+from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
+from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.shapes import Box, Shape
+
+if TYPE_CHECKING:
+    from wbc.sim.terrain.render import AddedTerrain
+
+Rendering = Literal["auto", "geoms", "height_field"]
+RENDERINGS: tuple[Rendering, ...] = ("auto", "geoms", "height_field")
+
+PROFILE_STEP = 0.007
+"""Sampling of profiles, m: the public profiles of the paper's authors have 429 samples on 3 m."""
+
+MEASURED_TOLERANCE = 1e-9
+"""Largest difference between the amplitude asked for and the one built, m."""
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A ground for one walk, in the world frame: x along the track, z up, the robot starting at x = 0.
+
+    Equal terrains are identical grounds on every machine; a terrain is hashable and small to send.
+
+    Args:
+        parameters: The family and its parameters.
+        amplitude: Highest minus lowest point of the rough part, m.
+        seed: Fixes every random draw; the layout does not depend on the amplitude.
+        length: Length of the rough part, m.
+        width: Extent of rough part and strips across, centred on y = 0, m.
+        start: x at which the rough part begins, m.
+        strip: Length of the flat strip before and after the rough part, m.
+        rendering: "geoms" (solids), "height_field", or "auto": solids wherever the family is made of them.
+        resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
+        sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
+    """
+
+    parameters: Family
+    amplitude: float
+    seed: int = 0
+    length: float = 3.0
+    width: float = 1.0
+    start: float = 0.3
+    strip: float = 1.0
+    rendering: Rendering = "auto"
+    resolution: float | None = None
+    sole_radius: float = SOLE_SPHERE_RADIUS
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        if not isinstance(self.parameters, Family):
+            raise InputError(f"parameters must be those of a terrain family, got {self.parameters!r}")
+        amplitude = non_negative(f"amplitude of {self.name} (m)", self.amplitude)
+        if amplitude > self.parameters.largest_amplitude + 1e-12:
+            raise InputError(
+                f"amplitude of {self.name} must be at most {self.parameters.largest_amplitude:g} m "
+                f"with these parameters, got {amplitude:g}"
+            )
+        object.__setattr__(self, "amplitude", amplitude)
+        object.__setattr__(self, "seed", check_seed(self.seed))
+        for name in ("length", "width", "strip"):
+            object.__setattr__(self, name, positive(f"terrain {name} (m)", getattr(self, name)))
+        object.__setattr__(self, "start", finite_scalar("terrain start (m)", self.start))
+        self.parameters.check_track(self.length, self.width)
+        self._check_rendering()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Send the fields alone: what was built is built again."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    def name(self) -> str:
+        """Name of the family."""
+        return self.parameters.name
+
+    @property
+    def stop(self) -> float:
+        """X at which the rough part ends, m."""
+        return self.start + self.length
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Rectangle of rough part and strips: x from, x to, y from, y to, m."""
+        half = self.width / 2.0
+        return (self.start - self.strip, self.stop + self.strip, -half, half)
+
+    def _site(self) -> Site:
+        return Site(self.start, self.stop, self.width, self.amplitude, Draws(self.seed, self.name))
+
+    @property
+    def is_height_field(self) -> bool:
+        """True if the rough part is drawn as a height field."""
+        return self.rendering == "height_field" or isinstance(self.parameters, FieldFamily)
+
+    def _check_rendering(self) -> None:
+        """Check rendering and resolution before anything is built."""
+        choose("terrain rendering", self.rendering, RENDERINGS)
+        if self.rendering == "geoms" and self.is_height_field:
+            raise InputError(f"terrain '{self.name}' is not made of solids; use 'auto' or 'height_field'")
+        if not self.is_height_field and self.resolution is not None:
+            raise InputError(f"terrain '{self.name}' is drawn as solids, which have no resolution")
+        if self.is_height_field:
+            node_limit(self, self.cell)
+
+    @property
+    def cell(self) -> float:
+        """Greatest cell of the height field, m.
+
+        Raises:
+            InputError: The resolution asked for is too coarse; the message names the one needed.
+        """
+        own = self.parameters.grid if isinstance(self.parameters, FieldFamily) else math.inf
+        return usable_resolution(self, self.resolution, self.sole_radius, own)
+
+    @cached_property
+    def surface(self) -> Ground:
+        """The ground as it is drawn; built at the first query."""
+        if isinstance(self.parameters, FieldFamily):
+            return self._from_heights(self.parameters)
+        assert isinstance(self.parameters, ShapeFamily)
+        ground = self._from_shapes(self.parameters)
+        return self._sampled(self.parameters, ground) if self.is_height_field else ground
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Solids of the rough part; empty for height fields."""
+        return self.surface.shapes
+
+    def _strips(self, start: float, stop: float, floor: float) -> tuple[Box, ...]:
+        """Flat start and stop, wherever the floor is not at their level."""
+        x = self.extent
+        spans = ((x[0], self.start, start), (self.stop, x[1], stop))
+        return tuple(strip(a, b, self.width, level, floor) for a, b, level in spans if level != floor)
+
+    def _from_shapes(self, family: ShapeFamily) -> Ground:
+        site = self._site()
+        if self.amplitude == 0.0:
+            return Ground(0.0)
+        shapes, floor = tuple(family.shapes(site)), family.floor(site)
+        built = max((float(s.peak[2]) for s in shapes), default=floor) - floor
+        if abs(built - self.amplitude) > MEASURED_TOLERANCE:
+            raise WbcError(
+                f"terrain family '{self.name}' built {built:g} m for an amplitude of {self.amplitude:g} m"
+            )
+        self._stays_inside(Ground(floor, shapes))
+        return Ground(floor, shapes, self._strips(0.0, family.stop(site), floor))
+
+    def _stays_inside(self, ground: Ground) -> None:
+        """Check along a line just outside the rough part that no solid reaches over it."""
+        half, out = self.width / 2.0, 1e-5
+        x = np.linspace(self.start - out, self.stop + out, cells(self.length, PROFILE_STEP) + 1)
+        y = np.linspace(-half - out, half + out, cells(self.width, PROFILE_STEP) + 1)
+        edges = ((x, -half - out), (x, half + out), (self.start - out, y), (self.stop + out, y))
+        if any((ground.height(a, b) > ground.floor).any() for a, b in edges):
+            raise WbcError(f"terrain family '{self.name}' placed a solid outside the rough part")
+
+    def _from_heights(self, family: FieldFamily) -> Ground:
+        if self.amplitude == 0.0:
+            return Ground(0.0)
+        field, start, stop = family.build(self._site(), self.cell)
+        floor = float(field.z.min()) - FLOOR_GAP
+        return Ground(floor, (), self._strips(start, stop, floor), field)
+
+    def _sampled(self, family: ShapeFamily, ground: Ground) -> Ground:
+        """Draw a ground made of solids as a height field."""
+        half = self.width / 2.0
+        rows = LATERAL_CELLS if family.unidirectional else cells(self.width, self.cell)
+        x = np.linspace(self.start, self.stop, cells(self.length, self.cell) + 1)
+        y = np.linspace(-half, half, rows + 1)
+        # Strips reach to the very edge of the rough part, so they must not be sampled with it.
+        z = Ground(ground.floor, ground.shapes).height(x[None, :], y[:, None])
+        stop = family.stop(self._site()) if self.amplitude > 0.0 else 0.0
+        floor = float(z.min()) - FLOOR_GAP
+        field = HeightMap(self.start, self.stop, -half, half, z)
+        return Ground(floor, (), self._strips(0.0, stop, floor), field)
+
+    def add_to_spec(self, spec: Any, **options: Any) -> AddedTerrain:
+        """Draw the terrain into a MuJoCo model; see `wbc.sim.terrain.render.add_to_spec`."""
+        from wbc.sim.terrain.render import add_to_spec  # noqa: PLC0415 - the one place that needs MuJoCo
+
+        return add_to_spec(spec, self, **options)
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height of the ground as it is drawn.
+
+        Args:
+            x: World x, m, any shape.
+            y: World y, m, any shape that broadcasts with x.
+
+        Returns:
+            World z, m, in the broadcast shape.
+        """
+        return self.surface.height(x, y)
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Outward unit normal of the ground, world frame, in the broadcast shape of x and y plus (3,)."""
+        return self.surface.normal(x, y)
+
+    def profile(
+        self, x0: float | None = None, x1: float | None = None, y: float = 0.0, step: float = PROFILE_STEP
+    ) -> tuple[Array, Array]:
+        """Sample the ground along a straight line parallel to x.
+
+        Args:
+            x0: First point, m; the start of the rough part when None.
+            x1: Last point, m; the end of the rough part when None.
+            y: Where the line runs, m.
+            step: Distance between samples, m; the last one stays at or before x1.
+
+        Returns:
+            x and z of the samples, each of shape (n,), m.
+
+        Raises:
+            InputError: x1 is not beyond x0, or the step is not positive.
+        """
+        a = finite_scalar("profile x0 (m)", self.start if x0 is None else x0)
+        b = finite_scalar("profile x1 (m)", self.stop if x1 is None else x1, low=a, open_low=True)
+        spacing = positive("profile step (m)", step)
+        x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + 1e-9) + 1))
+        return x, self.height(x, finite_scalar("profile y (m)", y))
+
+    def fingerprint(self, step: float = 0.01) -> str:
+        """Hash the heights, rounded to 1 µm, on a grid over the track: equal on every machine, hex digits.
+
+        The grid is laid off the edges of rough part and solids by an odd fraction of the step.
+        """
+        x0, x1, y0, y1 = self.extent
+        x = np.arange(x0 + 0.3183 * step, x1, step)
+        y = np.arange(y0 + 0.3183 * step, y1, step)
+        z = np.round(self.height(x[None, :], y[:, None]) * 1e6).astype("<i8")
+        return hashlib.sha256(z.tobytes()).hexdigest()[:16]
+
+    def describe(self) -> dict[str, Any]:
+        """Say everything about the terrain in JSON-able values; names carry the units."""
+        ground = self.surface
+        map_ = ground.field
+        needed = needed_resolution(self.parameters.smallest_feature, self.sole_radius)
+        return {
+            "terrain": self.name,
+            "summary": self.parameters.summary(),
+            "amplitude_m": self.amplitude,
+            "seed": self.seed,
+            "parameters": {
+                f.name: jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)
+            },
+            "start_m": self.start,
+            "length_m": self.length,
+            "width_m": self.width,
+            "strip_m": self.strip,
+            "unidirectional": self.parameters.unidirectional,
+            "rendering": "geoms" if map_ is None else "height_field",
+            "geoms": dict(Counter(type(s).__name__.lower() for s in ground.solids)),
+            "nodes": None if map_ is None else list(map_.z.shape),
+            "cell_m": None if map_ is None else list(map_.step),
+            "height_field_bytes": 0 if map_ is None else map_.nbytes,
+            "smallest_feature_m": self.parameters.smallest_feature,
+            "resolution_needed_m": needed,
+            **({} if self.amplitude == 0.0 else self.parameters.facts(self._site())),
+            "fingerprint": self.fingerprint(),
+        }
+
+
+def jsonable(value: Any) -> Any:
+    """Return numbers, text and truth values as they are, anything else as text."""
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+
+
+def terrain(
+    name: str,
+    amplitude: float | None = None,
+    seed: int = 0,
+    *,
+    length: float | None = None,
+    width: float | None = None,
+    start: float | None = None,
+    strip: float | None = None,
+    rendering: Rendering = "auto",
+    resolution: float | None = None,
+    sole_radius: float = SOLE_SPHERE_RADIUS,
+    **params: Any,
+) -> Terrain:
+    """Make a terrain from the name of its family.
+
+    Args:
+        name: One of `families()`.
+        amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
+        seed: Fixes every random draw.
+        length: Length of the rough part, m; 3 m (or the image's) when None.
+        width: Extent across, m; 1 m (or the image's) when None.
+        start: x at which the rough part begins, m; 0.3 m when None.
+        strip: Length of the flat strips, m; 1 m when None.
+        rendering: "geoms", "height_field" or "auto"; see `Terrain`.
+        resolution: Greatest cell of a height field, m.
+        sole_radius: Radius of the spheres under the sole, m.
+        **params: Parameters of the family.
+
+    Raises:
+        UnknownNameError: No such family, or it has no such parameter.
+        InputError: A value is out of range.
+    """
+    parameters = make(name, params)
+    asked = {"length": length, "width": width, "start": start, "strip": strip}
+    track = parameters.track() | {key: value for key, value in asked.items() if value is not None}
+    height = parameters.default_amplitude if amplitude is None else amplitude
+    return Terrain(
+        parameters, height, seed, rendering=rendering, resolution=resolution, sole_radius=sole_radius, **track
+    )
