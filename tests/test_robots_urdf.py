@@ -145,8 +145,9 @@ def test_xml_and_file_are_the_same_robot(tmp_path: Path) -> None:
         ),
         '<collision><origin xyz="0.03 0 -0.05"/><geometry><cylinder radius="0.09" length="0.02"/></geometry>'
         "</collision>" + FOOT_BOX,
+        FOOT_BOX + '<collision><geometry><box size="0.30 0.30 0.10"/></geometry></collision>',
     ],
-    ids=["visual", "turned box", "four spheres", "cylinder under a box"],
+    ids=["visual", "turned box", "four spheres", "cylinder around a box", "wide shape above"],
 )  # fmt: skip
 def test_sole_rectangle_from_any_shape(shape: str) -> None:
     description = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
@@ -241,6 +242,17 @@ def test_continuous_and_mimic_joints_become_ordinary_ones() -> None:
     said = "\n".join(description.derived)
     assert "'l_elbow': continuous" in said
     assert "'r_elbow': mimic" in said
+
+
+def test_friction_of_the_urdf_does_not_reach_mujoco_alone() -> None:
+    xml = biped(geometry=FOOT_BOX).replace("<limit", '<dynamics damping="1.5" friction="0.5"/><limit')
+    description = RobotDescription.from_urdf(xml, **FEET)
+    spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
+    spec.worldbody.first_body().add_freejoint()
+    model = spec.compile()
+    assert not model.dof_damping.any()
+    assert not model.dof_frictionloss.any()
+    assert "friction that the URDF gives 18 joints" in "\n".join(description.derived)
 
 
 def test_missing_limits_come_from_mass_and_size() -> None:
