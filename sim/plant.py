@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.conventions import configuration_to_mujoco
+from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
 from wbc.core.errors import (
     Array,
     InputError,
@@ -66,7 +66,8 @@ class Plant:
     implicitly. Torque control: τ alone. Both are limited to the torque of the description.
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are those of
-    the physics step that ended now, because that is when they acted.
+    the physics step that ended now, because that is when they acted. The force sensor sits above the foot: as with
+    a real one, the weight of a foot that has mass of its own is missing from what it says of the ground.
 
     Attributes:
         description: The robot as data.
@@ -166,16 +167,24 @@ class Plant:
         """Simulated time since the start, s."""
         return self.ticks * self.control_period
 
-    def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
-        """Start anew at rest, servos holding the configuration, no pushes, clocks at zero.
+    def reset(
+        self,
+        configuration: ArrayLike | None = None,
+        seed: int | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+    ) -> None:
+        """Start anew, servos holding the configuration, no pushes, clocks at zero.
 
         Args:
             configuration: Where the robot starts, shape (nq,), used as it is; half-sitting on the ground when None.
             seed: New seed; the same as before when None.
+            velocity: How it starts, shape (nv,), base in the base frame; at rest when None.
 
         Raises:
-            InputError: A configuration of the wrong shape, not finite or without orientation.
+            InputError: A configuration or velocity of the wrong shape, not finite or without orientation.
         """
+        v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
         if configuration is None:
             q = self.on_ground(self.robot.half_sitting)
         else:
@@ -189,6 +198,8 @@ class Plant:
         data = self.data
         mujoco.mj_resetData(self.model, data)
         configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        if v is not None:
+            velocity_to_mujoco(q, v, self._plant.joint_dof, out=data.qvel)
         for stiffness in self._stiffness:
             if stiffness is not None:
                 stiffness.reset()
