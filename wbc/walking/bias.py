@@ -107,7 +107,7 @@ class BiasEstimator:
         if self._fresh:
             known = s.initial_std**2
             self._state = np.array([dcm[0], dcm[1], 0.0, 0.0])
-            self._covariance = np.kron([[known + noise, -known], [-known, known]], np.eye(2))
+            self._covariance[:] = np.kron([[known + noise, -known], [-known, known]], np.eye(2))
             self._fresh = False
         else:
             self._predict(_rotation(yaw - self._yaw), omega, dt)
@@ -117,7 +117,7 @@ class BiasEstimator:
             gain = np.linalg.solve(innovation_covariance, cross.T).T
             self._state += gain @ (np.asarray(dcm[:2]) - self._state[:2] - self._state[2:])
             covariance: Array = self._covariance - gain @ cross.T
-            self._covariance = np.asarray(0.5 * (covariance + covariance.T), dtype=np.float64)
+            self._covariance = 0.5 * (covariance + covariance.T)
         self._yaw = yaw
         self._zmp[:] = zmp[:2]
         self._clamp()
