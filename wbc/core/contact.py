@@ -78,6 +78,7 @@ class Contact(ABC):
         frame: Frame of the robot that is in contact.
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
+        free: Mask of the axes that are not held, shape (dim,).
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,).
         stiffness: Pull back to where the contact was made, 1/s².
@@ -129,12 +130,12 @@ class Contact(ABC):
                 f"wrench weight of contact '{name}' must be ≥ 0, scalar or ({self.dim},), got {weight}"
             )
         self.wrench_weight = np.array(np.broadcast_to(weight, (self.dim,)))
-        self._held = np.ones(self.dim, dtype=bool)
+        self.free = np.zeros(self.dim, dtype=bool)
         for axis in free_axes:
             if axis not in AXES[: self.dim] or axis == AXES[self.force_axis]:
                 choices = ", ".join(a for i, a in enumerate(AXES[: self.dim]) if i != self.force_axis)
                 raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
-            self._held[AXES.index(axis)] = False
+            self.free[AXES.index(axis)] = True
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
         self._active = bool(active)
         self._robot: Robot | None = None
@@ -164,7 +165,7 @@ class Contact(ABC):
     @property
     def held_axes(self) -> tuple[str, ...]:
         """Axes along which the frame is held."""
-        return tuple(axis for axis, held in zip(AXES, self._held, strict=False) if held)
+        return tuple(axis for axis, free in zip(AXES, self.free, strict=False) if not free)
 
     def bind(self, robot: Robot) -> None:
         """Resolve the frame and remember where the contact is.
@@ -173,6 +174,7 @@ class Contact(ABC):
             UnknownNameError: The robot has no such frame.
         """
         self._robot = robot
+        self._model, self._data = robot.model, robot.data
         self._id = robot.frame_id(self.frame)
         self._placement = robot.data.oMf[self._id]
         if self.max_force is None:
@@ -200,12 +202,13 @@ class Contact(ABC):
         return min(self.min_force, 0.5 * high), high
 
     @abstractmethod
-    def write_motion(self, jacobian: Array, acceleration: Array) -> None:
-        """Fill the motion rows of an engaged contact.
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the motion rows of an engaged contact; the controller makes a reference of them as of a task's.
 
         Args:
             jacobian: To fill: Jacobian dual to the force variables, shape (dim, nv).
-            acceleration: To fill: what Jacobian · acceleration must equal, shape (dim,).
+            error: To fill: place of the contact − present place, m and rad, shape (dim,).
+            drift: To fill: acceleration at zero generalised acceleration, shape (dim,).
         """
 
     def _set_load(self, load: float, *, engage: bool = False) -> None:
@@ -288,8 +291,8 @@ class SoleContact(Contact):
                 f"{sole.length} × {sole.width} m; got {self._margin} m"
             )
         self.set_rectangle(sole.length, sole.width)
-        self._local = pin.LOCAL
         super().bind(robot)
+        self._local = pin.LOCAL
 
     def set_rectangle(self, length: float, width: float) -> None:
         """Bound the CoP to a rectangle of the given full size around the sole centre, less the margin, m.
@@ -302,16 +305,12 @@ class SoleContact(Contact):
         )
         self.revision += 1
 
-    def write_motion(self, jacobian: Array, acceleration: Array) -> None:
-        """Fill the motion rows in the sole frame; see `Contact.write_motion`."""
-        robot = self._robot
-        assert robot is not None
-        jacobian[:] = pin.getFrameJacobian(robot.model, robot.data, self._id, self._local)
-        error = pin.log6(self._placement.actInv(self._target)).vector
-        np.dot(jacobian, robot.v, out=acceleration)
-        acceleration *= -self.damping
-        acceleration += self.stiffness * error
-        acceleration -= pin.getFrameAcceleration(robot.model, robot.data, self._id, self._local).vector
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the motion rows in the sole frame; see `Contact.evaluate`."""
+        model, data, local = self._model, self._data, self._local
+        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
+        error[:] = pin.log6(self._placement.actInv(self._target)).vector
+        drift[:] = pin.getFrameAcceleration(model, data, self._id, local).vector
 
 
 class PointContact(Contact):
@@ -372,15 +371,9 @@ class PointContact(Contact):
             free_axes=free_axes,
         )
 
-    def write_motion(self, jacobian: Array, acceleration: Array) -> None:
-        """Fill the motion rows in the contact frame; see `Contact.write_motion`."""
-        robot = self._robot
-        assert robot is not None
-        world = pin.LOCAL_WORLD_ALIGNED
-        full = pin.getFrameJacobian(robot.model, robot.data, self._id, world)
-        np.dot(self._world_to_contact, full[:3], out=jacobian)
-        drift = pin.getFrameClassicalAcceleration(robot.model, robot.data, self._id, world).linear
-        pull = self.stiffness * (self._target.translation - self._placement.translation) - drift
-        np.dot(jacobian, robot.v, out=acceleration)
-        acceleration *= -self.damping
-        acceleration += self._world_to_contact @ pull
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the motion rows in the contact frame; see `Contact.evaluate`."""
+        model, data, world, turn = self._model, self._data, pin.LOCAL_WORLD_ALIGNED, self._world_to_contact
+        np.dot(turn, pin.getFrameJacobian(model, data, self._id, world)[:3], out=jacobian)
+        np.dot(turn, self._target.translation - self._placement.translation, out=error)
+        drift[:] = turn.dot(pin.getFrameClassicalAcceleration(model, data, self._id, world).linear)

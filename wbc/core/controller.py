@@ -23,6 +23,7 @@ import numpy as np
 from wbc.core.contact import Contact
 from wbc.core.errors import Array, InputError, non_negative, positive, unknown_name
 from wbc.core.limits import JointLimits, RowLimit, TorqueLimits
+from wbc.core.problem import Problem
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Measurement
 from wbc.core.solution import Layout, Solution, Timings
@@ -35,53 +36,21 @@ ItemT = TypeVar("ItemT", bound=Item)
 
 
 @dataclass(slots=True)
-class Problem:
-    """Arrays of the quadratic program, with their layout.
-
-    Attributes:
-        nv: Number of accelerations.
-        na: Number of joints; the first na inequality rows are the torques.
-        hessian: H, shape (n, n).
-        gradient: g, shape (n,).
-        equality: A, shape (n_eq, n): base dynamics, contact motion, hard tasks.
-        equality_rhs: b, shape (n_eq,).
-        inequality: C, shape (n_in, n): torques, joint accelerations, wrench cones, row limits.
-        lower: l, shape (n_in,).
-        upper: u, shape (n_in,).
-        contacts: Contact name → slice of the variables.
-        groups: Name → slice of the equality rows, then of the inequality rows, for diagnosis.
-    """
-
-    nv: int
-    na: int
-    hessian: Array
-    gradient: Array
-    equality: Array
-    equality_rhs: Array
-    inequality: Array
-    lower: Array
-    upper: Array
-    contacts: dict[str, slice]
-    equality_groups: dict[str, slice]
-    inequality_groups: dict[str, slice]
-
-    @property
-    def torque_matrix(self) -> Array:
-        """Rows T with joint torques τ = T x + joint bias, shape (na, n)."""
-        return self.inequality[: self.na]
-
-
-@dataclass(slots=True)
 class _ContactSlot:
+    """Where one contact stands in the problem, and which of its values are written there."""
+
     contact: Contact
-    jacobian: Array  # (dim, nv), the motion rows of the contact
-    force: Array  # (dim, dim), the same rows over the contact's own force
-    rhs: Array  # (dim,)
+    jacobian: Array
+    error: Array
+    drift: Array
+    force: Array  # the motion rows over the contact's own force
+    cone: Array  # the cone rows over the contact's own force
     cone_upper: Array
-    normal: slice
-    revision: int
-    engaged: bool | None
-    rows: slice
+    normal_lower: Array
+    normal_upper: Array
+    partly_free: bool
+    revision: int = -1
+    engaged: bool | None = None
 
 
 class Controller:
@@ -247,56 +216,56 @@ class Controller:
         motion = [t for t in self._tasks if isinstance(t, MotionTask)]
         selection = [t for t in self._tasks if isinstance(t, SelectionTask)]
         variable = [t for t in self._tasks if isinstance(t, VariableTask)]
-        soft_motion, hard_motion = [t for t in motion if not t.hard], [t for t in motion if t.hard]
-        hard = [*hard_motion, *(t for t in selection if t.hard), *(t for t in variable if t.hard)]
+        hard_first = [t for t in (*selection, *variable) if t.hard]
+        hard_motion = [t for t in motion if t.hard]
+        soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
 
         n_force = sum(c.dim for c in self._contacts)
         n = nv + n_force
-        n_eq = BASE_DOF + n_force + sum(t.dim for t in hard)
+        n_eq = BASE_DOF + n_force + sum(t.dim for t in (*hard_first, *hard_motion))
         n_joint = na if self._joint_limits is not None else 0
-        n_cone = sum(c.cone.shape[0] + 1 for c in self._contacts)
-        n_in = na + n_joint + n_cone + sum(limit.dim for limit in self._row_limits)
-        p = Problem(
-            nv,
-            na,
-            np.zeros((n, n)),
-            np.zeros(n),
-            np.zeros((n_eq, n)),
-            np.zeros(n_eq),
-            np.zeros((n_in, n)),
-            np.full(n_in, -np.inf),
-            np.full(n_in, np.inf),
-            {},
-            {"floating-base dynamics": slice(0, BASE_DOF)},
-            {"torque limits": slice(0, na)},
+        n_in = (
+            na
+            + n_joint
+            + sum(c.cone.shape[0] + 1 for c in self._contacts)
+            + sum(r.dim for r in self._row_limits)
         )
-        self.problem = p
+        self.problem = p = Problem(nv, na, n, n_eq, sum(t.dim for t in soft), n_in)
+        p.equality_groups["floating-base dynamics"] = slice(0, BASE_DOF)
+        p.inequality_groups["torque limits"] = slice(0, na)
 
-        # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
-        self._base_mass, self._base_force = p.equality[:BASE_DOF, :nv], p.equality[:BASE_DOF, nv:]
-        self._joint_mass, self._joint_force = p.inequality[:na, :nv], p.inequality[:na, nv:]
-        self._base_rhs = p.equality_rhs[:BASE_DOF]
-        contact_rows = slice(BASE_DOF, BASE_DOF + n_force)
-        self._contact_base_t = p.equality[contact_rows, :BASE_DOF].T
-        self._contact_joint_t = p.equality[contact_rows, BASE_DOF:nv].T
-        self._torque_lower, self._torque_upper = p.lower[:na], p.upper[:na]
-        self._torque_bounds = (np.full(na, -np.inf), np.full(na, np.inf))
+        # The equalities that are no motion come first, so that contacts, hard and soft motion tasks are neighbours
+        # and share their arithmetic: one product with v, one chain of vector operations.
+        at = BASE_DOF
+        slices: dict[str, slice] = {}
+        for task in hard_first:
+            slices[task.name] = slice(at, at + task.dim)
+            p.equality_groups[f"hard task '{task.name}'"] = slices[task.name]
+            at += task.dim
+        start = at
+        self._block = slice(start, p.n_eq + p.n_soft)
+        self._block_matrix, self._block_target = p.rows[self._block, :nv], p.target[self._block]
+        self._rows, self._scratch = Rows.zeros(self._block_target.size), np.zeros(self._block_target.size)
+        p.soft_weight = self._rows.weight[p.n_eq - start :]
+
+        names = [f"torque of {j}" for j in robot.joint_names]
+        names += [f"limits of {j}" for j in robot.joint_names] if n_joint else []
         if n_joint:
             rows = slice(na, 2 * na)
             p.inequality[rows, BASE_DOF:nv] = np.eye(na)
             p.inequality_groups["joint limits"] = rows
         self._joint_bounds = (p.lower[na : na + n_joint], p.upper[na : na + n_joint])
 
-        row, col, cone_row = BASE_DOF, nv, na + n_joint
+        col, cone_row = nv, na + n_joint
         self._slots: list[_ContactSlot] = []
-        names = [f"torque of {j}" for j in robot.joint_names]
-        names += [f"limits of {j}" for j in robot.joint_names] if n_joint else []
-        self._force_diagonal = np.zeros(n_force)
         for contact in self._contacts:
-            rows, cols = slice(row, row + contact.dim), slice(col, col + contact.dim)
+            rows, cols = slice(at, at + contact.dim), slice(col, col + contact.dim)
+            view = self._rows.view(slice(at - start, at - start + contact.dim))
+            view.stiffness[:], view.damping[:] = contact.stiffness, contact.damping
             cone_rows = slice(cone_row, cone_row + contact.cone.shape[0])
             normal = slice(cone_rows.stop, cone_rows.stop + 1)
             p.inequality[normal, col + contact.force_axis] = 1.0
+            p.diagonal[cols] = contact.wrench_weight
             p.contacts[contact.name] = cols
             p.equality_groups[f"motion of contact '{contact.name}'"] = rows
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(
@@ -305,21 +274,58 @@ class Controller:
             names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0] + [
                 f"normal force of {contact.name}"
             ]
-            self._force_diagonal[col - nv : col - nv + contact.dim] = contact.wrench_weight
-            self._slots.append(
-                _ContactSlot(
-                    contact,
-                    p.equality[rows, :nv],
-                    p.equality[rows, cols],
-                    p.equality_rhs[rows],
-                    p.upper[cone_rows],
-                    normal,
-                    -1,
-                    None,
-                    cone_rows,
-                )
+            slot = _ContactSlot(
+                contact,
+                p.equality[rows, :nv],
+                view.error,
+                view.drift,
+                p.equality[rows, cols],
+                p.inequality[cone_rows, cols],
+                p.upper[cone_rows],
+                p.lower[normal],
+                p.upper[normal],
+                bool(contact.free.any()),
             )
-            row, col, cone_row = rows.stop, cols.stop, normal.stop
+            self._slots.append(slot)
+            at, col, cone_row = rows.stop, cols.stop, normal.stop
+        contact_rows = slice(start, at)
+
+        self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
+        self._variable: list[tuple[VariableTask, Array, Array]] = []
+        for task in (*hard_motion, *soft):
+            rows = slices[task.name] = slice(at, at + task.dim)
+            view = self._rows.view(slice(at - start, at - start + task.dim))
+            task.attach(view)
+            if isinstance(task, MotionTask):
+                self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
+            elif isinstance(task, VariableTask):
+                self._variable.append((task, p.rows[rows], p.target[rows]))
+            if task.hard:
+                p.equality_groups[f"hard task '{task.name}'"] = rows
+            at = rows.stop
+        for task in hard_first:
+            if isinstance(task, VariableTask):
+                self._variable.append((task, p.rows[slices[task.name]], p.target[slices[task.name]]))
+        for variable_task, _, _ in self._variable:
+            variable_task.bind_problem(p)
+
+        n_selected = sum(t.dim for t in selection)
+        self._selected, self._selected_target = Rows.zeros(n_selected), np.zeros(n_selected)
+        self._selected_velocity = np.zeros(n_selected)
+        self._selection: list[tuple[SelectionTask, Array, slice, Array | None]] = []
+        at = 0
+        for task in selection:
+            rows = slice(at, at + task.dim)
+            view = self._selected.view(rows)
+            task.attach(view)
+            own = None
+            if task.hard:
+                p.equality[slices[task.name], np.arange(nv)[task.columns]] = np.eye(task.dim)
+                own = p.target[slices[task.name]]
+            else:
+                slices[task.name] = slice(p.rows.shape[0] + at, p.rows.shape[0] + rows.stop)
+            self._selection.append((task, view.error, rows, own))
+            at = rows.stop
 
         self._row_blocks = []
         for limit in self._row_limits:
@@ -329,54 +335,20 @@ class Controller:
             names += [limit.name] * limit.dim
             cone_row = rows.stop
 
-        # Row values of all tasks stand together: soft motion, hard motion, selections, tasks on all variables.
-        ordered = [*soft_motion, *hard_motion, *selection, *variable]
-        total = sum(t.dim for t in ordered)
-        self._rows = Rows.zeros(total)
-        self._reference, self._velocity = np.zeros(total), np.zeros(total)
-        self._residual = np.zeros(total)
-        n_soft, n_hard = sum(t.dim for t in soft_motion), sum(t.dim for t in hard_motion)
-        self._jacobian, self._weighted = np.zeros((n_soft, nv)), np.zeros((n_soft, nv))
-        self._weighted_reference = np.zeros(n_soft)
-        self._gram = np.zeros((nv, nv))
-        self._soft, self._hard = slice(0, n_soft), slice(n_soft, n_soft + n_hard)
-        hard_rows = slice(row, row + n_hard)
-        self._hard_jacobian, self._hard_rhs = p.equality[hard_rows, :nv], p.equality_rhs[hard_rows]
-        self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
-        self._selection: list[tuple[SelectionTask, Array, slice]] = []
-        self._hard_selection: list[tuple[Array, slice]] = []
-        self._variable: list[tuple[VariableTask, Array, Array, slice]] = []
-        at, slices, units = 0, {}, {}
-        for task in ordered:
-            rows = slice(at, at + task.dim)
-            view = self._rows.view(rows)
-            task.attach(view)
-            slices[task.name], units[task.name] = rows, task.unit
-            own = slice(row, row + task.dim)
-            if isinstance(task, MotionTask):
-                jacobian = p.equality[own, :nv] if task.hard else self._jacobian[rows]
-                self._motion.append((task, jacobian, view.error, view.drift))
-            elif isinstance(task, SelectionTask):
-                self._selection.append((task, view.error, rows))
-                if task.hard:
-                    p.equality[own, np.arange(nv)[task.columns]] = np.eye(task.dim)
-                    self._hard_selection.append((p.equality_rhs[own], rows))
-            else:
-                matrix = p.equality[own] if task.hard else np.zeros((task.dim, n))
-                reference = p.equality_rhs[own] if task.hard else self._reference[rows]
-                self._variable.append((task, matrix, reference, rows))
-            if task.hard:
-                p.equality_groups[f"hard task '{task.name}'"] = own
-                row = own.stop
-            at = rows.stop
-        for task, _, _, _ in self._variable:
-            task.bind_problem(p)
+        # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
+        self._base_mass, self._base_force = p.equality[:BASE_DOF, :nv], p.equality[:BASE_DOF, nv:]
+        self._joint_mass, self._joint_force = p.inequality[:na, :nv], p.inequality[:na, nv:]
+        self._contact_base_t = p.equality[contact_rows, :BASE_DOF].T
+        self._contact_joint_t = p.equality[contact_rows, BASE_DOF:nv].T
+        self._base_target = p.target[:BASE_DOF]
+        self._torque_lower, self._torque_upper = p.lower[:na], p.upper[:na]
+        self._torque_bounds = (np.zeros(na), np.zeros(na))
+        self._torque_rows = slice(p.n_eq + p.n_soft, p.n_eq + p.n_soft + na)
+        self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
 
-        self._diagonal = np.zeros(n)
-        self._diagonal[nv:] = self._force_diagonal
-        self._hessian_diagonal = p.hessian.reshape(-1)[:: n + 1]
+        units = {task.name: task.unit for task in self._tasks}
         self._layout = Layout(nv, p.contacts, slices, units, tuple(names))
-        self._solver = QpSolver(n, n_eq, n_in, self._settings)
+        self._solver = QpSolver(p, self._settings)
         self._torques: Array | None = None
         self._dirty = False
 
@@ -409,26 +381,23 @@ class Controller:
         if measurement is not None:
             for task in self._tasks:
                 task.observe(measurement, self.dt)
-        p = self.problem
         self._assemble()
         assembled = perf_counter()
         solver = self._solver
-        status = solver.solve(
-            p.hessian, p.gradient, p.equality, p.equality_rhs, p.inequality, p.lower, p.upper
-        )
+        status = solver.solve()
         solved = perf_counter()
+        last = self._solution
         if status.ok:
             x = solver.x.copy()
-            self._torques = torques = solver.rows[: p.na] + self.robot.bias[BASE_DOF:]
+            self._torques = torques = solver.values[self._torque_rows] + self.robot.bias[BASE_DOF:]
             residual = self._residuals(x)
-            multipliers = solver.z.copy()
+            multipliers = solver.multipliers.copy()
         else:
-            last = self._solution
-            x = np.zeros(p.gradient.size) if last is None else last.variables
+            known = last is not None and last.variables.size == solver.x.size
+            x = last.variables if last is not None and known else np.zeros(solver.x.size)
             torques = np.array(self.robot.bias[BASE_DOF:]) if last is None else last.torques
-            residual, multipliers = np.full(self._residual.size, np.nan), np.zeros(solver.z.size)
-            if x.size != p.gradient.size:
-                x = np.zeros(p.gradient.size)
+            residual = np.full(self.problem.rows.shape[0] + self._selected_target.size, np.nan)
+            multipliers = np.zeros(solver.multipliers.size)
         timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)
         self._solution = solution = Solution(
             status, x, torques, solver.iterations, timings, self._layout, residual, multipliers
@@ -444,65 +413,43 @@ class Controller:
 
     def _assemble(self) -> None:
         """Write the present state of everything into the problem."""
-        robot, p, rows = self.robot, self.problem, self._rows
-        nv, dt = p.nv, self.dt
+        robot, dt = self.robot, self.dt
+        v, bias = robot.v, robot.bias
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
         self._base_mass[:] = mass[:BASE_DOF]
         self._joint_mass[:] = mass[BASE_DOF:]
+        np.negative(bias[:BASE_DOF], out=self._base_target)
         for slot in self._slots:
             self._write_contact(slot, dt)
         np.negative(self._contact_base_t, out=self._base_force)
         np.negative(self._contact_joint_t, out=self._joint_force)
-        bias = robot.bias
-        np.negative(bias[:BASE_DOF], out=self._base_rhs)
 
         for motion, jacobian, error, drift in self._motion:
             motion.evaluate(jacobian, error, drift)
-        for selection, error, _ in self._selection:
-            selection.evaluate(error)
-        velocity, reference = self._velocity, self._reference
-        np.dot(self._jacobian, robot.v, out=velocity[self._soft])
-        if self._hard_rhs.size:
-            np.dot(self._hard_jacobian, robot.v, out=velocity[self._hard])
-        for selection, _, block in self._selection:
-            velocity[block] = robot.v[selection.columns]
-        np.subtract(rows.velocity, velocity, out=reference)
-        reference *= rows.damping
-        np.multiply(rows.stiffness, rows.error, out=velocity)
-        reference += velocity
-        reference += rows.acceleration
-        reference -= rows.drift
-        if self._hard_rhs.size:
-            self._hard_rhs[:] = reference[self._hard]
-        for rhs, block in self._hard_selection:
-            rhs[:] = reference[block]
+        reference(self._rows, np.dot(self._block_matrix, v, out=self._scratch), self._block_target)
+        for task, matrix, target in self._variable:
+            task.evaluate(matrix, target)
 
-        root = np.sqrt(rows.weight[self._soft])
-        np.multiply(self._jacobian, root[:, None], out=self._weighted)
-        np.multiply(reference[self._soft], root, out=self._weighted_reference)
-        weighted = self._weighted
-        np.dot(weighted.T, weighted, out=self._gram)
-        gradient, hessian, diagonal = p.gradient, p.hessian, self._diagonal
-        np.dot(self._weighted_reference, weighted, out=gradient[:nv])
-        diagonal[:nv] = self._regularisation
-        for selection, _, block in self._selection:
-            if not selection.hard:
-                weight = rows.weight[block]
-                diagonal[selection.columns] += weight
-                gradient[selection.columns] += weight * reference[block]
-        if self._variable:
-            self._assemble_variable_tasks()
-        else:
-            hessian[:nv, :nv] = self._gram
-            self._hessian_diagonal[nv:] = 0.0
-            gradient[nv:] = 0.0
-        self._hessian_diagonal += diagonal
-        np.negative(gradient, out=gradient)
+        self._acceleration_diagonal[:] = self._regularisation
+        self._linear[:] = 0.0
+        velocity, wanted = self._selected_velocity, self._selected_target
+        for selection, error, block, _ in self._selection:
+            selection.evaluate(error)
+            velocity[block] = v[selection.columns]
+        reference(self._selected, velocity, wanted)
+        for selection, _, block, hard_target in self._selection:
+            if hard_target is not None:
+                hard_target[:] = wanted[block]
+                continue
+            weight = self._selected.weight[block]
+            self._acceleration_diagonal[selection.columns] += weight
+            self._linear[selection.columns] += weight * wanted[block]
 
         if self._torque_limits is not None:
-            self._torque_limits.write(dt, self._torques, *self._torque_bounds)
-            np.subtract(self._torque_bounds[0], bias[BASE_DOF:], out=self._torque_lower)
-            np.subtract(self._torque_bounds[1], bias[BASE_DOF:], out=self._torque_upper)
+            lower, upper = self._torque_bounds
+            self._torque_limits.write(dt, self._torques, lower, upper)
+            np.subtract(lower, bias[BASE_DOF:], out=self._torque_lower)
+            np.subtract(upper, bias[BASE_DOF:], out=self._torque_upper)
         if self._joint_limits is not None:
             self._joint_limits.write(dt, *self._joint_bounds)
         for limit, matrix, lower, upper in self._row_blocks:
@@ -512,55 +459,39 @@ class Controller:
         contact = slot.contact
         contact.advance(dt)
         engaged = contact.engaged
-        p = self.problem
         if engaged:
-            contact.write_motion(slot.jacobian, slot.rhs)
-            if not contact._held.all():
-                free = ~contact._held
-                slot.jacobian[free] = 0.0
-                slot.rhs[free] = 0.0
+            contact.evaluate(slot.jacobian, slot.error, slot.drift)
+            if slot.partly_free:
+                slot.jacobian[contact.free] = 0.0
+                slot.error[contact.free] = 0.0
+                slot.drift[contact.free] = 0.0
         if engaged != slot.engaged:
             slot.engaged = engaged
-            slot.force[:] = np.diag((~contact._held).astype(float)) if engaged else np.eye(contact.dim)
+            slot.revision = -1
+            slot.force[:] = np.diag(contact.free.astype(float)) if engaged else np.eye(contact.dim)
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             slot.cone_upper[:] = 0.0 if engaged else 1.0
             if not engaged:
-                slot.jacobian[:] = 0.0
-                slot.rhs[:] = 0.0
-            slot.revision = -1
+                slot.jacobian[:], slot.error[:], slot.drift[:] = 0.0, 0.0, 0.0
         if slot.revision != contact.revision:
             slot.revision = contact.revision
-            p.inequality[slot.rows, p.contacts[contact.name]] = contact.cone
+            slot.cone[:] = contact.cone
             low, high = contact.normal_force_range if engaged else (-1.0, 1.0)
-            p.lower[slot.normal], p.upper[slot.normal] = low, high
-
-    def _assemble_variable_tasks(self) -> None:
-        p, nv = self.problem, self.problem.nv
-        p.hessian[:] = 0.0
-        p.gradient[nv:] = 0.0
-        for task, matrix, reference, block in self._variable:
-            task.evaluate(matrix, reference)
-            if task.hard:
-                self._reference[block] = reference
-                continue
-            weighted = matrix * self._rows.weight[block][:, None]
-            p.hessian += np.dot(matrix.T, weighted)
-            p.gradient += np.dot(reference, weighted)
-        p.hessian[:nv, :nv] += self._gram
+            slot.normal_lower[:], slot.normal_upper[:] = low, high
 
     def _residuals(self, x: Array) -> Array:
-        """Achieved minus wanted, for all rows of all tasks; a new array."""
-        residual = self._residual
-        a = x[: self.robot.nv]
-        np.dot(self._jacobian, a, out=residual[self._soft])
-        if self._hard_rhs.size:
-            np.dot(self._hard_jacobian, a, out=residual[self._hard])
-        for selection, _, block in self._selection:
-            residual[block] = a[selection.columns]
-        for _, matrix, _, block in self._variable:
-            np.dot(matrix, x, out=residual[block])
-        return residual - self._reference
+        """Achieved minus wanted, for all rows of the problem, then for all selections; a new array."""
+        values, p = self._solver.values, self.problem
+        residual = np.empty(values.size + self._selected_target.size)
+        residual[: values.size] = values
+        residual[: p.target.size] -= p.target
+        for selection, _, block, _ in self._selection:
+            at = values.size + block.start
+            np.subtract(
+                x[selection.columns], self._selected_target[block], out=residual[at : at + selection.dim]
+            )
+        return residual
 
     # ---- explanations -------------------------------------------------------------------------------------------
 
@@ -583,6 +514,21 @@ class Controller:
         from wbc.core.diagnosis import status_table  # noqa: PLC0415 (not needed by a tick)
 
         return status_table(self, self._solution)
+
+
+def reference(rows: Rows, velocity: Array, out: Array) -> None:
+    """Reference acceleration of tasks: feed-forward, PD on error and velocity, minus drift.
+
+    Args:
+        rows: Values of the tasks.
+        velocity: Velocities of the tasks, overwritten.
+        out: To fill.
+    """
+    np.subtract(rows.velocity, velocity, out=out)
+    out *= rows.damping
+    out += np.multiply(rows.stiffness, rows.error, out=velocity)
+    out += rows.acceleration
+    out -= rows.drift
 
 
 __all__ = ["Controller", "Problem", "Solution", "Status"]

@@ -27,7 +27,7 @@ def violated_groups(problem: Problem) -> dict[str, float]:
         Group → largest violation, for the groups that cannot all be kept, worst first; empty if all can.
     """
     p = problem
-    n, n_eq, n_in = p.gradient.size, p.equality_rhs.size, p.lower.size
+    n, n_eq, n_in = p.diagonal.size, p.n_eq, p.lower.size
     physics = p.equality_groups["floating-base dynamics"].stop
     n_slack = n_eq - physics + n_in
     identity = np.eye(n_slack)
@@ -43,7 +43,7 @@ def violated_groups(problem: Problem) -> dict[str, float]:
             np.vstack([rows[above], -rows[below]]),
             np.concatenate([p.upper[above], -p.lower[below]]),
             equality,
-            p.equality_rhs,
+            np.array(p.equality_target),
         ),
         solver="daqp",
     )

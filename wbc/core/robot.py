@@ -43,6 +43,19 @@ class Sole:
         positive(f"width of sole '{self.name}' (m)", self.width)
 
 
+class _View:
+    """Hands NumPy a piece of Pinocchio's memory together with what keeps that memory alive."""
+
+    def __init__(self, array: Array, owner: pin.Data) -> None:
+        self.__array_interface__ = array.__array_interface__
+        self._owner = owner
+
+
+def _live(array: Array, owner: pin.Data) -> Array:
+    """Return a view of Pinocchio's memory that keeps `owner` alive; its contents follow every update."""
+    return np.asarray(_View(array, owner))
+
+
 class Robot:
     """Pinocchio model, data and current state of a humanoid.
 
@@ -110,7 +123,9 @@ class Robot:
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.na = self.nv - BASE_DOF
         self.joint_names = tuple(list(model.names)[2:])
-        self._frame_ids = {frame.name: i for i, frame in reversed(list(enumerate(model.frames)))}
+        self._frame_ids: dict[str, int] = {
+            str(frame.name): i for i, frame in reversed(list(enumerate(model.frames)))
+        }
         self.soles = tuple(soles)
         for sole in self.soles:
             self.frame_id(sole.frame)
@@ -134,11 +149,11 @@ class Robot:
         self.mass = float(pin.computeTotalMass(model))
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
-        self.mass_matrix: Array = self.data.M
-        self.bias: Array = self.data.nle
-        self.com: Array = self.data.com[0]
-        self.com_velocity: Array = self.data.vcom[0]
-        self.com_jacobian: Array = self.data.Jcom
+        self.mass_matrix = _live(self.data.M, self.data)
+        self.bias = _live(self.data.nle, self.data)
+        self.com = _live(self.data.com[0], self.data)
+        self.com_velocity = _live(self.data.vcom[0], self.data)
+        self.com_jacobian = _live(self.data.Jcom, self.data)
         self.q = np.array(self.half_sitting)
         self.v = np.zeros(self.nv)
         self.update(self.q, self.v)
@@ -205,12 +220,6 @@ class Robot:
         """
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
-    @property
-    def com_drift(self) -> Array:
-        """Acceleration of the centre of mass when all joint accelerations are zero, shape (3,), m/s²."""
-        pin.centerOfMass(self.model, self.data, self.q, self.v, self._no_acceleration)
-        return np.array(self.data.acom[0])
-
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Half-sitting with some joints changed and the lower sole put back on the ground z = 0.
 
@@ -234,10 +243,6 @@ class Robot:
         pin.framesForwardKinematics(self.model, data, q)
         q[2] -= min(data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles)
         return q
-
-    @property
-    def _no_acceleration(self) -> Array:
-        return np.zeros(self.nv)
 
     def __repr__(self) -> str:
         return f"Robot('{self.name}', nv={self.nv}, mass={self.mass:.1f} kg)"

@@ -1,24 +1,28 @@
-"""The quadratic program's solver: a persistent ProxQP object and what to do when it fails.
+"""The solver of a tick's problem: reuse the active set, else ProxQP, and what to do when that fails too.
 
-    minimise ½ xᵀ H x + gᵀ x   subject to   A x = b,   l ≤ C x ≤ u
+Between two ticks the set of inequalities that push hardly ever changes. Given that set, the problem is linear; with
+the structure of `Problem` it is one small symmetric system, and checking the result (all rows within their bounds, all
+multipliers of the right sign) proves that it is the exact solution. `ActiveSet` does that. Whenever the check fails
+after a few corrections of the set, ProxQP solves the problem from scratch and finds the new set.
 
-The ladder: the persistent object, warm-started by its last result; a fresh object without a guess; DAQP, an exact
-active-set method; nothing. A solution is used only if its primal residual, computed here, is small: ProxQP has been
-seen to report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
+The ladder: active set; persistent ProxQP, warm-started by its last result; a fresh ProxQP without a guess; DAQP, an
+exact active-set method; nothing. No solution is used unless its primal residual, computed here, is small: ProxQP has
+been seen to report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
 
 from __future__ import annotations
 
 import enum
 import logging
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import proxsuite
 import qpsolvers
+from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array, InputError, positive
+from wbc.core.problem import Problem
 
 logger = logging.getLogger(__name__)
 
@@ -27,9 +31,9 @@ class Status(enum.Enum):
     """How a tick's problem was solved, if at all."""
 
     SOLVED = "solved"
-    """By the persistent solver."""
+    """By the active set of the tick before, or by the persistent ProxQP."""
     RECOVERED = "recovered"
-    """By a fresh solver without a guess."""
+    """By a fresh ProxQP without a guess."""
     FALLBACK = "fallback"
     """By DAQP."""
     INFEASIBLE = "infeasible"
@@ -45,115 +49,269 @@ class Status(enum.Enum):
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """Settings of ProxQP; the defaults are measured on streams of humanoid problems.
+    """Settings of the ladder; the defaults are measured on streams of humanoid problems.
 
     Attributes:
-        tolerance: Largest primal and dual residual, absolute: m/s², N and Nm. Below 1e-9 ProxQP shows outliers.
+        tolerance: Largest primal and dual residual of ProxQP, absolute: m/s², N and Nm. Below 1e-9 it shows outliers.
         residual_tolerance: Largest primal residual accepted of any solver.
-        max_iterations: Outer iterations; with the inner ones, the only time limit that ProxQP has.
+        max_iterations: Outer iterations of ProxQP; with the inner ones, the only time limit that it has.
         max_inner_iterations: Iterations of each inner problem.
-        equality_penalty: Proximal parameter μ of the equalities. With ProxQP's default 1e-3 most problems need
+        equality_penalty: ProxQP's proximal parameter μ of the equalities. With its default 1e-3 most problems need
             two outer iterations, with 1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows.
+        active_set_changes: How often a tick may correct the active set before ProxQP takes over; 0 leaves every tick
+            to ProxQP.
     """
 
     tolerance: float = 1e-6
     residual_tolerance: float = 1e-5
-    max_iterations: int = 100
-    max_inner_iterations: int = 100
+    max_iterations: int = 30
+    max_inner_iterations: int = 50
     equality_penalty: float = 1e-7
+    active_set_changes: int = 4
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
+        for name in (
+            "tolerance",
+            "residual_tolerance",
+            "max_iterations",
+            "max_inner_iterations",
+            "equality_penalty",
+        ):
             positive(f"solver setting '{name}'", getattr(self, name))
+        if self.active_set_changes < 0:
+            raise InputError(
+                f"solver setting 'active_set_changes' must be ≥ 0, got {self.active_set_changes}"
+            )
+
+
+class ActiveSet:
+    """Solves a problem whose active inequalities are guessed, and proves or corrects the guess.
+
+    With rows R (equalities, soft rows, active inequalities), targets t and the diagonal D, the solution is
+
+        x = D⁻¹ (linear + Rᵀ λ),   (R D⁻¹ Rᵀ + W⁻¹) λ = t − R D⁻¹ linear,
+
+    where W⁻¹ holds the inverse weights of the soft rows and zeros elsewhere: a system of a few dozen unknowns.
+    Corrections follow the primal–dual active set method (Hintermüller, Ito, Kunisch, SIAM J. Optim. 13(3), 2002).
+
+    Attributes:
+        x: Solution, shape (n,).
+        values: All rows times x, shape (number of rows,).
+        multipliers: Of the inequalities, shape (n_in,), positive where the upper bound pushes.
+        iterations: Systems solved by the last `solve`.
+    """
+
+    def __init__(self, problem: Problem, tolerance: float, changes: int) -> None:
+        """Start with no inequality active.
+
+        Args:
+            problem: The problem; its arrays are read by every `solve`.
+            tolerance: Largest primal residual.
+            changes: How often a solve may correct the set.
+        """
+        self._p = p = problem
+        self._tolerance, self._changes = tolerance, changes
+        self._n_linear = p.n_eq + p.n_soft
+        n, m = p.diagonal.size, self._n_linear
+        self.x, self.values = np.zeros(n), np.zeros(p.rows.shape[0])
+        self.multipliers = np.zeros(p.lower.size)
+        self.iterations = 0
+        self._active = np.zeros(0, dtype=np.intp)
+        self._upper_side = np.zeros(0, dtype=bool)
+        self._inverse, self._base = np.zeros(n), np.zeros(n)
+        self._linear_rows, self._scaled = p.rows[:m], np.zeros((m, n))
+        self._gram = np.zeros((m, m))
+        self._soft_diagonal = slice(p.n_eq * (m + 1), m * m, m + 1)
+        self._excess, self._shortfall = np.zeros(p.lower.size), np.zeros(p.lower.size)
+
+    def guess(self, multipliers: Array) -> None:
+        """Take the active set from multipliers that another solver has found, shape (n_in,)."""
+        threshold = 1e-8 * max(1.0, float(np.abs(multipliers).max(initial=0.0)))
+        self._active = (np.abs(multipliers) > threshold).nonzero()[0]
+        self._upper_side = multipliers[self._active] > 0.0
+
+    def solve(self) -> bool:
+        """Solve; True if `x` is proved to be the solution."""
+        p = self._p
+        np.divide(1.0, p.diagonal, out=self._inverse)
+        np.multiply(self._inverse, p.linear, out=self._base)
+        for iteration in range(1, self._changes + 2):
+            self.iterations = iteration
+            if not self._step():
+                break
+            wrong = self._check()
+            if wrong is None:
+                break
+            if not wrong:
+                return True
+        self._active, self._upper_side = self._active[:0], self._upper_side[:0]
+        return False
+
+    def _step(self) -> bool:
+        """Solve for the present set; False if its rows depend on each other or the result is inexact."""
+        p, active, m = self._p, self._active, self._n_linear
+        if active.size:
+            rows = np.concatenate([self._linear_rows, p.inequality[active]])
+            target = np.concatenate([p.target, np.where(self._upper_side, p.upper[active], p.lower[active])])
+            scaled = rows * self._inverse
+            gram = np.dot(scaled, rows.T)
+            diagonal = gram.reshape(-1)[:: gram.shape[0] + 1]
+            diagonal[p.n_eq : m] += 1.0 / np.maximum(p.soft_weight, 1e-12)
+        else:
+            rows, target, scaled, gram = self._linear_rows, p.target, self._scaled, self._gram
+            np.multiply(rows, self._inverse, out=scaled)
+            np.dot(scaled, rows.T, out=gram)
+            gram.reshape(-1)[self._soft_diagonal] += 1.0 / np.maximum(p.soft_weight, 1e-12)
+        if not np.isfinite(target).all():
+            return False  # a bound that was active has gone
+        factor, force, info = dposv(
+            gram.T, target - np.dot(rows, self._base), overwrite_a=True, overwrite_b=True
+        )
+        if info != 0:
+            return False
+        x, values, n_eq, tolerance = self.x, self.values, p.n_eq, self._tolerance
+        for _ in range(3):  # the second and third are refinements, for states with large accelerations
+            np.dot(force, scaled, out=x)
+            x += self._base
+            np.dot(p.rows, x, out=values)
+            error = p.target[:n_eq] - values[:n_eq]
+            if error.max() <= tolerance and error.min() >= -tolerance:
+                self._force = force[m:]
+                return True
+            error = target - np.dot(rows, x)
+            error[n_eq:m] -= force[n_eq:m] / np.maximum(p.soft_weight, 1e-12)
+            force = force + dpotrs(factor, error)[0]
+        return False
+
+    def _check(self) -> bool | None:
+        """True if the set had to be corrected, False if it is right, None if it cannot be corrected."""
+        p, active, tolerance = self._p, self._active, self._tolerance
+        values, excess, shortfall = self.values[self._n_linear :], self._excess, self._shortfall
+        np.subtract(values, p.upper, out=excess)
+        np.subtract(p.lower, values, out=shortfall)
+        violated = not (excess.max() <= tolerance and shortfall.max() <= tolerance)
+        if not active.size:
+            if not violated:
+                self.multipliers[:] = 0.0
+                return False
+            keep_active, keep_side = active, self._upper_side
+        else:
+            pushes = np.where(self._upper_side, -self._force, self._force)
+            wrong = pushes < 0.0
+            wrong &= p.upper[active] - p.lower[active] > 1e-9
+            if not (violated or wrong.any()):
+                self.multipliers[:] = 0.0
+                self.multipliers[active] = -self._force
+                return False
+            keep_active, keep_side = active[~wrong], self._upper_side[~wrong]
+        excess[active] = shortfall[active] = -1.0
+        above, below = (excess > tolerance).nonzero()[0], (shortfall > tolerance).nonzero()[0]
+        self._active = np.concatenate([keep_active, above, below])
+        self._upper_side = np.concatenate([keep_side, np.ones(above.size, bool), np.zeros(below.size, bool)])
+        return None if self._active.size + p.n_eq > p.diagonal.size else True
 
 
 class QpSolver:
-    """One problem of fixed size, solved again and again.
+    """Solves one problem again and again; see the module for the ladder.
 
     Attributes:
         x: Solution of the last `solve`, shape (n,); overwritten by the next one.
-        z: Multipliers of the inequality rows, shape (n_in,); positive where the upper bound pushes.
-        rows: C x, shape (n_in,).
-        iterations: Outer iterations of the last solve.
+        values: All rows of the problem times x; overwritten by the next solve.
+        multipliers: Of the inequalities, shape (n_in,), positive where the upper bound pushes; zero after DAQP.
+        iterations: Of the solver that succeeded, or of the last one that failed.
     """
 
-    def __init__(self, n: int, n_eq: int, n_in: int, settings: SolverSettings | None = None) -> None:
-        """Prepare for problems of n variables, n_eq equalities and n_in inequality rows."""
-        self._size = (n, n_eq, n_in)
-        self._settings = settings or SolverSettings()
+    def __init__(self, problem: Problem, settings: SolverSettings | None = None) -> None:
+        """Prepare for a problem; its arrays are read by every `solve`."""
+        self.problem = problem
+        self.settings = settings or SolverSettings()
+        self._fast = ActiveSet(problem, self.settings.tolerance, self.settings.active_set_changes)
         self._persistent: proxsuite.proxqp.dense.QP | None = None
-        self.x = np.zeros(n)
-        self.z = np.zeros(n_in)
-        self.rows = np.zeros(n_in)
+        self._excess = np.zeros(problem.lower.size)
+        self.x, self.values, self.multipliers = self._fast.x, self._fast.values, self._fast.multipliers
         self.iterations = 0
-        self._equality = np.zeros(n_eq)
-        self._excess = np.zeros(n_in)
+        self.counts = {"active set": 0, "ProxQP": 0, "fresh ProxQP": 0, "DAQP": 0, "failed": 0}
 
-    def reset(self) -> None:
-        """Forget the last result; the next solve starts afresh."""
-        self._persistent = None
-
-    def solve(self, H: Array, g: Array, A: Array, b: Array, C: Array, lower: Array, upper: Array) -> Status:  # noqa: N803
-        """Solve, and keep solution and multipliers in `x` and `z`.
-
-        All arrays are C-ordered float64. Nothing is raised: the status says what happened.
-        """
-        # NaN and infinity in the state reach g, b and the bounds; comparisons with NaN are false.
-        np.subtract(upper, lower, out=self._excess)
-        if not (math.isfinite(g.dot(g) + b.dot(b)) and self._excess.min() >= 0.0):
+    def solve(self) -> Status:
+        """Solve, and keep the results. Nothing is raised: the status says what happened."""
+        p = self.problem
+        # NaN and infinity in the state reach the targets and the bounds; comparisons with NaN are false.
+        np.subtract(p.upper, p.lower, out=self._excess)
+        if not (np.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear)) and self._excess.min() >= 0.0):
             self._persistent = None
+            self.counts["failed"] += 1
             return Status.REFUSED
+        if self.settings.active_set_changes and self._fast.solve():
+            self.iterations = self._fast.iterations
+            self.counts["active set"] += 1
+            return Status.SOLVED
+        return self._solve_by_proxqp()
+
+    def _solve_by_proxqp(self) -> Status:
+        p = self.problem
+        hessian, gradient = p.hessian, p.gradient
         solved = proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
         qp = self._persistent
+        data = (hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
         if qp is not None:
-            qp.update(H=H, g=g, A=A, b=b, C=C, l=lower, u=upper, update_preconditioner=False)
+            qp.update(*data, update_preconditioner=False)
             qp.solve()
-            results = qp.results
-            self.iterations = int(results.info.iter)
-            if results.info.status == solved and self._accept(results.x, A, b, C, lower, upper):
-                self.z[:] = results.z
+            self.iterations = int(qp.results.info.iter)
+            if qp.results.info.status == solved and self._accept(qp.results.x, qp.results.z):
+                self.counts["ProxQP"] += 1
                 return Status.SOLVED
         first = qp is None
-        qp = self._fresh(proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS)
-        qp.init(H, g, A, b, C, lower, upper)
+        qp = self._fresh()
+        qp.init(*data)
         qp.solve()
         self.iterations = int(qp.results.info.iter)
-        if qp.results.info.status == solved and self._accept(qp.results.x, A, b, C, lower, upper):
-            self.z[:] = qp.results.z
+        if qp.results.info.status == solved and self._accept(qp.results.x, qp.results.z):
             qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.COLD_START_WITH_PREVIOUS_RESULT
             self._persistent = qp
-            if not first:
-                logger.info("ProxQP failed with its last result as guess; a fresh solver succeeded")
-            return Status.SOLVED if first else Status.RECOVERED
+            if first:
+                self.counts["ProxQP"] += 1
+                return Status.SOLVED
+            logger.info("ProxQP failed with its last result as guess; a fresh solver succeeded")
+            self.counts["fresh ProxQP"] += 1
+            return Status.RECOVERED
         self._persistent = None
-        solution = self._daqp(H, g, A, b, C, lower, upper)
-        if solution is not None and self._accept(solution, A, b, C, lower, upper):
-            self.z[:] = 0.0
+        solution = self._daqp(hessian, gradient)
+        if solution is not None and self._accept(solution, None):
             logger.warning("ProxQP failed (%s); DAQP succeeded", qp.results.info.status)
+            self.counts["DAQP"] += 1
             return Status.FALLBACK
+        self.counts["failed"] += 1
         return Status.INFEASIBLE
 
-    def _accept(self, x: Array, A: Array, b: Array, C: Array, lower: Array, upper: Array) -> bool:  # noqa: N803
-        """Copy x and C x; return True if the primal residual is small."""
+    def _accept(self, x: Array, z: Array | None) -> bool:
+        """Copy x and its multipliers; True if the primal residual is small."""
+        p, tolerance = self.problem, self.settings.residual_tolerance
         self.x[:] = x
-        x = self.x
-        np.dot(C, x, out=self.rows)
-        np.dot(A, x, out=self._equality)
-        self._equality -= b
-        tolerance = self._settings.residual_tolerance
-        if not (self._equality.max() <= tolerance and self._equality.min() >= -tolerance):
+        np.dot(p.rows, self.x, out=self.values)
+        error = self.values[: p.n_eq] - p.target[: p.n_eq]
+        values = self.values[p.n_eq + p.n_soft :]
+        if not (np.abs(error).max() <= tolerance and (values - p.upper).max() <= tolerance):
             return False
-        np.subtract(self.rows, upper, out=self._excess)
-        if not self._excess.max() <= tolerance:
+        if not (p.lower - values).max() <= tolerance:
             return False
-        np.subtract(lower, self.rows, out=self._excess)
-        return bool(self._excess.max() <= tolerance)
+        z = np.zeros_like(self.multipliers) if z is None else np.array(z)
+        if self.settings.active_set_changes:
+            self._fast.guess(z)
+            if (
+                self._fast.solve()
+            ):  # polished: exact, where ProxQP's dual tolerance leaves 0.01 rad/s² at worst
+                return True
+            self.x[:] = x
+            np.dot(p.rows, self.x, out=self.values)
+        self.multipliers[:] = z
+        return True
 
-    def _fresh(self, guess: proxsuite.proxqp.InitialGuess) -> proxsuite.proxqp.dense.QP:
-        dense = proxsuite.proxqp.dense
+    def _fresh(self) -> proxsuite.proxqp.dense.QP:
+        p, dense, ours = self.problem, proxsuite.proxqp.dense, self.settings
         # The backend is named because the automatic choice changes with the number of rows, to one twice as slow.
-        qp = dense.QP(*self._size, False, dense.HessianType.Dense, dense.DenseBackend.PrimalDualLDLT)
-        settings, ours = qp.settings, self._settings
+        size = (p.diagonal.size, p.n_eq, p.lower.size)
+        qp = dense.QP(*size, False, dense.HessianType.Dense, dense.DenseBackend.PrimalDualLDLT)
+        settings = qp.settings
         settings.eps_abs, settings.eps_rel = ours.tolerance, 0.0
         settings.eps_primal_inf = settings.eps_dual_inf = (
             1e-8  # 1e-4, the default, calls feasible problems infeasible
@@ -163,19 +321,35 @@ class QpSolver:
         settings.check_duality_gap = False
         settings.compute_timings = False
         settings.verbose = False
-        settings.initial_guess = guess
+        settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
         return qp
 
-    @staticmethod
-    def _daqp(H: Array, g: Array, A: Array, b: Array, C: Array, lower: Array, upper: Array) -> Array | None:  # noqa: N803
+    def _daqp(self, hessian: Array, gradient: Array) -> Array | None:
         """Solve with DAQP through qpsolvers, which writes two-sided rows as two one-sided ones."""
-        above, below = np.isfinite(upper) & (upper < 1e20), np.isfinite(lower) & (lower > -1e20)
-        problem = qpsolvers.Problem(
-            H, g, np.vstack([C[above], -C[below]]), np.concatenate([upper[above], -lower[below]]), A, b
-        )
         try:
-            solution = qpsolvers.solve_problem(problem, solver="daqp")
+            solution = qpsolvers.solve_problem(standard_form(self.problem, hessian, gradient), solver="daqp")
         except (qpsolvers.QPError, ValueError, ArithmeticError) as error:
             logger.warning("DAQP failed: %s", error)
             return None
         return solution.x if solution.found else None
+
+
+def standard_form(
+    p: Problem, hessian: Array | None = None, gradient: Array | None = None
+) -> qpsolvers.Problem:
+    """Return a problem as qpsolvers wants it, for cross-checks with any of its solvers.
+
+    Args:
+        p: The problem.
+        hessian: `p.hessian`, if it has been computed already.
+        gradient: `p.gradient`, if it has been computed already.
+    """
+    above, below = p.upper < 1e20, p.lower > -1e20
+    return qpsolvers.Problem(
+        p.hessian if hessian is None else hessian,
+        p.gradient if gradient is None else gradient,
+        np.vstack([p.inequality[above], -p.inequality[below]]),
+        np.concatenate([p.upper[above], -p.lower[below]]),
+        np.array(p.equality),
+        np.array(p.equality_target),
+    )

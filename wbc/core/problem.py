@@ -1,0 +1,77 @@
+"""The quadratic program of a tick, in the structured form in which whole-body control gives it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.core.errors import Array
+
+
+class Problem:
+    """Least squares with a diagonal, equalities and two-sided inequalities, in arrays of fixed size.
+
+        minimise   ½ Σ_soft weight · (row · x − target)²  +  ½ xᵀ diag(diagonal) x  −  linearᵀ x
+        subject to row · x = target for the equalities,  lower ≤ row · x ≤ upper for the inequalities
+
+    All rows stand in one array, equalities first, then soft rows, then inequalities: one product with x gives all
+    residuals.
+
+    Attributes:
+        nv: Number of accelerations, the first variables; contact forces follow.
+        na: Number of joints; the first na inequality rows are the torques, less the bias.
+        n_eq: Number of equalities.
+        n_soft: Number of soft rows.
+        rows: All rows, shape (n_eq + n_soft + n_in, n).
+        equality: View of the equalities, shape (n_eq, n).
+        soft: View of the soft rows, shape (n_soft, n).
+        inequality: View of the inequalities, shape (n_in, n).
+        target: Targets of equalities and soft rows, shape (n_eq + n_soft,).
+        soft_weight: Weights of the soft rows, shape (n_soft,), ≥ 0.
+        diagonal: Shape (n,), ≥ 0.
+        linear: Shape (n,).
+        lower: Lower bounds, shape (n_in,); −inf where there is none.
+        upper: Upper bounds, shape (n_in,); inf where there is none.
+        contacts: Contact name → its force variables.
+        equality_groups: Name → equalities, for diagnosis.
+        inequality_groups: Name → inequalities, for diagnosis.
+    """
+
+    def __init__(self, nv: int, na: int, n: int, n_eq: int, n_soft: int, n_in: int) -> None:
+        """Allocate a problem of n variables; see the attributes."""
+        self.nv, self.na, self.n_eq, self.n_soft = nv, na, n_eq, n_soft
+        self.rows = np.zeros((n_eq + n_soft + n_in, n))
+        self.equality = self.rows[:n_eq]
+        self.soft = self.rows[n_eq : n_eq + n_soft]
+        self.inequality = self.rows[n_eq + n_soft :]
+        self.target = np.zeros(n_eq + n_soft)
+        self.soft_weight = np.zeros(n_soft)
+        self.diagonal, self.linear = np.zeros(n), np.zeros(n)
+        self.lower, self.upper = np.full(n_in, -np.inf), np.full(n_in, np.inf)
+        self.contacts: dict[str, slice] = {}
+        self.equality_groups: dict[str, slice] = {}
+        self.inequality_groups: dict[str, slice] = {}
+
+    @property
+    def equality_target(self) -> Array:
+        """Targets of the equalities, shape (n_eq,)."""
+        return self.target[: self.n_eq]
+
+    @property
+    def torque_matrix(self) -> Array:
+        """Rows T with joint torques τ = T x + joint bias, shape (na, n)."""
+        return self.inequality[: self.na]
+
+    @property
+    def hessian(self) -> Array:
+        """H of the standard form ½ xᵀ H x + gᵀ x, shape (n, n); a new array."""
+        weighted = self.soft * np.sqrt(self.soft_weight)[:, None]
+        hessian: Array = np.dot(weighted.T, weighted)
+        hessian.reshape(-1)[:: self.diagonal.size + 1] += self.diagonal
+        return hessian
+
+    @property
+    def gradient(self) -> Array:
+        """Vector g of the standard form, shape (n,); a new array."""
+        gradient: Array = np.dot(self.soft_weight * self.target[self.n_eq :], self.soft)
+        gradient += self.linear
+        return np.negative(gradient, out=gradient)
