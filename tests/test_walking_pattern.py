@@ -16,11 +16,12 @@ from wbc.core.errors import InputError
 from wbc.core.solver import Status, standard_form
 from wbc.walking.footsteps import Footstep, FootstepPlan
 from wbc.walking.gait import Gait
-from wbc.walking.height import HeightProfile, Quintic
+from wbc.walking.height import HeightProfile
 from wbc.walking.lipm import Pendulum
 from wbc.walking.pattern import Pattern, analytic_pattern
 from wbc.walking.planning import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.preview import PreviewController, PreviewSettings
+from wbc.walking.quintic import Quintic
 from wbc.walking.schedule import Support, ZmpTarget, remaining, schedule, support_area, zmp_reference
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
