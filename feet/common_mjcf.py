@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, choose
+from wbc.core.errors import Array, InputError, choose
 from wbc.feet.contact import SoleContact, solver_parameters
 from wbc.feet.sole import SIDES, FootFit
+
+Point: TypeAlias = Sequence[float] | Array
+"""Three numbers, m."""
 
 CONTACT_GROUP = 3
 """Geom group of the contact spheres; MuJoCo's viewers hide it by default."""
@@ -65,9 +69,7 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
     return body
 
 
-def add_contact_sphere(
-    body: mujoco.MjsBody, name: str, position: Sequence[float], contact: SoleContact
-) -> str:
+def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact: SoleContact) -> str:
     """Add one sphere that touches whatever has collision type 1: the ground."""
     parameters = solver_parameters(contact.law)
     body.add_geom(
@@ -89,7 +91,7 @@ def add_contact_sphere(
     return name
 
 
-def add_box(body: mujoco.MjsBody, name: str, position: Sequence[float], size: Sequence[float]) -> None:
+def add_box(body: mujoco.MjsBody, name: str, position: Point, size: Point) -> None:
     """Add a box to look at, full extents in m."""
     body.add_geom(
         name=name,
@@ -104,9 +106,7 @@ def add_box(body: mujoco.MjsBody, name: str, position: Sequence[float], size: Se
     )
 
 
-def add_bar(
-    body: mujoco.MjsBody, name: str, start: Sequence[float], end: Sequence[float], radius: float
-) -> None:
+def add_bar(body: mujoco.MjsBody, name: str, start: Point, end: Point, radius: float) -> None:
     """Add a bar to look at between two points, m."""
     body.add_geom(
         name=name,
@@ -121,7 +121,7 @@ def add_bar(
     )
 
 
-def add_range_site(body: mujoco.MjsBody, side: str, position: Sequence[float]) -> str:
+def add_range_site(body: mujoco.MjsBody, side: str, position: Point) -> str:
     """Add the range sensor's site, looking down the sole's normal."""
     x, y, z = position
     name = f"{side}_range"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negative, positive
 from wbc.feet.actuator import StiffnessActuator
 from wbc.feet.contact import LOOP_CLOSURE, ConstraintLaw
 from wbc.feet.foot import Foot, fitted_sole
@@ -24,23 +25,30 @@ ARCH_THICKNESS = 0.01
 
 @dataclass(frozen=True)
 class TransverseBending:
-    """Hinges between the phalanges about the longitudinal axis, which the paper's foot lacks.
+    """Hinges about the longitudinal axis, which the paper's foot lacks.
 
-    The heel phalanx stays fixed to the backward arch about this axis: it carries the foot's resistance to
-    roll.
+    "twist" puts one between neighbouring phalanges; the heel phalanx stays fixed to the backward arch about
+    this axis. "flaps" cuts every phalanx lengthwise into three strips and hinges the outer two onto the
+    middle one.
 
     Attributes:
+        kind: "twist" or "flaps".
         stiffness: Nm/rad per hinge; None takes the sole's own, and follows it where that is variable.
         damping: Nms/rad per hinge.
+        hinge_share: Distance of the flaps' hinges from the middle, share of half the width.
     """
 
+    kind: Literal["twist", "flaps"] = "twist"
     stiffness: float | None = None
     damping: float = 2.0
+    hinge_share: float = 1.0 / 3.0
 
     def __post_init__(self) -> None:
+        choose("kind of transverse bending", self.kind, ("twist", "flaps"))
         if self.stiffness is not None:
             non_negative("transverse stiffness (Nm/rad)", self.stiffness)
         non_negative("transverse damping (Nms/rad)", self.damping)
+        finite_scalar("hinge share of the flaps", self.hinge_share, low=0.05, high=0.95)
 
 
 @dataclass(frozen=True)
@@ -189,11 +197,20 @@ class SoftFoot(Foot):
             ),
         )
 
+    def contact_rows(self) -> Array:
+        """Place along x of the rows of contact spheres, from the toe, m; `rows_per_phalanx` lie under each phalanx."""
+        per_phalanx = self.contact.rows_per_phalanx
+        if per_phalanx == 1:
+            return np.array(
+                [self.length / 2.0 - (i + 0.5) * self.length / self.phalanges for i in range(self.phalanges)]
+            )
+        return self.contact.row_positions(self.length, per_phalanx * self.phalanges)
+
     def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootModel:
         """See `Foot.build`."""
-        from wbc.feet.soft_mjcf import build_soft  # noqa: PLC0415 - the pure part needs no MuJoCo
+        from wbc.feet.soft_mjcf import SoftFootBuilder  # noqa: PLC0415 - the pure part needs no MuJoCo
 
-        return build_soft(spec, ankle_body, side, self, self.fit(sole))
+        return SoftFootBuilder(spec, ankle_body, side, self, self.fit(sole)).build()
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.errors import Array
 from wbc.feet.common_mjcf import (
+    CONTACT_GROUP,
     add_bar,
     add_box,
     add_contact_sphere,
@@ -18,180 +20,194 @@ from wbc.feet.common_mjcf import (
 )
 from wbc.feet.contact import solver_parameters
 from wbc.feet.model import FootModel
-from wbc.feet.soft import ARCH_THICKNESS, SoftFoot, SoftLayout
-from wbc.feet.sole import FootFit
+from wbc.feet.soft import ARCH_THICKNESS, SoftFoot
+from wbc.feet.sole import FootFit, box_inertia
 
 _LATERAL = (0.0, 1.0, 0.0)
 _FORWARD = (1.0, 0.0, 0.0)
 _VISUAL_GAP = 0.001  # m between the drawn phalanges
 
 
-def build_soft(
-    spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftFoot, fit: FootFit
-) -> FootModel:
-    """Add a soft foot under an ankle.
+@dataclass
+class _Segment:
+    """A rigid piece of a phalanx: its body, where that has its origin, and the strip of the sole it is."""
+
+    body: mujoco.MjsBody
+    origin: Array
+    right: float
+    left: float
+
+
+class SoftFootBuilder:
+    """Adds one soft foot under an ankle.
 
     The tree runs ankle → foot body (backward arch, force sensor) → heel phalanx → … → toe, and foot body →
     frontal arch; a `connect` equality closes the arch onto the sole.
-
-    Args:
-        spec: Model under construction.
-        ankle_body: Body that carries the foot.
-        side: "left" or "right".
-        foot: The design.
-        fit: The design under this ankle.
     """
-    layout = foot.layout(fit.sole)
-    n = foot.phalanges
-    body = add_foot_body(spec, ankle_body, side, fit)
-    set_inertia(body, layout.backward_arch)
-    add_bar(body, f"{side}_backward_arch", layout.ankle, layout.hinges[-1], ARCH_THICKNESS / 2.0)
 
-    phalanges: list[mujoco.MjsBody] = []  # heel first, as the tree grows
-    pitch_joints: list[str] = []
-    twist_joints: list[str] = []
-    parent, parent_origin = body, np.zeros(3)
-    for i in reversed(range(n)):
-        origin = np.array(layout.hinges[i])
-        phalanx = parent.add_body(name=f"{side}_phalanx_{i + 1}", pos=origin - parent_origin)
-        pitch_joints.append(
-            _add_hinge(
-                phalanx,
-                f"{side}_phalanx_{i + 1}_pitch",
-                _LATERAL,
-                foot.stiffness,
-                foot.damping,
-                foot.armature,
-            )
+    def __init__(
+        self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftFoot, fit: FootFit
+    ) -> None:
+        """Start with the body under the ankle.
+
+        Args:
+            spec: Model under construction.
+            ankle_body: Body that carries the foot.
+            side: "left" or "right".
+            foot: The design.
+            fit: The design under this ankle.
+        """
+        self.spec, self.side, self.foot, self.fit = spec, side, foot, fit
+        self.layout = foot.layout(fit.sole)
+        self.body = add_foot_body(spec, ankle_body, side, fit)
+        set_inertia(self.body, self.layout.backward_arch)
+        add_bar(
+            self.body,
+            f"{side}_backward_arch",
+            self.layout.ankle,
+            self.layout.hinges[-1],
+            ARCH_THICKNESS / 2.0,
         )
-        if foot.transverse is not None and i < n - 1:
-            stiffness = foot.transverse.stiffness
-            twist_joints.append(
-                _add_hinge(
-                    phalanx,
-                    f"{side}_phalanx_{i + 1}_twist",
-                    _FORWARD,
-                    foot.stiffness if stiffness is None else stiffness,
-                    foot.transverse.damping,
-                    foot.armature,
-                )
-            )
-        _dress_phalanx(phalanx, side, i, foot, layout, origin)
-        phalanges.append(phalanx)
-        parent, parent_origin = phalanx, origin
-    phalanges.reverse()
-    pitch_joints.reverse()
-    twist_joints.reverse()
+        self._segments: list[list[_Segment]] = [[] for _ in range(foot.phalanges)]
+        self._pitch: list[str] = []
+        self._transverse: list[str] = []
 
-    geoms = _add_spheres(phalanges, side, foot, layout)
-    toe_origin = np.array(layout.hinges[0])
-    site = add_range_site(
-        phalanges[0], side, np.array([layout.centers[0], 0.0, foot.hinge_height]) - toe_origin
-    )
-    arch_joint, loop_sites = _add_frontal_arch(spec, body, phalanges, side, foot, layout)
-    encoders: tuple[str, ...] = ()
-    if foot.encoders:
-        encoders = tuple(f"{joint}_angle" for joint in pitch_joints)
-        for joint, encoder in zip(pitch_joints, encoders, strict=True):
-            spec.add_sensor(
-                name=encoder,
+    def build(self) -> FootModel:
+        """Add everything and name it."""
+        parent, parent_origin = self.body, np.zeros(3)
+        for i in reversed(range(self.foot.phalanges)):
+            parent, parent_origin = self._add_phalanx(i, parent, parent_origin)
+        geoms = self._add_spheres()
+        toe = self._segments[0][0]
+        sensor_place = np.array([self.layout.centers[0], 0.0, self.foot.hinge_height])
+        site = add_range_site(toe.body, self.side, sensor_place - toe.origin)
+        arch_joint, loop_sites = self._add_frontal_arch()
+        transverse = self.foot.transverse
+        follows = transverse is not None and transverse.stiffness is None
+        pitch_joints, transverse_joints = tuple(self._pitch[::-1]), tuple(self._transverse[::-1])
+        return FootModel(
+            side=self.side,
+            fit=self.fit,
+            body=self.body.name,
+            wrench_site=f"{self.side}_sole",
+            force_sensor=f"{self.side}_foot_force",
+            torque_sensor=f"{self.side}_foot_torque",
+            range_site=site,
+            range_height=self.foot.hinge_height,
+            contact_geoms=geoms,
+            sole_joints=pitch_joints,
+            transverse_joints=transverse_joints,
+            variable_joints=pitch_joints + (transverse_joints if follows else ()),
+            arch_joint=arch_joint,
+            loop_sites=loop_sites,
+            encoders=self._add_encoders(pitch_joints),
+        )
+
+    def _add_phalanx(
+        self, i: int, parent: mujoco.MjsBody, parent_origin: Array
+    ) -> tuple[mujoco.MjsBody, Array]:
+        """Add phalanx i (0 is the toe) with its hinge on the heel side."""
+        foot, name = self.foot, f"{self.side}_phalanx_{i + 1}"
+        origin = np.array(self.layout.hinges[i])
+        body = parent.add_body(name=name, pos=origin - parent_origin)
+        self._pitch.append(
+            _add_hinge(body, f"{name}_pitch", _LATERAL, foot.stiffness, foot.damping, foot.armature)
+        )
+        half = foot.width / 2.0
+        middle = half
+        if foot.transverse is not None and foot.transverse.kind == "twist" and i < foot.phalanges - 1:
+            self._add_transverse_hinge(body, f"{name}_twist")
+        elif foot.transverse is not None and foot.transverse.kind == "flaps":
+            middle = foot.transverse.hinge_share * half
+            for side, right, left in (("right", -half, -middle), ("left", middle, half)):
+                place = np.array(
+                    [self.layout.centers[i], middle if left > 0.0 else -middle, foot.hinge_height]
+                )
+                flap = body.add_body(name=f"{name}_{side}", pos=place - origin)
+                self._add_transverse_hinge(flap, f"{name}_{side}_roll")
+                self._add_strip(i, flap, place, right, left)
+        self._add_strip(i, body, origin, -middle, middle)
+        return body, origin
+
+    def _add_strip(self, i: int, body: mujoco.MjsBody, origin: Array, right: float, left: float) -> None:
+        """Give a body its strip of phalanx i."""
+        foot, width = self.foot, left - right
+        center = np.array([self.layout.centers[i], (left + right) / 2.0, foot.thickness / 2.0]) - origin
+        mass = foot.phalanx_mass * width / foot.width
+        set_inertia(body, box_inertia(mass, (self.layout.pitch, width, foot.thickness), center))
+        size = (self.layout.pitch - _VISUAL_GAP, width - _VISUAL_GAP, foot.thickness)
+        add_box(body, f"{body.name}_box", center, size)
+        self._segments[i].append(_Segment(body, origin, right, left))
+
+    def _add_transverse_hinge(self, body: mujoco.MjsBody, name: str) -> None:
+        transverse = self.foot.transverse
+        assert transverse is not None
+        stiffness = self.foot.stiffness if transverse.stiffness is None else transverse.stiffness
+        armature = self.foot.armature
+        self._transverse.append(_add_hinge(body, name, _FORWARD, stiffness, transverse.damping, armature))
+
+    def _add_spheres(self) -> tuple[str, ...]:
+        """An even grid over the whole sole, dealt out row by row; see `SoleContact.row_positions`."""
+        foot, contact = self.foot, self.foot.contact
+        names = []
+        for row, x in enumerate(foot.contact_rows()):
+            segments = self._segments[row // contact.rows_per_phalanx]
+            for column, y in enumerate(contact.column_positions(foot.width)):
+                segment = next(s for s in segments if s.right - 1e-9 <= y <= s.left + 1e-9)
+                position = np.array([x, y, contact.radius]) - segment.origin
+                name = f"{self.side}_sole_{row + 1}_{column + 1}"
+                names.append(add_contact_sphere(segment.body, name, position, contact))
+        return tuple(names)
+
+    def _add_frontal_arch(self) -> tuple[str, tuple[str, str] | None]:
+        foot, side = self.foot, self.side
+        origin, loop_point = np.array(self.layout.arch_hinge), np.array(self.layout.loop_point)
+        arch = self.body.add_body(name=f"{side}_frontal_arch", pos=origin)
+        joint = _add_hinge(arch, f"{side}_arch_pitch", _LATERAL, foot.arch_stiffness, foot.arch_damping, 0.0)
+        set_inertia(arch, pin.SE3(np.eye(3), -origin).act(self.layout.frontal_arch))
+        tip = loop_point - origin
+        add_bar(arch, f"{side}_frontal_arch_bar", (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
+        if not foot.loop:
+            return joint, None
+        # The middle strip is added last and is the one that the arch holds.
+        held = self._segments[foot.loop_phalanx - 1][-1]
+        sites = (f"{side}_loop_arch", f"{side}_loop_sole")
+        arch.add_site(name=sites[0], pos=tip, size=[0.004] * 3, group=CONTACT_GROUP)
+        held.body.add_site(name=sites[1], pos=loop_point - held.origin, size=[0.004] * 3, group=CONTACT_GROUP)
+        parameters = solver_parameters(foot.loop_law)
+        self.spec.add_equality(
+            name=f"{side}_loop",
+            type=mujoco.mjtEq.mjEQ_CONNECT,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=sites[0],
+            name2=sites[1],
+            solref=parameters.solref,
+            solimp=parameters.solimp,
+        )
+        return joint, sites
+
+    def _add_encoders(self, joints: tuple[str, ...]) -> tuple[str, ...]:
+        if not self.foot.encoders:
+            return ()
+        for joint in joints:
+            self.spec.add_sensor(
+                name=f"{joint}_angle",
                 type=mujoco.mjtSensor.mjSENS_JOINTPOS,
                 objtype=mujoco.mjtObj.mjOBJ_JOINT,
                 objname=joint,
             )
-    follows = foot.transverse is not None and foot.transverse.stiffness is None
-    return FootModel(
-        side=side,
-        fit=fit,
-        body=body.name,
-        wrench_site=f"{side}_sole",
-        force_sensor=f"{side}_foot_force",
-        torque_sensor=f"{side}_foot_torque",
-        range_site=site,
-        range_height=foot.hinge_height,
-        contact_geoms=tuple(geoms),
-        sole_joints=tuple(pitch_joints),
-        twist_joints=tuple(twist_joints),
-        variable_joints=(*pitch_joints, *(twist_joints if follows else ())),
-        arch_joint=arch_joint,
-        loop_sites=loop_sites,
-        encoders=encoders,
-    )
+        return tuple(f"{joint}_angle" for joint in joints)
 
 
 def _add_hinge(
     body: mujoco.MjsBody,
     name: str,
-    axis: Sequence[float],
+    axis: tuple[float, float, float],
     stiffness: float,
     damping: float,
     armature: float,
 ) -> str:
     joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=armature)
-    joint.stiffness[0] = stiffness  # the other entries are higher powers of the angle
+    joint.stiffness[0] = stiffness  # the other entries are coefficients of higher powers of the angle
     joint.damping[0] = damping
     return name
-
-
-def _dress_phalanx(
-    phalanx: mujoco.MjsBody, side: str, i: int, foot: SoftFoot, layout: SoftLayout, origin: np.ndarray
-) -> None:
-    to_body = pin.SE3(np.eye(3), -origin)
-    set_inertia(phalanx, to_body.act(layout.phalanges[i]))
-    center = np.array([layout.centers[i], 0.0, foot.thickness / 2.0]) - origin
-    size = (layout.pitch - _VISUAL_GAP, foot.width, foot.thickness)
-    add_box(phalanx, f"{side}_phalanx_{i + 1}_box", center, size)
-
-
-def _add_spheres(phalanges: list[mujoco.MjsBody], side: str, foot: SoftFoot, layout: SoftLayout) -> list[str]:
-    """An even grid over the whole sole, dealt out row by row; see `SoleContact.row_positions`."""
-    contact = foot.contact
-    per_phalanx = contact.rows_per_phalanx
-    if per_phalanx == 1:
-        rows = np.array(layout.centers)
-    else:
-        rows = contact.row_positions(foot.length, per_phalanx * foot.phalanges)
-    names = []
-    for row, x in enumerate(rows):
-        i = row // per_phalanx
-        origin = np.array(layout.hinges[i])
-        for j, y in enumerate(contact.column_positions(foot.width)):
-            position = np.array([x, y, contact.radius]) - origin
-            names.append(
-                add_contact_sphere(phalanges[i], f"{side}_sole_{row + 1}_{j + 1}", position, contact)
-            )
-    return names
-
-
-def _add_frontal_arch(
-    spec: mujoco.MjSpec,
-    body: mujoco.MjsBody,
-    phalanges: list[mujoco.MjsBody],
-    side: str,
-    foot: SoftFoot,
-    layout: SoftLayout,
-) -> tuple[str, tuple[str, str] | None]:
-    origin, loop_point = np.array(layout.arch_hinge), np.array(layout.loop_point)
-    arch = body.add_body(name=f"{side}_frontal_arch", pos=origin)
-    joint = _add_hinge(arch, f"{side}_arch_pitch", _LATERAL, foot.arch_stiffness, foot.arch_damping, 0.0)
-    set_inertia(arch, pin.SE3(np.eye(3), -origin).act(layout.frontal_arch))
-    tip = loop_point - origin
-    add_bar(arch, f"{side}_frontal_arch_bar", (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
-    if not foot.loop:
-        return joint, None
-    held = phalanges[foot.loop_phalanx - 1]
-    on_sole = loop_point - np.array(layout.hinges[foot.loop_phalanx - 1])
-    sites = (f"{side}_loop_arch", f"{side}_loop_sole")
-    arch.add_site(name=sites[0], pos=tip, size=[0.004] * 3, group=3)
-    held.add_site(name=sites[1], pos=on_sole, size=[0.004] * 3, group=3)
-    parameters = solver_parameters(foot.loop_law)
-    spec.add_equality(
-        name=f"{side}_loop",
-        type=mujoco.mjtEq.mjEQ_CONNECT,
-        objtype=mujoco.mjtObj.mjOBJ_SITE,
-        name1=sites[0],
-        name2=sites[1],
-        solref=parameters.solref,
-        solimp=parameters.solimp,
-    )
-    return joint, sites

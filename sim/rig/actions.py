@@ -1,0 +1,243 @@
+"""Press, drop, slide and pitch one foot: pure functions of a frozen test."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.sim.rig.fixture import Rig
+from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, Support, hull
+from wbc.sim.rig.spec import FootTest
+
+REBOUND_TIME = 0.3
+"""Time after the first contact in which the rebound is looked for, s."""
+
+SUPPORT_TILT = math.radians(2.0)
+"""Largest ankle tilt of the equivalent support polygon, rad: a standing robot turns its foot less."""
+
+SUPPORT_DIRECTIONS = 8
+"""Directions in which the ankle is tilted: along the axes and the diagonals, which reach the corners."""
+
+SLIP_SPEED = 0.05
+"""Forward speed from which a foot counts as sliding, m/s."""
+
+_RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft foot by less than 1 mm
+_SAMPLE = 0.005  # s between samples of the centre of pressure
+
+
+def press(test: FootTest, *, support: bool = True) -> PressResult:
+    """Drop the foot onto the ground, let it settle under its load and look at it.
+
+    Args:
+        test: Foot, ground and load.
+        support: True to work out the equivalent support polygon as well (needs an ankle servo).
+    """
+    rig = Rig(test)
+    landing = land(rig)
+    if landing is None:
+        return PressResult(diverged=True)
+    impact, gap, depth = landing
+    hold = _hold(rig, gap, depth)
+    if hold is None:
+        return PressResult(diverged=True)
+    if not support or test.ankle_stiffness == 0.0:
+        return PressResult(False, impact, hold)
+    polygon = _support(rig)
+    return PressResult(True) if polygon is None else PressResult(False, impact, hold, polygon)
+
+
+def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
+    """Drop the foot from higher up: what its sole absorbs of a hard landing.
+
+    Args:
+        test: Foot, ground and load.
+        height: Of the sole over the highest point under it, m.
+    """
+    return press(replace(test, drop=positive("drop height (m)", height)), support=False)
+
+
+def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> SlideResult:
+    """Push a loaded foot forward: first gently, to measure creep, then harder until it slides.
+
+    Args:
+        test: Foot, ground and load.
+        shear_share: Shear over weight for the creep.
+        ramp: Growth of shear over weight per second afterwards, 1/s.
+    """
+    finite_scalar("shear over weight", shear_share, low=0.0, high=2.0)
+    positive("shear ramp (1/s)", ramp)
+    rig = Rig(test, shear=True)
+    if land(rig) is None:
+        return SlideResult(True, shear_share)
+    weight = rig.mass * test.physics.gravity
+    rig.set_shear_force(shear_share * weight)
+    rig.step(rig.steps(test.settle))
+    place = rig.forward_place
+    rig.step(rig.steps(test.hold))
+    creep = (rig.forward_place - place) / test.hold
+    share = shear_share
+    while share < 3.0 and not rig.diverged:
+        rig.step()
+        share += ramp * test.physics.timestep
+        rig.set_shear_force(share * weight)
+        if rig.forward_speed > SLIP_SPEED and rig.vertical_force > 0.0:
+            return SlideResult(False, shear_share, creep, -rig.forward_force / rig.vertical_force)
+    return SlideResult(rig.diverged, shear_share, creep)
+
+
+def pitch(
+    test: FootTest, *, amplitude: float = math.radians(5.0), rate: float = math.radians(10.0)
+) -> PitchResult:
+    """Pitch the ankle of a loaded foot toe down, toe up and back, and follow the centre of pressure.
+
+    Args:
+        test: Foot, ground and load, with an ankle servo.
+        amplitude: Largest commanded pitch, rad.
+        rate: Speed of the command, rad/s.
+
+    Raises:
+        InputError: The ankle of the test is free.
+    """
+    if test.ankle_stiffness == 0.0:
+        raise InputError("pitching needs an ankle servo: ankle_stiffness must be above 0 Nm/rad")
+    positive("pitch amplitude (rad)", amplitude)
+    positive("pitch rate (rad/s)", rate)
+    rig = Rig(test)
+    if land(rig) is None:
+        return PitchResult(True)
+    path = np.array([0.0, amplitude, -amplitude, 0.0])
+    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path)) / rate)])
+    every = rig.steps(_SAMPLE)
+    rows: list[tuple[float, float, float, float]] = []
+    for step in range(1, rig.steps(float(times[-1])) + 1):
+        rig.set_tilt(0.0, float(np.interp(step * test.physics.timestep, times, path)))
+        rig.step()
+        if step % every == 0:
+            center = float(rig.center_of_pressure()[0])
+            rows.append((rig.tilt[1], center, rig.pitch_moment, rig.ankle_height))
+    if rig.diverged:
+        return PitchResult(True)
+    angles, centers, moments, heights = (tuple(column) for column in zip(*rows, strict=True))
+    return PitchResult(False, angles, centers, moments, heights)
+
+
+def land(rig: Rig) -> tuple[Impact, float, float] | None:
+    """Drop the foot and let it settle.
+
+    Returns:
+        The impact, the largest loop gap (m) and the largest penetration (m) so far; None if it diverged.
+    """
+    dt, gravity = rig.test.physics.timestep, rig.test.physics.gravity
+    start = rig.ankle_height
+    touched = -1
+    speed = peak = sole_heat = arch_heat = upward = gap = depth = 0.0
+    for step in range(rig.steps(rig.test.settle)):
+        before = rig.ankle_speed
+        rig.step()
+        force = rig.vertical_force
+        if touched < 0 and force > 0.0:
+            touched, speed = step, -before
+        peak = max(peak, force)
+        sole_heat += rig.sole_power * dt
+        arch_heat += rig.arch_power * dt
+        if touched >= 0 and (step - touched) * dt <= REBOUND_TIME:
+            upward = max(upward, rig.ankle_speed)
+        gap, depth = max(gap, rig.probe.loop_gap(rig.data)), max(depth, _depth(rig))
+        if rig.diverged:
+            return None
+    energy = rig.mass * gravity * (start - rig.ankle_height)
+    rebound = 0.5 * rig.mass * upward**2
+    impact = Impact(
+        speed=speed,
+        peak_force=peak,
+        drop_energy=energy,
+        sole_energy=sole_heat,
+        arch_energy=arch_heat,
+        spring_energy=rig.spring_energy,
+        rebound_energy=rebound,
+        absorbed=1.0 - rebound / energy if energy > 0.0 else math.nan,
+    )
+    return impact, gap, depth
+
+
+def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
+    forces, gap, depth, rates = [], 0.0, 0.0, 0.0
+    count = rig.steps(rig.test.hold)
+    for _ in range(count):
+        rig.step()
+        forces.append(rig.vertical_force)
+        gap, depth = max(gap, rig.probe.loop_gap(rig.data)), max(depth, _depth(rig))
+        rates += float(np.mean(rig.sole_rates**2)) if rig.sole_rates.size else 0.0
+    if rig.diverged:
+        return None
+    weight = rig.mass * rig.test.physics.gravity
+    contacts = rig.contacts(rig.least_force)
+    plan = rig.in_plan(contacts.points)
+    return Hold(
+        weight=weight,
+        force_mean=float(np.mean(forces)),
+        force_std=float(np.std(forces)),
+        balance_error=float(np.mean(forces)) / weight - 1.0,
+        center_of_pressure=tuple(rig.center_of_pressure().tolist()),
+        ankle_height=rig.ankle_height,
+        ankle_place=rig.ankle_place,
+        ankle_tilt=rig.tilt,
+        contacts=len(plan),
+        contact_points=_rows(np.column_stack([plan, contacts.points[:, 2]])),
+        contact_forces=tuple(contacts.forces[:, 2].tolist()),
+        contact_area=rig.contact_area(),
+        sole_angles=tuple(rig.probe.angles(rig.data).tolist()),
+        transverse_angles=tuple(rig.probe.transverse_angles(rig.data).tolist()),
+        sole_line=_rows(rig.sole_line()),
+        skeleton=_rows(rig.skeleton()),
+        loop_gap=gap,
+        loop_gap_peak=max(gap, gap_peak),
+        penetration=depth,
+        penetration_peak=max(depth, depth_peak),
+        jitter=math.sqrt(rates / count),
+    )
+
+
+def _support(rig: Rig) -> Support | None:
+    """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
+    centers = [rig.center_of_pressure()]
+    every, count = rig.steps(_SAMPLE), rig.steps(_RAMP)
+    # The servo yields under the moment of the ground, so it is asked for more than the tilt that is wanted.
+    yielding = rig.mass * rig.test.physics.gravity * rig.foot.fit.sole.length / rig.test.ankle_stiffness
+    for k in range(SUPPORT_DIRECTIONS):
+        twin = rig.fork()
+        direction = 2.0 * math.pi * k / SUPPORT_DIRECTIONS
+        for step in range(1, count + 1):
+            angle = (SUPPORT_TILT + yielding) * step / count
+            twin.set_tilt(angle * math.sin(direction), angle * math.cos(direction))
+            twin.step()
+            if step % every == 0:
+                if math.hypot(*twin.tilt) > SUPPORT_TILT:
+                    break
+                centers.append(twin.center_of_pressure())
+        if twin.diverged:
+            return None
+    points = np.array(centers)
+    corners, area = hull(points[np.isfinite(points).all(axis=1)])
+    (backward, right), (forward, left) = corners.min(axis=0), corners.max(axis=0)
+    return Support(
+        tilt=SUPPORT_TILT,
+        polygon=_rows(corners),
+        area=area,
+        forward=float(forward),
+        backward=float(backward),
+        left=float(left),
+        right=float(right),
+    )
+
+
+def _depth(rig: Rig) -> float:
+    """Deepest penetration now, m."""
+    return -float(rig.data.contact.dist.min()) if rig.data.ncon else 0.0
+
+
+def _rows(points: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in points.tolist())

@@ -1,0 +1,276 @@
+"""The rig itself: one foot under a loaded carriage in MuJoCo, stepped and looked at."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.feet.common_mjcf import quaternion_wxyz
+from wbc.feet.runtime_mjcf import GroundContacts, SoleProbe, WrenchSensor
+from wbc.sim.rig.results import hull
+from wbc.sim.rig.spec import FootTest
+from wbc.sim.terrain.render import add_to_spec
+
+ANKLE_INERTIA = 0.1
+"""Inertia of the carriage about roll and pitch, kg m²: of the order of a shin about its ankle."""
+
+GUIDE_STIFFNESS = 2000.0
+"""Of the springs that keep the carriage over its place, N/m, critically damped. A rigid guide would drag the
+foot over the ground whenever it tilts, and the contacts would stick and slip."""
+
+LEAST_SHARE = 0.005
+"""Contacts that carry less than this share of the weight are not counted as support: 1 N of 200 N."""
+
+HIGHEST_GRID = 0.002
+"""Grid on which the highest point under a foot is looked for, m."""
+
+
+class Rig:
+    """A foot test being run.
+
+    Attributes:
+        test: What is being tested.
+        model: Compiled MuJoCo model.
+        data: Its state.
+        foot: Names of the foot's parts.
+        probe: Ground truth of the foot.
+        wrench: Its force sensor.
+        mass: Mass of carriage and foot together, kg.
+        touch_height: Ankle height at which the undeformed, level foot would touch the ground, m.
+        center: World x and y of the sole centre at the start, m.
+    """
+
+    def __init__(self, test: FootTest, *, shear: bool = False) -> None:
+        """Build the rig and put the foot over the ground.
+
+        Args:
+            test: What is to be tested.
+            shear: True to let the carriage slide freely along the foot's x axis, see `set_shear_force`.
+        """
+        self.test = test
+        fitted = test.foot.fit(test.own_sole).sole
+        cos, sin = math.cos(test.yaw), math.sin(test.yaw)
+        self._heading = np.array([[cos, -sin], [sin, cos]])
+        self.center = np.array([(test.ground.start + test.ground.stop) / 2.0 + test.x, test.y])
+        ankle_place = self.center + self._heading @ fitted.ankle[:2]
+        margin = test.foot.contact.radius
+        top = self._highest(fitted.length / 2.0 + margin, fitted.width / 2.0 + margin)
+
+        self.touch_height = top + float(fitted.ankle[2])
+
+        spec = mujoco.MjSpec()
+        test.physics.apply(spec)
+        radius = test.foot.contact.radius
+        add_to_spec(
+            spec, test.ground, rendering=test.rendering, resolution=test.resolution, sole_radius=radius
+        )
+        carriage = spec.worldbody.add_body(
+            name="carriage",
+            pos=[*ankle_place, self.touch_height + test.drop],
+            quat=[math.cos(test.yaw / 2.0), 0.0, 0.0, math.sin(test.yaw / 2.0)],
+            mass=test.load / test.physics.gravity,
+            inertia=[ANKLE_INERTIA] * 3,
+            ipos=[0.0, 0.0, 0.0],  # left out, MuJoCo puts the centre of mass elsewhere
+            explicitinertial=True,
+        )
+        slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+        for name, axis in (("forward", [1.0, 0.0, 0.0]), ("left", [0.0, 1.0, 0.0])):
+            joint = carriage.add_joint(name=name, type=slide, axis=axis)
+            if not (shear and name == "forward"):
+                joint.stiffness[0] = GUIDE_STIFFNESS
+                joint.damping[0] = 2.0 * math.sqrt(GUIDE_STIFFNESS * carriage.mass)
+        carriage.add_joint(name="lift", type=slide, axis=[0.0, 0.0, 1.0])
+        for name, axis in (("roll", [1.0, 0.0, 0.0]), ("pitch", [0.0, 1.0, 0.0])):
+            carriage.add_joint(name=name, type=hinge, axis=axis)
+            if test.ankle_stiffness > 0.0:
+                _add_servo(spec, name, test.ankle_stiffness)
+        x, y, z, w = test.own_sole.rotation
+        ankle = carriage.add_body(name=test.own_sole.ankle_link, quat=quaternion_wxyz((-x, -y, -z, w)))
+        self.foot = test.foot.build(spec, ankle, "left", test.own_sole)
+        self.model: mujoco.MjModel = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.probe = SoleProbe(self.model, self.foot)
+        self.wrench = WrenchSensor(self.model, self.foot)
+        self.mass = float(self.model.body_mass.sum())
+        self._dof = {
+            name: int(self.model.joint(name).dofadr[0]) for name in ("forward", "lift", "roll", "pitch")
+        }
+        soft = [self.model.joint(name) for name in (*self.foot.sole_joints, *self.foot.transverse_joints)]
+        self._sole_joints = np.array([joint.id for joint in soft], dtype=int)
+        self._sole_qpos = np.array([joint.qposadr[0] for joint in soft], dtype=int)
+        self._sole_dof = np.array([joint.dofadr[0] for joint in soft], dtype=int)
+        arch = self.foot.arch_joint
+        self._arch = -1 if arch is None else int(self.model.joint(arch).id)
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, count: int = 1) -> None:
+        """Advance by physics steps."""
+        mujoco.mj_step(self.model, self.data, nstep=count)
+
+    def steps(self, duration: float) -> int:
+        """Number of physics steps in a time (s), at least one."""
+        return max(1, round(duration / self.test.physics.timestep))
+
+    def fork(self) -> Rig:
+        """An independent rig in the same state."""
+        twin = copy.copy(self)
+        twin.data = copy.copy(self.data)
+        return twin
+
+    @property
+    def diverged(self) -> bool:
+        """True once the state is no longer finite, or MuJoCo has warned that it is about to be."""
+        kinds = mujoco.mjtWarning
+        bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+        finite = np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()
+        return not finite or any(self.data.warning[int(kind)].number > 0 for kind in bad)
+
+    @property
+    def vertical_force(self) -> float:
+        """Sum of the vertical contact forces, N: the constraint force on the free vertical slide."""
+        return float(self.data.qfrc_constraint[self._dof["lift"]])
+
+    @property
+    def ankle_height(self) -> float:
+        """World z of the ankle, m."""
+        return float(self.data.body(self.test.own_sole.ankle_link).xpos[2])
+
+    @property
+    def ankle_place(self) -> tuple[float, float]:
+        """World x and y of the ankle, m."""
+        x, y, _ = self.data.body(self.test.own_sole.ankle_link).xpos.tolist()
+        return x, y
+
+    @property
+    def ankle_speed(self) -> float:
+        """Upward speed of the ankle, m/s."""
+        return float(self.data.qvel[self._dof["lift"]])
+
+    @property
+    def forward_force(self) -> float:
+        """Sum of the contact forces along the carriage's forward axis, N."""
+        return float(self.data.qfrc_constraint[self._dof["forward"]])
+
+    @property
+    def pitch_moment(self) -> float:
+        """Moment of the contact forces about the ankle's pitch axis, Nm."""
+        return float(self.data.qfrc_constraint[self._dof["pitch"]])
+
+    @property
+    def forward_place(self) -> float:
+        """Forward travel of the carriage, m."""
+        return float(self.data.joint("forward").qpos[0])
+
+    @property
+    def forward_speed(self) -> float:
+        """Forward speed of the carriage, m/s."""
+        return float(self.data.qvel[self._dof["forward"]])
+
+    def set_shear_force(self, force: float) -> None:
+        """Push the carriage forward, N; only with `shear`."""
+        self.data.qfrc_applied[self._dof["forward"]] = force
+
+    def set_extra_load(self, force: float) -> None:
+        """Press the carriage down on top of its weight, N."""
+        self.data.qfrc_applied[self._dof["lift"]] = -force
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch of the ankle, rad."""
+        return float(self.data.joint("roll").qpos[0]), float(self.data.joint("pitch").qpos[0])
+
+    def set_tilt(self, roll: float, pitch: float) -> None:
+        """Ask the ankle servo for a roll and pitch, rad."""
+        self.data.ctrl[:] = (roll, pitch)
+
+    @property
+    def sole_rates(self) -> Array:
+        """Rates of all sole hinges, rad/s."""
+        return np.asarray(self.data.qvel[self._sole_dof])
+
+    @property
+    def sole_power(self) -> float:
+        """Power that the dampers of the sole turn into heat, W."""
+        return float(self.model.dof_damping[self._sole_dof] @ self.sole_rates**2)
+
+    @property
+    def arch_power(self) -> float:
+        """Power that the damper of the frontal arch turns into heat, W."""
+        if self._arch < 0:
+            return 0.0
+        dof = self.model.jnt_dofadr[self._arch]
+        return float(self.model.dof_damping[dof] * self.data.qvel[dof] ** 2)
+
+    @property
+    def spring_energy(self) -> float:
+        """Energy stored in the springs of sole and arch, J."""
+        stored = 0.5 * self.model.jnt_stiffness[self._sole_joints] @ self.data.qpos[self._sole_qpos] ** 2
+        if self._arch >= 0:
+            angle = self.data.qpos[self.model.jnt_qposadr[self._arch]]
+            stored += 0.5 * self.model.jnt_stiffness[self._arch] * angle**2
+        return float(stored)
+
+    def contacts(self, least_force: float = 0.0) -> GroundContacts:
+        """Contacts that carry more than a normal force (N), in the world."""
+        return self.probe.contacts(self.model, self.data, least_force)
+
+    @property
+    def least_force(self) -> float:
+        """Normal force from which a contact counts as support, N."""
+        return LEAST_SHARE * self.mass * self.test.physics.gravity
+
+    def contact_area(self) -> float:
+        """Area of the convex hull of the supporting contact points in plan, m²."""
+        return hull(self.in_plan(self.contacts(self.least_force).points))[1]
+
+    def in_plan(self, points: Array) -> Array:
+        """World points as seen from above: forward and left of the sole centre under the ankle, shape (n, 2), m."""
+        ankle = self.data.body(self.test.own_sole.ankle_link).xpos[:2]
+        return np.asarray((points[:, :2] - ankle) @ self._heading + self.foot.fit.sole.ankle[:2])
+
+    def center_of_pressure(self) -> Array:
+        """Centre of pressure in plan, shape (2,), m; NaN without load."""
+        return np.asarray(self.in_plan(self.contacts().center_of_pressure[None, :])[0])
+
+    def sole_line(self) -> Array:
+        """Lowest points of the contact spheres in plan and world z, row by row from the toe, shape (n, 3), m."""
+        ids = [self.model.geom(name).id for name in self.foot.contact_geoms]
+        lowest = self.data.geom_xpos[ids] - np.array([0.0, 0.0, self.test.foot.contact.radius])
+        return np.column_stack([self.in_plan(lowest), lowest[:, 2]])
+
+    def skeleton(self) -> Array:
+        """Heel hinge, ankle and arch tip (rigid foot: sole centre and ankle) in plan and world z, shape (n, 3), m."""
+        points = [self.data.body(self.test.own_sole.ankle_link).xpos]
+        if self.foot.sole_joints:
+            points.insert(0, self.data.joint(self.foot.sole_joints[-1]).xanchor)
+            if self.foot.loop_sites is not None:
+                points.append(self.data.site(self.foot.loop_sites[0]).xpos)
+        else:
+            points.insert(0, self.data.site(self.foot.wrench_site).xpos)
+        place = np.array(points)
+        return np.column_stack([self.in_plan(place), place[:, 2]])
+
+    def _highest(self, half_length: float, half_width: float) -> float:
+        """Highest point of the ground under a rectangle around the sole, m."""
+        x = np.linspace(-half_length, half_length, math.ceil(2.0 * half_length / HIGHEST_GRID) + 1)
+        y = np.linspace(-half_width, half_width, math.ceil(2.0 * half_width / HIGHEST_GRID) + 1)
+        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) @ self._heading.T + self.center
+        return float(self.test.ground.height(grid[:, 0], grid[:, 1]).max())
+
+
+def _add_servo(spec: mujoco.MjSpec, joint: str, stiffness: float) -> None:
+    """Hold a joint of the carriage at its control value, critically damped."""
+    damping = 2.0 * math.sqrt(stiffness * ANKLE_INERTIA)
+    servo = spec.add_actuator(
+        name=f"{joint}_servo",
+        target=joint,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+    )
+    servo.gainprm[0] = stiffness
+    servo.biasprm[:3] = (0.0, -stiffness, -damping)

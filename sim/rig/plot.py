@@ -1,0 +1,178 @@
+"""Pictures of foot tests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+
+from wbc.core.errors import Array, InputError
+from wbc.sim.rig.results import Hold, PressResult, Support
+from wbc.sim.rig.spec import FootTest
+from wbc.sim.rig.study import Deflection, StiffnessRow
+
+MARGIN = 0.03
+"""Ground drawn around the foot, m."""
+
+_GRID = 0.002  # m
+_SOLE, _CONTACT, _SUPPORT, _GROUND = "#d98d40", "#c22f2f", "#2f6fc2", "#8a8178"
+
+
+def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
+    """Draw a pressed foot from the side and from above.
+
+    Args:
+        test: What was pressed.
+        result: What came out.
+        path: Picture file; its ending chooses the format.
+
+    Raises:
+        InputError: The result has nothing to draw because the simulation diverged.
+    """
+    if result.hold is None:
+        raise InputError("nothing to draw: the simulation diverged")
+    figure = _figure(8.0, 7.2)
+    side, top = figure.add_axes((0.09, 0.60, 0.77, 0.35)), figure.add_axes((0.09, 0.11, 0.77, 0.44))
+    side.sharex(top)
+    _draw_side(side, test, result.hold)
+    image = _draw_top(top, test, result.hold, result.support)
+    figure.colorbar(image, cax=figure.add_axes((0.885, 0.15, 0.02, 0.34)), label="ground (mm)")
+    figure.legend(loc="lower center", ncols=6, fontsize=7)
+    hold = result.hold
+    side.set_title(
+        f"{type(test.foot).__name__} on {test.ground.name} ({1e3 * test.ground.amplitude:.0f} mm, seed "
+        f"{test.ground.seed}), {hold.force_mean:.0f} N on {hold.contacts} contacts, contact area "
+        f"{1e4 * hold.contact_area:.0f} cm²" + _support_text(result.support),
+        fontsize=9,
+    )
+    figure.savefig(str(path), dpi=150)
+
+
+def plot_curves(
+    rows: Sequence[StiffnessRow], deflections: Sequence[Deflection], path: str | Path, *, floor: float = 0.05
+) -> None:
+    """Draw contact area, support area and ankle height over stiffness, and force–deflection curves.
+
+    Args:
+        rows: From `stiffness_curves`; means and standard errors over grounds are drawn per family.
+        deflections: From `force_deflection`.
+        path: Picture file.
+        floor: Place of k = 0 on the logarithmic axis, Nm/rad.
+    """
+    figure = _figure(9.0, 7.0)
+    figure.set_layout_engine("constrained")
+    (area, support), (height, force) = figure.subplots(2, 2)
+    for axes, name, label, scale in (
+        (area, "contact_area", "contact area (cm²)", 1e4),
+        (support, "support_area", "equivalent support area (cm²)", 1e4),
+        (height, "ankle_height", "ankle height (mm)", 1e3),
+    ):
+        _draw_curve(axes, rows, name, scale, floor)
+        axes.set_xlabel("sole stiffness k (Nm/rad)")
+        axes.set_ylabel(label)
+    area.legend(fontsize=8)
+    for curve in deflections:
+        label = "rigid" if math.isinf(curve.stiffness) else f"k = {curve.stiffness:g}"
+        force.plot(1e3 * np.array(curve.deflection), curve.load, "o-", ms=3, label=label)
+    force.set_xlabel("ankle deflection (mm)")
+    force.set_ylabel("load (N)")
+    if deflections:
+        force.legend(fontsize=8)
+    figure.savefig(str(path), dpi=150)
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _support_text(support: Support | None) -> str:
+    return "" if support is None else f", support {1e4 * support.area:.0f} cm²"
+
+
+def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:
+    """Height of the ground at plan points, m."""
+    ankle = test.foot.fit(test.own_sole).sole.ankle
+    cos, sin = math.cos(test.yaw), math.sin(test.yaw)
+    dx, dy = x - ankle[0], y - ankle[1]
+    place = hold.ankle_place
+    return np.asarray(test.ground.height(place[0] + cos * dx - sin * dy, place[1] + sin * dx + cos * dy))
+
+
+def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
+    fitted = test.foot.fit(test.own_sole).sole
+    x = np.arange(-fitted.length / 2.0 - MARGIN, fitted.length / 2.0 + MARGIN, _GRID)
+    y = np.linspace(-fitted.width / 2.0, fitted.width / 2.0, 41)
+    z = 1e3 * _ground(test, hold, x[None, :], y[:, None])
+    axes.fill_between(
+        1e3 * x, z.min(axis=0), z.max(axis=0), color=_GROUND, alpha=0.35, lw=0, label="ground across"
+    )
+    axes.plot(1e3 * x, z[len(y) // 2], color=_GROUND, lw=1.2, label="ground, middle")
+    line = 1e3 * np.array(hold.sole_line)
+    columns = test.foot.contact.columns
+    for column in range(columns):
+        middle = column == columns // 2
+        axes.plot(
+            *line[column::columns, ::2].T, ".-", color=_SOLE, alpha=1.0 if middle else 0.4, lw=1.5, ms=4
+        )
+    skeleton = 1e3 * np.array(hold.skeleton)
+    axes.plot(skeleton[:, 0], skeleton[:, 2], "o-", color="#454a52", lw=2.5, ms=4)
+    points, forces = 1e3 * np.array(hold.contact_points).reshape(-1, 3), np.array(hold.contact_forces)
+    for point, force in zip(points, forces, strict=True):
+        tip = (point[0], point[2] + 30.0 * force / max(forces.max(), 1e-9))
+        axes.annotate("", tip, (point[0], point[2]), arrowprops={"arrowstyle": "->", "color": _CONTACT})
+    axes.axvline(1e3 * hold.center_of_pressure[0], color=_CONTACT, ls=":", lw=1)
+    axes.set_ylabel("z (mm)")
+    axes.set_aspect("equal")
+
+
+def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: Support | None) -> QuadMesh:
+    fitted = test.foot.fit(test.own_sole).sole
+    half = (fitted.length / 2.0 + MARGIN, fitted.width / 2.0 + MARGIN)
+    x, y = np.arange(-half[0], half[0], _GRID), np.arange(-half[1], half[1], _GRID)
+    image = axes.pcolormesh(
+        1e3 * x, 1e3 * y, 1e3 * _ground(test, hold, x[None, :], y[:, None]), cmap="Greys_r", shading="nearest"
+    )
+    corners = 500.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * (fitted.length, fitted.width)
+    axes.plot(*corners.T, color=_SOLE, lw=1.2, label="sole")
+    if support is not None and len(support.polygon) > 2:
+        ring = 1e3 * np.array([*support.polygon, support.polygon[0]])
+        axes.fill(*ring.T, color=_SUPPORT, alpha=0.25, lw=0, label="equivalent support")
+    points, forces = np.array(hold.contact_points).reshape(-1, 3), np.array(hold.contact_forces)
+    if len(points):
+        size = 120.0 * forces / forces.max()
+        axes.scatter(1e3 * points[:, 0], 1e3 * points[:, 1], s=size, color=_CONTACT, label="contacts")
+    axes.plot(*(1e3 * np.array(hold.center_of_pressure)), "x", color="black", label="centre of pressure")
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("y (mm)")
+    axes.set_aspect("equal")
+    return image
+
+
+def _draw_curve(axes: Axes, rows: Sequence[StiffnessRow], name: str, scale: float, floor: float) -> None:
+    for ground in dict.fromkeys(row.ground for row in rows):
+        mine = [row for row in rows if row.ground == ground]
+        soft = sorted({row.stiffness for row in mine if math.isfinite(row.stiffness)})
+        values = [scale * np.array([getattr(r, name) for r in mine if r.stiffness == k]) for k in soft]
+        error = [v.std(ddof=1) / math.sqrt(v.size) if v.size > 1 else 0.0 for v in values]
+        drawn = axes.errorbar(
+            [max(k, floor) for k in soft],
+            [v.mean() for v in values],
+            error,
+            fmt="o-",
+            ms=3,
+            capsize=2,
+            label=ground,
+        )
+        rigid = [getattr(row, name) for row in mine if math.isinf(row.stiffness)]
+        if rigid:
+            color = drawn.lines[0].get_color()
+            axes.axhline(scale * float(np.mean(rigid)), ls="--", lw=1, color=color, label=f"{ground}, rigid")
+    axes.set_xscale("log")

@@ -1,0 +1,205 @@
+"""What a foot test reports."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from wbc.core.errors import Array
+
+Points = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Impact:
+    """Landing from the start height until the foot rests.
+
+    Attributes:
+        speed: Downward speed of the ankle at the first contact, m/s.
+        peak_force: Largest vertical force, N.
+        drop_energy: Potential energy given up between start and rest, J; all of it is absorbed in the end.
+        sole_energy: Part of it turned to heat in the dampers of the sole, J.
+        arch_energy: Part of it turned to heat in the damper of the frontal arch, J.
+        spring_energy: Part of it stored in the springs at rest, J.
+        rebound_energy: Kinetic energy of the fastest upward motion after the first contact, J.
+        absorbed: Share of the drop energy that did not come back in the rebound.
+    """
+
+    speed: float
+    peak_force: float
+    drop_energy: float
+    sole_energy: float
+    arch_energy: float
+    spring_energy: float
+    rebound_energy: float
+    absorbed: float
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The foot at rest under its load. Plan coordinates are forward and left of the sole centre at the start.
+
+    Attributes:
+        weight: Weight of load and foot, N.
+        force_mean: Mean vertical contact force, N.
+        force_std: Its standard deviation, N.
+        balance_error: force_mean / weight − 1.
+        center_of_pressure: In plan, m.
+        ankle_height: Height of the ankle over the level z = 0 of the ground, m.
+        ankle_place: World x and y of the ankle, m.
+        ankle_tilt: Roll and pitch of the ankle, rad.
+        contacts: Number of contact points that carry load.
+        contact_points: They in plan and world z, m.
+        contact_forces: Their vertical forces, N.
+        contact_area: Area of the convex hull of the contact points in plan, m².
+        sole_angles: Angles of the sole hinges from the toe to the heel, rad.
+        transverse_angles: Angles of the hinges about the longitudinal axis, rad; usually empty.
+        sole_line: Contact spheres' lowest points in plan and world z, row by row from the toe, m.
+        skeleton: Heel hinge, ankle and tip of the frontal arch (rigid foot: sole centre and ankle) in plan
+            and world z, m.
+        loop_gap: Largest distance between the sides of the loop closure in the hold, m.
+        loop_gap_peak: The same from the start on, m.
+        penetration: Largest penetration in the hold, m.
+        penetration_peak: The same from the start on, m.
+        jitter: Root mean square of the sole hinge rates in the hold, rad/s.
+    """
+
+    weight: float
+    force_mean: float
+    force_std: float
+    balance_error: float
+    center_of_pressure: tuple[float, ...]
+    ankle_height: float
+    ankle_place: tuple[float, float]
+    ankle_tilt: tuple[float, float]
+    contacts: int
+    contact_points: Points
+    contact_forces: tuple[float, ...]
+    contact_area: float
+    sole_angles: tuple[float, ...]
+    transverse_angles: tuple[float, ...]
+    sole_line: Points
+    skeleton: Points
+    loop_gap: float
+    loop_gap_peak: float
+    penetration: float
+    penetration_peak: float
+    jitter: float
+
+
+@dataclass(frozen=True)
+class Support:
+    """Equivalent support polygon: where the foot can put its centre of pressure.
+
+    It holds every centre of pressure that was seen while the ankle was tilted a little in all directions.
+
+    Attributes:
+        tilt: Largest tilt of the ankle considered, rad.
+        polygon: Convex hull of the centres of pressure in plan, counter-clockwise, m.
+        area: m².
+        forward: Largest x of it, m.
+        backward: Smallest x, m.
+        left: Largest y, m.
+        right: Smallest y, m.
+    """
+
+    tilt: float
+    polygon: Points
+    area: float
+    forward: float
+    backward: float
+    left: float
+    right: float
+
+
+@dataclass(frozen=True)
+class PressResult:
+    """A foot dropped onto a ground and pressed.
+
+    Attributes:
+        diverged: True if the simulation did; then there is nothing else.
+        impact: The landing.
+        hold: At rest.
+        support: What centre of pressure it can give; None if it was not asked for.
+    """
+
+    diverged: bool
+    impact: Impact | None = None
+    hold: Hold | None = None
+    support: Support | None = None
+
+
+@dataclass(frozen=True)
+class SlideResult:
+    """A loaded foot pushed along the ground.
+
+    Attributes:
+        diverged: True if the simulation did.
+        shear_share: Shear over weight while creep is measured.
+        creep: Forward speed under that shear, m/s.
+        slip_share: Shear over weight at which the foot starts to slide, its effective friction coefficient.
+    """
+
+    diverged: bool
+    shear_share: float
+    creep: float = math.nan
+    slip_share: float = math.nan
+
+
+@dataclass(frozen=True)
+class PitchResult:
+    """A loaded foot whose ankle is pitched slowly back and forth.
+
+    Attributes:
+        diverged: True if the simulation did.
+        pitch: Pitch of the ankle, toe down positive, rad.
+        center_of_pressure: Its x in plan, m.
+        moment: Ankle moment of the ground's force about the transverse axis, Nm.
+        ankle_height: m.
+    """
+
+    diverged: bool
+    pitch: tuple[float, ...] = ()
+    center_of_pressure: tuple[float, ...] = ()
+    moment: tuple[float, ...] = ()
+    ankle_height: tuple[float, ...] = ()
+
+
+def hull(points: Array) -> tuple[Array, float]:
+    """Convex hull in the plane.
+
+    Args:
+        points: Shape (n, 2), m.
+
+    Returns:
+        Corners counter-clockwise, shape (m, 2), m, and area, m²; points on a line have their ends and no
+        area.
+    """
+    unique = np.unique(np.round(points, 9), axis=0)
+    if len(unique) < 3:
+        return unique, 0.0
+    try:
+        found = ConvexHull(unique)
+    except QhullError:
+        along = unique @ np.linalg.svd(unique - unique.mean(axis=0))[2][0]
+        return unique[[int(along.argmin()), int(along.argmax())]], 0.0
+    return unique[found.vertices], float(found.volume)  # in the plane, "volume" is the area
+
+
+def to_json(result: Any) -> Any:
+    """Values that `json.dumps` takes: dataclasses as objects, tuples as lists, NaN and infinity as null."""
+    if is_dataclass(result) and not isinstance(result, type):
+        return {f.name: to_json(getattr(result, f.name)) for f in fields(result)}
+    if isinstance(result, dict):
+        return {str(key): to_json(value) for key, value in result.items()}
+    if isinstance(result, (tuple, list)):
+        return [to_json(value) for value in result]
+    if isinstance(result, float):
+        return result if math.isfinite(result) else None
+    if result is None or isinstance(result, (bool, int, str)):
+        return result
+    return str(result)

@@ -1,0 +1,287 @@
+"""Studies of one foot over stiffness, ground and time step: stability table, stiffness and force–deflection curves."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+
+from wbc.core.errors import InputError, non_negative, positive
+from wbc.feet import Foot, SoftFoot
+from wbc.sim.rig.actions import land, press
+from wbc.sim.rig.fixture import Rig
+from wbc.sim.rig.spec import FootTest
+from wbc.sim.terrain import Terrain, terrain
+
+STIFFNESSES = (0.0, 0.5, 5.0, 20.0, 42.0, 80.0)
+"""Stiffnesses over the paper's range 0–80 Nm/rad (Table I); 42 is the one of its Fig. 4."""
+
+
+def bumps(seeds: Iterable[int] = range(5), amplitude: float = 0.03) -> tuple[Terrain, ...]:
+    """Grounds that vary along the track alone (random) and both ways (stones), one of each per seed.
+
+    Args:
+        seeds: Seeds of the grounds.
+        amplitude: Highest minus lowest point, m.
+    """
+    return tuple(terrain(name, amplitude, seed) for seed in seeds for name in ("random", "stones"))
+
+
+def with_stiffness(foot: Foot, stiffness: float) -> Foot:
+    """The same soft foot with another stiffness (Nm/rad).
+
+    Raises:
+        InputError: The foot is rigid, or the stiffness out of range.
+    """
+    if not isinstance(foot, SoftFoot):
+        raise InputError(f"a {type(foot).__name__} has no stiffness to vary; use a soft foot")
+    return replace(foot, stiffness=stiffness)
+
+
+@dataclass(frozen=True)
+class StabilityRow:
+    """One cell of the stability table.
+
+    Attributes:
+        ground: Family of the ground.
+        seed: Its seed.
+        stiffness: Of the sole, Nm/rad.
+        timestep: Physics step, s.
+        diverged: True if the landing, the hold or the tilting in eight directions did.
+        balance_error: Mean vertical force over weight − 1.
+        force_std: Standard deviation of the force in the hold, N.
+        loop_gap: Largest loop gap in the hold, m.
+        loop_gap_peak: From the landing on, m.
+        penetration: Largest in the hold, m.
+        penetration_peak: From the landing on, m.
+        jitter: Rms of the sole hinge rates in the hold, rad/s.
+    """
+
+    ground: str
+    seed: int
+    stiffness: float
+    timestep: float
+    diverged: bool
+    balance_error: float = math.nan
+    force_std: float = math.nan
+    loop_gap: float = math.nan
+    loop_gap_peak: float = math.nan
+    penetration: float = math.nan
+    penetration_peak: float = math.nan
+    jitter: float = math.nan
+
+
+def stability(
+    test: FootTest,
+    *,
+    stiffnesses: Sequence[float] = STIFFNESSES,
+    grounds: Sequence[Terrain] | None = None,
+    timesteps: Sequence[float] = (0.001, 0.002),
+) -> Iterator[StabilityRow]:
+    """Press a soft foot for every stiffness, ground and physics step, and tilt it in eight directions.
+
+    Args:
+        test: What stays the same.
+        stiffnesses: Nm/rad.
+        grounds: `bumps()` when None.
+        timesteps: s.
+    """
+    for timestep in timesteps:
+        physics = replace(test.physics, timestep=timestep)
+        for ground in bumps() if grounds is None else grounds:
+            for stiffness in stiffnesses:
+                cell = replace(
+                    test, foot=with_stiffness(test.foot, stiffness), ground=ground, physics=physics
+                )
+                result = press(cell)
+                row = StabilityRow(ground.name, ground.seed, stiffness, timestep, result.diverged)
+                if result.hold is not None:
+                    names = (
+                        "balance_error",
+                        "force_std",
+                        "loop_gap",
+                        "loop_gap_peak",
+                        "penetration",
+                        "penetration_peak",
+                        "jitter",
+                    )
+                    row = replace(row, **{name: getattr(result.hold, name) for name in names})
+                yield row
+
+
+@dataclass(frozen=True)
+class StiffnessRow:
+    """How a foot stands on one ground at one stiffness.
+
+    Attributes:
+        ground: Family of the ground.
+        seed: Its seed.
+        stiffness: Of the sole, Nm/rad; infinite for a rigid foot.
+        ankle_height: Height of the ankle over the level z = 0, m.
+        contacts: Contact points that carry load.
+        contact_area: Area of their convex hull, m².
+        support_area: Area of the equivalent support polygon, m².
+        absorbed: Share of the drop energy that did not come back.
+        peak_force: At landing, N.
+    """
+
+    ground: str
+    seed: int
+    stiffness: float
+    ankle_height: float
+    contacts: int
+    contact_area: float
+    support_area: float
+    absorbed: float
+    peak_force: float
+
+
+def stiffness_curves(
+    test: FootTest, *, stiffnesses: Sequence[float] = STIFFNESSES, grounds: Sequence[Terrain] | None = None
+) -> Iterator[StiffnessRow]:
+    """Press a soft foot over stiffnesses and grounds; a rigid foot gives one row per ground.
+
+    Runs that diverge are left out.
+
+    Args:
+        test: What stays the same, with an ankle servo.
+        stiffnesses: Nm/rad; ignored for a rigid foot.
+        grounds: `bumps()` when None.
+    """
+    for ground in bumps() if grounds is None else grounds:
+        for stiffness in stiffnesses if isinstance(test.foot, SoftFoot) else (math.inf,):
+            foot = with_stiffness(test.foot, stiffness) if isinstance(test.foot, SoftFoot) else test.foot
+            result = press(replace(test, foot=foot, ground=ground))
+            if result.impact is None or result.hold is None or result.support is None:
+                continue
+            yield StiffnessRow(
+                ground=ground.name,
+                seed=ground.seed,
+                stiffness=stiffness,
+                ankle_height=result.hold.ankle_height,
+                contacts=result.hold.contacts,
+                contact_area=result.hold.contact_area,
+                support_area=result.support.area,
+                absorbed=result.impact.absorbed,
+                peak_force=result.impact.peak_force,
+            )
+
+
+@dataclass(frozen=True)
+class Deflection:
+    """Force–deflection curve of a foot.
+
+    Attributes:
+        stiffness: Of the sole, Nm/rad; infinite for a rigid foot.
+        load: Weight of load and foot, N.
+        deflection: How far the ankle lies below the height at which the undeformed, level foot would touch, m.
+        contact_area: Area of the convex hull of the contact points, m².
+        diverged: True if the simulation did; then the curve ends early.
+    """
+
+    stiffness: float
+    load: tuple[float, ...]
+    deflection: tuple[float, ...]
+    contact_area: tuple[float, ...]
+    diverged: bool
+
+
+def force_deflection(test: FootTest, *, loads: Sequence[float], settle: float = 1.0) -> Deflection:
+    """Load a foot step by step and follow the ankle down.
+
+    On bumps the ankle tilts as well, so part of the way down is rocking: a rigid foot shows how much.
+
+    Args:
+        test: Foot and ground; its load is the first one.
+        loads: Further loads, rising, N.
+        settle: Time at each load, s. With k = 5 Nm/rad and b = 2 Nms/rad a hinge settles in 0.4 s; below that
+            stiffness the curve is that of a foot still creeping.
+
+    Raises:
+        InputError: The loads do not rise.
+    """
+    steps = (test.load, *(positive("load (N)", load) for load in loads))
+    if any(b <= a for a, b in zip(steps, steps[1:], strict=False)):
+        raise InputError(f"loads must rise from the test's own load of {test.load:g} N, got {list(loads)}")
+    positive("settling time (s)", settle)
+    stiffness = test.foot.stiffness if isinstance(test.foot, SoftFoot) else math.inf
+    rig = Rig(test)
+    if land(rig) is None:
+        return Deflection(stiffness, (), (), (), True)
+    rows: list[tuple[float, float, float]] = []
+    for load in steps:
+        rig.set_extra_load(load - test.load)
+        rig.step(rig.steps(settle))
+        if rig.diverged:
+            break
+        weight = rig.mass * test.physics.gravity + load - test.load
+        rows.append((weight, rig.touch_height - rig.ankle_height, rig.contact_area()))
+    columns = [tuple(column) for column in zip(*rows, strict=True)] or [(), (), ()]
+    return Deflection(stiffness, columns[0], columns[1], columns[2], rig.diverged)
+
+
+def steps_per_second(
+    test: FootTest, *, seconds: float = 2.0, clock: Callable[[], float] = time.perf_counter
+) -> float:
+    """Speed of the physics of one loaded foot whose ankle rocks in roll and pitch, physics steps per second.
+
+    Args:
+        test: Foot and ground.
+        seconds: Simulated time that is measured, after landing, s.
+        clock: Gives the time, s.
+
+    Raises:
+        InputError: The simulation diverges.
+    """
+    non_negative("ankle stiffness (Nm/rad)", test.ankle_stiffness)
+    rig = Rig(test)
+    rig.step(rig.steps(test.settle))
+    tick = rig.steps(0.005)
+    ticks = max(1, rig.steps(seconds) // tick)
+    start = clock()
+    for i in range(ticks):
+        phase = 2.0 * math.pi * i * tick * test.physics.timestep
+        rig.set_tilt(0.02 * math.sin(phase), 0.05 * math.sin(phase / 2.0))
+        rig.step(tick)
+    elapsed = clock() - start
+    if rig.diverged:
+        raise InputError("the simulation diverged: choose a smaller physics step")
+    return ticks * tick / elapsed
+
+
+def stability_table(rows: Iterable[StabilityRow]) -> str:
+    """Markdown table of a stability study, one line per physics step and stiffness."""
+    groups: dict[tuple[float, float], list[StabilityRow]] = {}
+    for row in rows:
+        groups.setdefault((row.timestep, row.stiffness), []).append(row)
+    lines = [
+        "| dt (ms) | k (Nm/rad) | cells | diverged | worst mean force error (%) | force std median / max (N) "
+        "| loop gap hold / peak (mm) | penetration hold / peak (mm) | jitter median (rad/s) |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for (timestep, stiffness), cells in groups.items():
+        good = [row for row in cells if not row.diverged]
+        worst = {
+            name: max((abs(getattr(row, name)) for row in good), default=math.nan)
+            for name in (
+                "balance_error",
+                "force_std",
+                "loop_gap",
+                "loop_gap_peak",
+                "penetration",
+                "penetration_peak",
+            )
+        }
+        middle = {
+            name: median(getattr(row, name) for row in good) if good else math.nan
+            for name in ("force_std", "jitter")
+        }
+        lines.append(
+            f"| {1e3 * timestep:g} | {stiffness:g} | {len(cells)} | {len(cells) - len(good)} "
+            f"| {1e2 * worst['balance_error']:.2f} | {middle['force_std']:.4f} / {worst['force_std']:.1f} "
+            f"| {1e3 * worst['loop_gap']:.2f} / {1e3 * worst['loop_gap_peak']:.2f} "
+            f"| {1e3 * worst['penetration']:.2f} / {1e3 * worst['penetration_peak']:.2f} | {middle['jitter']:.5f} |"
+        )
+    return "\n".join(lines)
