@@ -66,6 +66,13 @@ class BrakingLaw:
         return final
 
 
+def _joint_bound(what: str, value: ArrayLike, na: int) -> Array:
+    bound = finite_array(f"{what} of joint limits (rad/s²)", value)
+    if bound.shape not in ((), (na,)) or (bound <= 0.0).any():
+        raise InputError(f"{what} of joint limits must be positive, scalar or of shape ({na},), got {bound}")
+    return np.array(np.broadcast_to(bound, (na,)))
+
+
 class JointLimits:
     """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
 
@@ -75,26 +82,29 @@ class JointLimits:
         position: bool = True,
         velocity: bool = True,
         acceleration: ArrayLike | None = None,
+        braking: ArrayLike | None = None,
         margin: float = 1e-3,
         velocity_ratio: float = 1.0,
     ) -> None:
         """Choose which bounds to keep.
 
         Args:
-            position: Keep the position limits of the model, by a braking law that is viable: with the acceleration
-                bound below, the position bound can always still be kept.
+            position: Keep the position limits of the model, by a braking law that is viable: as long as the joint can
+                be decelerated as `braking` says, the position bound can always still be kept.
             velocity: Keep the velocity limits of the model.
-            acceleration: Acceleration bound, rad/s² (or m/s²), scalar or shape (na,). When None, what 30 % of the
-                torque limit gives to the joint's inertia in half-sitting, at most 100 rad/s².
+            acceleration: Largest acceleration, rad/s² (or m/s²), scalar or shape (na,); unlimited when None.
+            braking: Deceleration that is always available, rad/s², scalar or shape (na,). When None, the acceleration
+                limit, or what 30 % of the torque limit gives to the joint's inertia in half-sitting, at most
+                100 rad/s²: the rest is left for gravity and contact forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
             velocity_ratio: Part of the velocity limit that may be used, in (0, 1].
 
         Raises:
-            InputError: A value out of range.
+            InputError: A value out of range, or an acceleration limit below the braking deceleration.
         """
         self.name = "joint limits"
         self._use_position, self._use_velocity = bool(position), bool(velocity)
-        self._acceleration = acceleration
+        self._acceleration, self._braking = acceleration, braking
         self._margin = non_negative("margin of joint limits (rad)", margin)
         self._ratio = finite_scalar(
             "velocity ratio of joint limits", velocity_ratio, low=0.0, high=1.0, open_low=True
@@ -108,14 +118,17 @@ class JointLimits:
         """
         self._robot = robot
         na = robot.na
-        if self._acceleration is None:
-            inertia = np.diag(robot.mass_matrix)[6:]
-            self.acceleration = np.minimum(100.0, 0.3 * np.minimum(robot.torque_limit, 1e6) / inertia)
-        else:
-            bound = finite_array("acceleration bound of joint limits (rad/s²)", self._acceleration)
-            if bound.shape not in ((), (na,)) or (bound <= 0.0).any():
-                raise InputError(f"acceleration bound must be positive, scalar or shape ({na},), got {bound}")
-            self.acceleration = np.array(np.broadcast_to(bound, (na,)))
+        self.acceleration = np.full(na, np.inf)
+        inertia = np.diag(robot.mass_matrix)[6:]
+        self.braking = np.minimum(100.0, 0.3 * np.minimum(robot.torque_limit, 1e6) / inertia)
+        if self._acceleration is not None:
+            self.acceleration = self.braking = _joint_bound("acceleration limit", self._acceleration, na)
+        if self._braking is not None:
+            self.braking = _joint_bound("braking deceleration", self._braking, na)
+        if (self.braking > self.acceleration).any():
+            raise InputError(
+                f"braking deceleration {self.braking} must not exceed the acceleration limit {self.acceleration} rad/s²"
+            )
         middle = 0.5 * (robot.position_lower + robot.position_upper)
         self.lower = np.minimum(robot.position_lower + self._margin, middle)
         self.upper = np.maximum(robot.position_upper - self._margin, middle)
@@ -137,9 +150,8 @@ class JointLimits:
         """
         if dt != self._dt:
             self._dt = dt
-            self._law = BrakingLaw(np.array([self.acceleration, self.acceleration]), dt)
-            self._most = np.array([self.acceleration, self.acceleration])
-            self._least = -self._most
+            self._law = BrakingLaw(np.array([self.braking, self.braking]), dt)
+            self._least = -np.array([self.braking, self.braking])
         robot, rate, distance = self._robot, self._rate, self._distance
         np.multiply(self._sign, robot.v[6:], out=rate)
         if self._use_position:
@@ -153,7 +165,7 @@ class JointLimits:
             bound = np.full_like(rate, np.inf)
         bound -= rate
         bound *= 1.0 / dt
-        np.minimum(bound, self._most, out=bound)
+        np.minimum(bound, self.acceleration, out=bound)
         np.maximum(bound, self._least, out=bound)
         upper[:] = bound[0]
         np.negative(bound[1], out=lower)
