@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 from wbc.core.errors import InputError, unknown_name
 from wbc.core.robot import BASE_DOF, Robot
 
+POSITION_AXES = ("x", "y", "z")
+ROTATION_AXES = ("roll", "pitch", "yaw")
+POSE_AXES = (*POSITION_AXES, *ROTATION_AXES)
+
+BASE = "base"
+"""Stands for the six coordinates of the floating base where joints are selected."""
+
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:
     """Return which of `choices` are in `axes`.
@@ -47,11 +54,29 @@ def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
 def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp] | None:
     """Return the velocity coordinates that a task limited to `joints` must not use; None when it may use all.
 
-    The floating base counts as not selected: a task that may move only some joints may not move the base.
+    The floating base counts as not selected unless "base" is among the joints: a task that may move only some
+    joints may not move the base.
 
     Raises:
+        InputError: No joint at all, or one twice.
         UnknownNameError: The robot has no such joint.
     """
     if joints is None:
         return None
-    return np.setdiff1d(np.arange(robot.nv), joint_columns(robot, joints))
+    chosen = distinct_joints(joints)
+    used = joint_columns(robot, [joint for joint in chosen if joint != BASE])
+    if BASE in chosen:
+        used = np.concatenate([np.arange(BASE_DOF), used])
+    return np.setdiff1d(np.arange(robot.nv), used)
+
+
+def distinct_joints(joints: Sequence[str]) -> list[str]:
+    """Return the names as a list; a single name counts as a list of one.
+
+    Raises:
+        InputError: No joint at all, or one twice.
+    """
+    chosen = [joints] if isinstance(joints, str) else list(joints)
+    if not chosen or len(set(chosen)) != len(chosen):
+        raise InputError(f"joints must be distinct, at least one; got {chosen}")
+    return chosen

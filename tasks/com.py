@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, finite_array
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import Robot
 from wbc.core.task import MotionTask
-from wbc.tasks.axes import axis_mask
+from wbc.tasks.axes import POSITION_AXES, axis_mask, other_columns
 
 
 class CoMTask(MotionTask):
@@ -25,7 +25,8 @@ class CoMTask(MotionTask):
         self,
         target: ArrayLike | None = None,
         *,
-        axes: Sequence[str] = ("x", "y", "z"),
+        axes: Sequence[str] = POSITION_AXES,
+        joints: Sequence[str] | None = None,
         name: str = "com",
         weight: ArrayLike = 10.0,
         stiffness: ArrayLike = 30.0,
@@ -37,6 +38,7 @@ class CoMTask(MotionTask):
         Args:
             target: Point in the world, shape (3,), m; the present one when None.
             axes: World axes that matter, out of x, y, z.
+            joints: Joints that may be used, "base" for the floating base; all of them when None.
             name: Name of the task.
             weight: Cost per (m/s²)².
             stiffness: 1/s².
@@ -46,10 +48,11 @@ class CoMTask(MotionTask):
         Raises:
             InputError: An unknown axis, or a target that is not a finite point.
         """
-        self._mask = axis_mask(name, axes, ("x", "y", "z"))
-        self._all = bool(self._mask.all())
+        mask = axis_mask(name, axes, POSITION_AXES)
+        self._keep = None if mask.all() else np.flatnonzero(mask)
+        self._only_joints = joints
         super().__init__(
-            name, int(self._mask.sum()), weight=weight, stiffness=stiffness, damping=damping, hard=hard
+            name, int(mask.sum()), weight=weight, stiffness=stiffness, damping=damping, hard=hard
         )
         self._target: Array | None = None
         if target is not None:
@@ -65,9 +68,15 @@ class CoMTask(MotionTask):
         self._target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def bind(self, robot: Robot) -> None:
-        """Take the present centre of mass as target when none was given."""
+        """Take the present centre of mass as target when none was given.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+        """
         super().bind(robot)
+        self._unused = other_columns(robot, self._only_joints)
         self._base_rotation = robot.data.oMi[1].rotation
+        self._gravity = np.array(robot.model.gravity.linear)
         if self._target is None:
             self._target = np.array(robot.com)
 
@@ -78,16 +87,14 @@ class CoMTask(MotionTask):
         rows of the bias, turned into the world, are mass · (drift − gravity).
         """
         robot = self.robot
+        assert self._target is not None
         difference = self._target - robot.com
         acceleration = self._base_rotation.dot(robot.bias[:3])
         acceleration /= robot.mass
-        acceleration[2] -= GRAVITY
-        if self._all:
-            jacobian[:] = robot.com_jacobian
-            error[:] = difference
-            drift[:] = acceleration
-        else:
-            mask = self._mask
-            jacobian[:] = robot.com_jacobian[mask]
-            error[:] = difference[mask]
-            drift[:] = acceleration[mask]
+        acceleration += self._gravity
+        keep = self._keep
+        jacobian[:] = robot.com_jacobian if keep is None else robot.com_jacobian[keep]
+        error[:] = difference if keep is None else difference[keep]
+        drift[:] = acceleration if keep is None else acceleration[keep]
+        if self._unused is not None:
+            jacobian[:, self._unused] = 0.0

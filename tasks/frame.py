@@ -11,10 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import Robot
 from wbc.core.task import MotionTask
-from wbc.tasks.axes import axis_mask, other_columns
-
-POSITION_AXES = ("x", "y", "z")
-ROTATION_AXES = ("roll", "pitch", "yaw")
+from wbc.tasks.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES, axis_mask, other_columns
 
 
 def rotation_matrix(what: str, value: ArrayLike) -> Array:
@@ -33,8 +30,26 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
     return matrix
 
 
-class _FrameTask(MotionTask):
-    """What the three tasks on a frame have in common: the frame, the axes, and the joints that may be used."""
+def pose(what: str, value: pin.SE3) -> pin.SE3:
+    """Validate a pose and copy it.
+
+    Args:
+        what: How the message calls it.
+        value: The pose.
+
+    Raises:
+        InputError: Not a `pinocchio.SE3`, or one that is not finite or whose rotation is none.
+    """
+    if not isinstance(value, pin.SE3):
+        raise InputError(f"{what} must be a pinocchio.SE3, got {value!r}")
+    return pin.SE3(
+        rotation_matrix(f"rotation of {what}", value.rotation),
+        finite_array(f"translation of {what} (m)", value.translation, (3,)),
+    )
+
+
+class FrameTask(MotionTask):
+    """What tasks on a frame have in common: the frame, the axes, and the joints that may be used; subclass it."""
 
     def __init__(
         self,
@@ -75,7 +90,7 @@ class _FrameTask(MotionTask):
             jacobian[:, self._unused] = 0.0
 
 
-class PositionTask(_FrameTask):
+class PositionTask(FrameTask):
     """Bring the origin of a frame to a point of the world.
 
     Error and residual are along the chosen world axes, m and m/s²; the weight is a cost per (m/s²)².
@@ -102,7 +117,7 @@ class PositionTask(_FrameTask):
             frame: Frame of the robot.
             target: Point in the world, shape (3,), m; the present one when None.
             axes: World axes that matter, out of x, y, z.
-            joints: Joints that may be used; all, and the base, when None.
+            joints: Joints that may be used, "base" for the floating base; all of them when None.
             name: Name of the task; made from the frame when None.
             weight: Cost per (m/s²)².
             stiffness: 1/s².
@@ -139,6 +154,7 @@ class PositionTask(_FrameTask):
         """Fill the rows; see `MotionTask.evaluate`."""
         full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
         self._write_jacobian(jacobian, full[:3])
+        assert self._target is not None
         difference = self._target - self._translation
         acceleration = pin.getFrameClassicalAcceleration(
             self._model, self._data, self._id, self._world
@@ -148,7 +164,7 @@ class PositionTask(_FrameTask):
         drift[:] = acceleration if keep is None else acceleration[keep]
 
 
-class OrientationTask(_FrameTask):
+class OrientationTask(FrameTask):
     """Turn a frame, such as the pelvis or the torso, to an orientation in the world.
 
     The error is the rotation vector from the present to the wanted orientation, along the chosen world axes, rad;
@@ -176,7 +192,7 @@ class OrientationTask(_FrameTask):
             frame: Frame of the robot.
             target: Rotation from the frame to the world, shape (3, 3); the present one when None.
             axes: World axes that matter, out of roll (about x), pitch (about y), yaw (about z).
-            joints: Joints that may be used; all, and the base, when None.
+            joints: Joints that may be used, "base" for the floating base; all of them when None.
             name: Name of the task; made from the frame when None.
             weight: Cost per (rad/s²)².
             stiffness: 1/s².
@@ -221,7 +237,7 @@ class OrientationTask(_FrameTask):
         drift[:] = acceleration if keep is None else acceleration[keep]
 
 
-class PoseTask(_FrameTask):
+class PoseTask(FrameTask):
     """Bring a frame to a pose in the world.
 
     Rows are along the chosen world axes: position, m, then rotation, rad; the weight is a cost per (m/s²)² and
@@ -235,7 +251,7 @@ class PoseTask(_FrameTask):
         frame: str,
         target: pin.SE3 | None = None,
         *,
-        axes: Sequence[str] = (*POSITION_AXES, *ROTATION_AXES),
+        axes: Sequence[str] = POSE_AXES,
         joints: Sequence[str] | None = None,
         name: str | None = None,
         weight: ArrayLike = 1.0,
@@ -249,7 +265,7 @@ class PoseTask(_FrameTask):
             frame: Frame of the robot.
             target: Pose in the world; the present one when None.
             axes: World axes that matter, out of x, y, z, roll, pitch, yaw.
-            joints: Joints that may be used; all, and the base, when None.
+            joints: Joints that may be used, "base" for the floating base; all of them when None.
             name: Name of the task; made from the frame when None.
             weight: Cost per (m/s²)² and (rad/s²)².
             stiffness: 1/s².
@@ -260,9 +276,7 @@ class PoseTask(_FrameTask):
             InputError: An unknown axis, or a target that is not a pose.
         """
         name = name or f"{frame} pose"
-        super().__init__(
-            frame, (*POSITION_AXES, *ROTATION_AXES), axes, joints, name, weight, stiffness, damping, hard
-        )
+        super().__init__(frame, POSE_AXES, axes, joints, name, weight, stiffness, damping, hard)
         self._position: Array | None = None
         self._orientation: Array | None = None
         self._error = np.zeros(6)
@@ -278,10 +292,8 @@ class PoseTask(_FrameTask):
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
-        if not isinstance(value, pin.SE3):
-            raise InputError(f"target of task '{self.name}' must be a pinocchio.SE3, got {value!r}")
-        self._orientation = rotation_matrix(f"target of task '{self.name}'", value.rotation)
-        self._position = finite_array(f"target of task '{self.name}' (m)", value.translation, (3,))
+        target = pose(f"target of task '{self.name}'", value)
+        self._orientation, self._position = np.array(target.rotation), np.array(target.translation)
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
@@ -292,7 +304,7 @@ class PoseTask(_FrameTask):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
         self._write_jacobian(jacobian, pin.getFrameJacobian(self._model, self._data, self._id, self._world))
-        assert self._orientation is not None
+        assert self._orientation is not None and self._position is not None
         full = self._error
         np.subtract(self._position, self._translation, out=full[:3])
         full[3:] = pin.log3(np.dot(self._orientation, self._rotation.T))

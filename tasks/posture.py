@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.task import SelectionTask
-from wbc.tasks.axes import joint_columns
+from wbc.tasks.axes import distinct_joints, joint_columns
 
 
 class PostureTask(SelectionTask):
@@ -39,7 +39,7 @@ class PostureTask(SelectionTask):
             target: Positions of the task's joints, shape (number of joints,), or joint name → position for some of
                 them; the present posture for all others.
             joints: Joints of the task; all when None.
-            joint_weights: Joint name → factor on the weight.
+            joint_weights: Joint name → factor on the weight; it stays when the weight is changed.
             name: Name of the task.
             weight: Cost per (rad/s²)².
             stiffness: 1/s².
@@ -49,9 +49,8 @@ class PostureTask(SelectionTask):
         Raises:
             InputError: No joint at all, a joint twice, or a value that is not finite.
         """
-        self._joints = None if joints is None else list(joints)
-        if self._joints is not None and (not self._joints or len(set(self._joints)) != len(self._joints)):
-            raise InputError(f"task '{name}' needs distinct joints, at least one; got {self._joints}")
+        self._joints = None if joints is None else distinct_joints(joints)
+        self._factor: Array | None = None
         self._factors = {
             joint: non_negative(f"weight of joint '{joint}' in task '{name}'", factor)
             for joint, factor in (joint_weights or {}).items()
@@ -77,14 +76,27 @@ class PostureTask(SelectionTask):
         whole = bool((columns == np.arange(BASE_DOF, robot.nv)).all()) if columns.size == robot.na else False
         self.columns = slice(BASE_DOF, robot.nv) if whole else columns
         self._positions = slice(7, robot.nq) if whole else columns + 1
-        for joint, factor in self._factors.items():
-            robot.joint_index(joint)
-            self._rows.weight[self._row(joint)] *= factor
+        if self._factor is None:
+            factor = np.ones(self.dim)
+            for joint, value in self._factors.items():
+                factor[self._row(joint)] = value
+            self._factor = factor
+            self._rows.weight *= factor
         if self._target is None:
             self._target = np.array(robot.q[self._positions])
         if self._wanted is not None:
             self.target = self._wanted
             self._wanted = None
+
+    @property
+    def weight(self) -> Array:
+        """Cost per squared residual with the factors of the joints in it, shape (dim,); assign one without them."""
+        return self._rows.weight
+
+    @weight.setter
+    def weight(self, value: ArrayLike) -> None:
+        weight = self._gain("weight", value)
+        self._rows.weight[:] = weight if self._factor is None else weight * self._factor
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -114,6 +126,7 @@ class PostureTask(SelectionTask):
 
     def evaluate(self, error: Array) -> None:
         """Fill target − measured; see `SelectionTask.evaluate`."""
+        assert self._target is not None
         np.subtract(self._target, self.robot.q[self._positions], out=error)
 
     def _row(self, joint: str) -> int:
