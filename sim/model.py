@@ -153,7 +153,7 @@ def build_model(
     base = spec.worldbody.first_body()
     base.add_freejoint(name="root_joint")
     ground = add_to_spec(spec, terrain, sole_radius=foot.contact.radius)
-    _add_servos(spec, description, physics)
+    _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
     _add_imu(spec, robot, base)
     try:
@@ -163,7 +163,7 @@ def build_model(
     return _places(model, robot, feet, ground, base.name)
 
 
-def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription, physics: PhysicsSettings) -> None:
+def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
     """Rotor inertia, torque clamp and servo of each joint, actuators in the order of the robot's joints."""
     joints = {joint.name: joint for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE}
     if set(joints) != set(robot.joint_names):
@@ -172,9 +172,6 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription, physics: PhysicsSe
     for i, name in enumerate(robot.joint_names):
         joint = joints[name]
         joint.armature = robot.armature_array[i]
-        if not physics.joint_friction:
-            joint.damping = np.zeros_like(joint.damping)
-            joint.frictionloss = 0.0
         # Force = ctrl − kp q − kd q̇ with ctrl = kp q_ref + kd q̇_ref + τ: servo and feed-forward in one actuator
         # that the integrator sees, and a pure torque when the two gains are zero.
         actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)

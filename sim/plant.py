@@ -391,11 +391,13 @@ class Plant:
         """Check a command and turn it into targets of the actuators; nothing changes if it is refused."""
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
         shape = (self._na,)
-        if torque.shape != shape or not (
-            (position is None or position.shape == shape) and (velocity is None or velocity.shape == shape)
+        if (
+            _shape(torque) != shape
+            or (position is not None and _shape(position) != shape)
+            or (velocity is not None and _shape(velocity) != shape)
         ):
             raise InputError(
-                f"joint references of a command must have shape {shape}, got torque {_shape(torque)}, "
+                f"joint references of a command must be arrays of shape {shape}, got torque {_shape(torque)}, "
                 f"position {_shape(position)}, velocity {_shape(velocity)}"
             )
         if position is None:
@@ -518,7 +520,8 @@ def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
 
 
 def _shape(array: Array | None) -> tuple[int, ...] | None:
-    return None if array is None else np.shape(array)
+    """Shape of an array, None for anything else."""
+    return getattr(array, "shape", None)
 
 
 def _with_timestep(physics: PhysicsSettings | None, timestep: float) -> PhysicsSettings:

@@ -24,8 +24,6 @@ class PhysicsSettings:
         impratio: Friction impedance over normal impedance; 10 stops the creep of a loaded sole (4 µm/s against
             104 µm/s under 60 N of shear).
         gravity: Along −z, m/s²; 0 floats.
-        joint_friction: Damping and dry friction of the robot description act in the joints. Off by default: the
-            controller's model does not have them, and a dry-friction row per joint makes a step dearer.
 
     Source: measured on soft feet over 60 grounds and stiffnesses with mujoco 4.0 and again 3.17.
     """
@@ -34,7 +32,6 @@ class PhysicsSettings:
     iterations: int = 20
     impratio: float = 10.0
     gravity: float = GRAVITY
-    joint_friction: bool = False
 
     def __post_init__(self) -> None:
         positive("physics timestep (s)", self.timestep)

@@ -92,6 +92,7 @@ def test_refuses_bad_commands_without_moving(interpolation: Any) -> None:
         (Command(np.zeros(na - 1), position, zero), "shape"),
         (Command(zero, np.zeros(1), zero), "shape"),
         (Command(zero, position, np.zeros((na, 1))), "shape"),
+        (Command(zero, position.tolist(), zero), "arrays"),  # type: ignore[arg-type]
         (Command(zero, None, zero), "position reference"),
         (Command(zero, position, zero, np.array([5.0, 5.0])), "fixed stiffness"),
     ]

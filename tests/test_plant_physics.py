@@ -11,7 +11,7 @@ from wbc.core.signals import Command
 from wbc.feet import FlatFoot, SoleContact
 from wbc.robots import load
 from wbc.sim import PhysicsSettings, Plant, real_time_factor
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain import families, terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(SoleContact(row_spacing=0.1))
@@ -102,6 +102,39 @@ def test_stands_on_its_servos(name: str) -> None:
     assert np.abs(truth.v).max() < 1e-2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("timestep", [0.0005, 0.001])
+@pytest.mark.parametrize("foot", ["flat", "rigid", "soft"])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_stands_for_ten_seconds_on_every_foot(name: str, foot: str, timestep: float) -> None:
+    """No chatter; a soft sole may still creep a little, with the 0.8 s of its arch and more."""
+    plant = Plant(load(name), foot=foot, timestep=timestep)
+    command, zmp = plant.hold(), []
+    for tick in range(2000):
+        plant.step(command)
+        if tick >= 1000:
+            wrench = plant.measure().sole_wrench
+            zmp.append(np.array([-wrench[:, 4], wrench[:, 3]]).sum(axis=1) / wrench[:, 2].sum())
+    assert pin.Quaternion(plant.truth().q[3:7]).toRotationMatrix()[2, 2] > 0.999
+    assert np.abs(np.diff(zmp, axis=0)).max() < 1e-6
+    assert np.ptp(zmp, axis=0).max() < (1e-3 if foot == "soft" else 1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", sorted(set(families()) - {"image"}))
+def test_stands_on_the_flat_start_of_every_terrain(family: str) -> None:
+    """The robot stands before the rough part as it stands on the plane, and the pieces of the ground do no harm."""
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, terrain=terrain(family))
+    for _ in range(100):
+        plant.step(plant.hold())
+    truth = plant.truth()
+    assert plant.diverged is None
+    assert truth.contact_force[:, 2].sum() == pytest.approx(
+        plant.robot.mass * plant.physics.gravity, rel=0.01
+    )
+    assert np.abs(truth.v).max() < 0.05
+
+
 def test_contacts_carry_what_moves_the_centre_of_mass() -> None:
     """Mass times (dv/dt + g) is the sum of the contact forces in every physics step of a landing."""
     plant = Plant(load("hrp4_class"), control_period=0.001, foot=FEW_SPHERES)
@@ -144,7 +177,8 @@ def test_a_push_gives_its_impulse(duration: float) -> None:
     q, _ = state_in_the_air(plant, np.random.default_rng(3), 0.0)
     plant.reset(q)
     force, other = np.array([30.0, -20.0, 10.0]), np.array([0.0, 40.0, 5.0])
-    plant.push("torso", force, duration)
+    plant.push("torso", 0.25 * force, duration)
+    plant.push("torso", 0.75 * force, duration)
     plant.push(plant.robot.base_frame, other, 2.0 * duration, at=[0.1, 0.0, 0.05])
     for _ in range(20):
         plant.step(plant.hold(q))

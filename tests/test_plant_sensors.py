@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -235,6 +238,25 @@ def test_stiffness_follows_its_command() -> None:
         np.testing.assert_allclose(plant.measure().sole_stiffness, [expected, 5.0])
     plant.reset()
     np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
+
+
+def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
+    """From one bent state: a plant told to be stiff against a plant that was built stiff."""
+    actuator = StiffnessActuator.instantaneous()
+    told = Plant(load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=5.0, actuator=actuator))
+    built = Plant(load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=60.0, actuator=actuator))
+    for tick in range(30):
+        told.step(swaying(told, tick))
+    for name in ("qpos", "qvel", "qacc_warmstart"):
+        getattr(built.data, name)[:] = getattr(told.data, name)
+    mujoco.mj_step1(built.model, built.data)
+    soft = built.data.qpos.copy()
+    command = swaying(told, 30)
+    told.step(replace(command, sole_stiffness=np.array([60.0, 60.0])))
+    built.step(command)
+    np.testing.assert_allclose(told.data.qpos, built.data.qpos, atol=1e-13)
+    np.testing.assert_allclose(told.measure().sole_wrench, built.measure().sole_wrench, atol=1e-9)
+    assert np.abs(built.data.qpos - soft).max() > 1e-6
 
 
 def test_stiffness_of_feet_that_have_none_or_a_fixed_one() -> None:
