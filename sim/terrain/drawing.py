@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.family import families
+from wbc.sim.terrain.roughness import roughness
 from wbc.sim.terrain.terrain import Terrain, terrain
 
 if TYPE_CHECKING:
@@ -20,30 +21,6 @@ MAP_STEP = 0.004
 """Pixel of maps, m: half of the smallest joint."""
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
-
-
-def roughness(z: Array) -> dict[str, float]:
-    """Amplitude parameters of a profile or map, taken about its mean.
-
-    Args:
-        z: Heights, any shape, m.
-
-    Returns:
-        Sa (mean deviation), Sq (standard deviation), Sz (highest minus lowest), all m; Ssk (skewness) and Sku
-        (kurtosis, 3 for a normal distribution), 0 for level ground.
-
-    Source: Gadelmawla et al., J. Mater. Process. Technol. 123 (2002).
-    """
-    d = z - z.mean()
-    sq = float(np.sqrt((d**2).mean()))
-    moment = (lambda k: float((d**k).mean()) / sq**k) if sq > 0.0 else (lambda k: 0.0)
-    return {
-        "Sa_m": float(np.abs(d).mean()),
-        "Sq_m": sq,
-        "Sz_m": float(z.max() - z.min()),
-        "Ssk": moment(3),
-        "Sku": moment(4),
-    }
 
 
 def checked_path(path: str | Path) -> Path:

@@ -70,7 +70,7 @@ class FloorTiles(ShapeFamily):
 
     side: float = param(0.051, "m", "Side of a tile", open_low=True)
     joint: float = param(0.017, "m", "Joint between tiles", open_low=True)
-    lowest: float = param(0.5, "1", "Lowest tile, as a share of the amplitude", high=1.0)
+    lowest: float = param(0.2, "1", "Lowest tile, as a share of the amplitude", high=1.0)
     tilt: float = param(0.2, "1", "Greatest rise over a tile, as a share of the amplitude", high=1.0)
 
     default_amplitude = 0.02
@@ -124,7 +124,7 @@ class RoofTiles(ShapeFamily):
 
     @property
     def largest_amplitude(self) -> float:
-        return self.breadth / 2.0
+        return min(self.breadth, self.period_min) / 2.0
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         site.require(self.period_max, self.breadth)
@@ -137,19 +137,21 @@ class RoofTiles(ShapeFamily):
         for i in range(edges.size - 1):
             for y, top in zip(lanes, tops[i], strict=True):
                 ends = (float(edges[i]), float(edges[i + 1]))
-                yield self._tile(ends if self.rising else ends[::-1], float(y), float(top), site.amplitude)
+                yield self._tile(ends if self.rising else ends[::-1], float(y), float(top))
 
-    def _tile(self, ends: tuple[float, float], y: float, top: float, amplitude: float) -> Cylinder:
+    def _tile(self, ends: tuple[float, float], y: float, top: float) -> Cylinder:
         """Make a barrel whose crown line climbs from the low end to `top` just before the high end (m)."""
         low, span = self.heel * top, ends[1] - ends[0]
-        half = self.breadth / 2.0
-        radius = (amplitude**2 + half**2) / (2.0 * amplitude)
-        # The flat high end leans out by the tile's slope: its crown stands back, so that its foot ends at the edge.
-        rise = (top - low) / abs(span)
+        # The flat high end leans out by the tile's slope s. Its crown stands back by top s, so that its foot ends
+        # at the edge, which makes the crown line that much steeper: s = (top - low) / (span - top s).
+        back = (abs(span) - math.sqrt(span**2 - 4.0 * top * (top - low))) / 2.0
         crown_low = np.array([ends[0], y, low])
-        crown_high = np.array([ends[1] - math.copysign(top * rise, span), y, top])
+        crown_high = np.array([ends[1] - math.copysign(back, span), y, top])
         along: Array = crown_high - crown_low
         along = along / np.linalg.norm(along)
         up = np.array([0.0, 0.0, 1.0]) - along[2] * along
+        # The high end, measured in its own plane, spans the whole breadth on the floor.
+        half, depth = self.breadth / 2.0, top / float(np.linalg.norm(up))
+        radius = (depth**2 + half**2) / (2.0 * depth)
         down = -radius * up / np.linalg.norm(up)
         return Cylinder(crown_low + down, crown_high + down, radius)

@@ -83,7 +83,7 @@ class SmallStones(ShapeFamily):
 class CobbleStones(ShapeFamily):
     """Round domes on an uneven hexagonal lattice, touching their neighbours."""
 
-    pitch: float = param(0.13, "m", "Distance between neighbours", open_low=True)
+    pitch: float = param(0.18, "m", "Distance between neighbours", open_low=True)
     overlap: float = param(
         0.1, "1", "How far a dome reaches beyond half the pitch, as a share of it", high=1.0
     )

@@ -167,16 +167,17 @@ class Terrain:
             raise WbcError(
                 f"terrain family '{self.name}' built {built:g} m for an amplitude of {self.amplitude:g} m"
             )
-        self._stays_inside(Ground(floor, shapes))
+        self._stays_inside(Ground(floor, shapes), max(floor, family.stop(site)))
         return Ground(floor, shapes, self._strips(0.0, family.stop(site), floor))
 
-    def _stays_inside(self, ground: Ground) -> None:
-        """Check along a line just outside the rough part that no solid reaches over it."""
+    def _stays_inside(self, ground: Ground, stop: float) -> None:
+        """Check along a line just outside the rough part that no solid sticks out of floor and strips."""
         half, out = self.width / 2.0, 1e-5
         x = np.linspace(self.start - out, self.stop + out, cells(self.length, PROFILE_STEP) + 1)
         y = np.linspace(-half - out, half + out, cells(self.width, PROFILE_STEP) + 1)
-        edges = ((x, -half - out), (x, half + out), (self.start - out, y), (self.stop + out, y))
-        if any((ground.height(a, b) > ground.floor).any() for a, b in edges):
+        sides = ((x, -half - out, ground.floor), (x, half + out, ground.floor))
+        ends = ((self.start - out, y, 0.0), (self.stop + out, y, stop))
+        if any((ground.height(a, b) > level).any() for a, b, level in (*sides, *ends)):
             raise WbcError(f"terrain family '{self.name}' placed a solid outside the rough part")
 
     def _from_heights(self, family: FieldFamily) -> Ground:
