@@ -139,6 +139,7 @@ class Contact(ABC):
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
         self._active = bool(active)
         self._robot: Robot | None = None
+        self._velocity = np.zeros(self.dim)
         self.revision = 0
 
     @property
@@ -184,6 +185,31 @@ class Contact(ABC):
     def reset(self) -> None:
         """Take the present placement of the frame as the place of the contact."""
         self._target = pin.SE3(self._placement)
+        self.velocity = np.zeros(self.dim)
+
+    @property
+    def target(self) -> pin.SE3:
+        """Where the contact is held, in the world; assign it, with `velocity`, to move a foot that is loaded."""
+        return self._target
+
+    @target.setter
+    def target(self, value: pin.SE3) -> None:
+        finite_array(f"target of contact '{self.name}'", value.homogeneous, (4, 4))
+        self._target = pin.SE3(value)
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity at which the held frame should move, in the contact frame, shape (dim,), m/s and rad/s."""
+        return self._velocity
+
+    @velocity.setter
+    def velocity(self, value: ArrayLike) -> None:
+        self._velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
+
+    def attach(self, velocity: Array) -> None:
+        """Move the velocity into a view of the controller's arrays."""
+        velocity[:] = self._velocity
+        self._velocity = velocity
 
     def advance(self, dt: float) -> None:
         """Move the force ramp on by one control period, s."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
@@ -19,10 +20,14 @@ import pinocchio as pin
 from wbc.core.controller import Controller
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
 from wbc.core.observer import Observer
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.core.solution import Solution
 
 logger = logging.getLogger(__name__)
+
+Prepare = Callable[[Robot, Measurement], None]
+"""Called once a tick with the estimated robot and the measurement, to move the targets of tasks and contacts."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +73,10 @@ class _Control:
         """True after failures have gone on for too long; `reset` starts again."""
         return self._failing * self.controller.dt > self.policy.stop_after
 
-    def _measure(self, measurement: Measurement) -> bool:
+    def _measure(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> bool:
         """Update the estimate; False if the measurement had to be refused."""
         try:
-            self.observer.update(measurement)
+            self.observer.update(measurement, soles)
         except MeasurementError as error:
             logger.error("measurement refused: %s", error)
             return False
@@ -103,7 +108,12 @@ class TorqueControl(_Control):
     """
 
     def __init__(
-        self, controller: Controller, observer: Observer | None = None, policy: FailurePolicy | None = None
+        self,
+        controller: Controller,
+        observer: Observer | None = None,
+        policy: FailurePolicy | None = None,
+        *,
+        prepare: Prepare | None = None,
     ) -> None:
         """Connect a controller to its observer.
 
@@ -112,13 +122,14 @@ class TorqueControl(_Control):
             observer: Of the same robot model; a new one when None. If it estimates into the controller's own
                 robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
             policy: What to do on failure.
+            prepare: Called once a tick before the problem is solved.
 
         Raises:
             InputError: An observer of another robot model.
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
-        super().__init__(controller, observer, policy)
+        super().__init__(controller, observer, policy, prepare)
         self._torques = np.zeros(controller.robot.na)
 
     def reset(self, q: Array | None = None) -> None:
@@ -145,6 +156,8 @@ class TorqueControl(_Control):
             if self.observer.robot is not controller.robot:
                 controller.robot.update(self.observer.robot.q, self.observer.robot.v)
             controller.model_time = perf_counter() - start
+            if self.prepare is not None:
+                self.prepare(self.observer.robot, measurement)
             self.solution = controller.solve(measurement)
             good = self.solution.ok
         if self._count(good):
@@ -182,6 +195,7 @@ class PositionControl(_Control):
         feedback: Literal["open", "closed"] = "open",
         feedforward: bool = True,
         reference_time: float = 0.1,
+        prepare: Prepare | None = None,
     ) -> None:
         """Connect a controller to its observer.
 
@@ -193,6 +207,7 @@ class PositionControl(_Control):
             feedback: "open" or "closed"; see the attribute.
             feedforward: Add the torques of the solution to the servos, against the sag of position servos.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
+            prepare: Called once a tick before the problem is solved.
 
         Raises:
             InputError: An observer of another robot model, or an unknown feedback.
@@ -203,7 +218,7 @@ class PositionControl(_Control):
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
             )
-        super().__init__(controller, observer, policy)
+        super().__init__(controller, observer, policy, prepare)
         self.feedback = feedback
         self.feedforward = bool(feedforward)
         self._pull = -math.expm1(-controller.dt / positive("reference time (s)", reference_time))
@@ -211,6 +226,7 @@ class PositionControl(_Control):
         self.v = np.array(controller.robot.v)
         self._torques = np.zeros(controller.robot.na)
         self._step = np.zeros(controller.robot.nv)
+        self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
     def reset(self, q: Array | None = None) -> None:
         """Start again from a configuration at rest; half-sitting when None."""
@@ -235,13 +251,16 @@ class PositionControl(_Control):
         controller, dt = self.controller, self.controller.dt
         robot = controller.robot
         start = perf_counter()
-        good = self._measure(measurement)
+        # In open loop the estimate is kept in the commanded robot's world: loaded feet are where that has them.
+        good = self._measure(measurement, self._soles if self.feedback == "open" else None)
         if good:
             if self.feedback == "open":
                 robot.update(self.q, self.v)
             else:
                 robot.update(self.observer.robot.q, self.observer.robot.v)
             controller.model_time = perf_counter() - start
+            if self.prepare is not None:
+                self.prepare(self.observer.robot, measurement)
             self.solution = controller.solve(measurement)
             good = self.solution.ok
         if self._count(good):

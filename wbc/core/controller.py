@@ -262,6 +262,7 @@ class Controller:
             rows, cols = slice(at, at + contact.dim), slice(col, col + contact.dim)
             view = self._rows.view(slice(at - start, at - start + contact.dim))
             view.stiffness[:], view.damping[:] = contact.stiffness, contact.damping
+            contact.attach(view.velocity)
             cone_rows = slice(cone_row, cone_row + contact.cone.shape[0])
             normal = slice(cone_rows.stop, cone_rows.stop + 1)
             p.inequality[normal, col + contact.force_axis] = 1.0
@@ -465,6 +466,7 @@ class Controller:
                 slot.jacobian[contact.free] = 0.0
                 slot.error[contact.free] = 0.0
                 slot.drift[contact.free] = 0.0
+                contact.velocity[contact.free] = 0.0
         if engaged != slot.engaged:
             slot.engaged = engaged
             slot.revision = -1
@@ -473,7 +475,7 @@ class Controller:
             # active at once.
             slot.cone_upper[:] = 0.0 if engaged else 1.0
             if not engaged:
-                slot.jacobian[:], slot.error[:], slot.drift[:] = 0.0, 0.0, 0.0
+                slot.jacobian[:], slot.error[:], slot.drift[:], contact.velocity[:] = 0.0, 0.0, 0.0, 0.0
         if slot.revision != contact.revision:
             slot.revision = contact.revision
             slot.cone[:] = contact.cone
