@@ -57,9 +57,14 @@ class _Control:
     """What both modes share: the observer, failures and the last solution."""
 
     def __init__(
-        self, controller: Controller, observer: Observer | None, policy: FailurePolicy | None
+        self,
+        controller: Controller,
+        observer: Observer | None,
+        policy: FailurePolicy | None,
+        prepare: Prepare | None,
     ) -> None:
         self.controller = controller
+        self.prepare = prepare
         self.observer = Observer(controller.robot) if observer is None else observer
         if self.observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
