@@ -1,8 +1,8 @@
 """The plant: a humanoid on its feet on a ground, simulated by MuJoCo, with drives, sensors and pushes.
 
-    plant = Plant(description)
+    plant = Plant(load("hrp4_class"))
     while plant.time < 10.0:
-        plant.step(controller.solve(plant.measure()))
+        plant.step(control(plant.measure()))
 
 What goes in and out are the `Command` and `Measurement` that a real robot would take and give; what only a simulation
 knows is apart, in `truth`.
@@ -32,14 +32,14 @@ from wbc.core.errors import (
 )
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.feet import Foot, RangeSensor, VariableStiffnessFoot
+from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
-from wbc.feet.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.robots.description import RobotDescription
 from wbc.sim.model import build_model
 from wbc.sim.pushes import Push, Pushes
 from wbc.sim.sensors import NO_NOISE, SensorChain, SensorNoise, noise_preset
 from wbc.sim.settings import PhysicsSettings, steps_per_tick
+from wbc.sim.soles import Soles
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.truth import GroundTruth, TruthReader
@@ -149,14 +149,13 @@ class Plant:
         self.feet = self._plant.feet
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
-        self._na, self._soles = self.robot.na, len(self.feet)
+        self._na = self.robot.na
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
         self._servo_bias = np.array(self.model.actuator_biasprm)
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
-        self._range_sensor = range_sensor
-        self._stiffness = self._find_stiffness()
-        self._chain = SensorChain(self.noise, self._na, self._soles, self.timestep)
+        self._soles = Soles(self._plant, self.foot, range_sensor)
+        self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep)
         self._prepare_signals()
         self.reset(initial_configuration)
 
@@ -200,9 +199,10 @@ class Plant:
         configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
         if v is not None:
             velocity_to_mujoco(q, v, self._plant.joint_dof, out=data.qvel)
-        for stiffness in self._stiffness:
-            if stiffness is not None:
-                stiffness.reset()
+        sensor_seed, *range_seeds = (
+            np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
+        )
+        self._soles.reset(range_seeds)
         self._pushes.clear(data)
         self._set_mode(position_control=True)
         np.multiply(self._kp, q[7:], out=self._target)
@@ -212,10 +212,8 @@ class Plant:
         self._truth_reader.capture(data)
         self.ticks = 0
         self.diverged = None
-        children = np.random.SeedSequence(self.seed).generate_state(1 + self._soles)
-        self._ranges = self._make_ranges(children[1:].tolist())
         self._after_step()
-        self._chain.reset(self._signals, int(children[0]))
+        self._chain.reset(self._signals, sensor_seed)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Move a configuration up or down until its lowest sole point touches the ground.
@@ -274,9 +272,9 @@ class Plant:
                 reading[na : 2 * na],
                 reading[2 * na : 2 * na + 3],
                 reading[2 * na + 3 : 2 * na + 6],
-                reading[2 * na + 6 :].reshape(self._soles, 6),
-                self._read_ranges(),
-                np.array([math.nan if s is None else s.actual for s in self._stiffness]),
+                reading[2 * na + 6 :].reshape(-1, 6),
+                self._soles.ranges(self.data),
+                self._soles.stiffness(),
             )
         return self._measurement
 
@@ -411,8 +409,10 @@ class Plant:
             target += torque
         if not math.isfinite(target.sum()):
             self._refuse(command)
-        if command.sole_stiffness is not None or self._moving_stiffness:
-            self._set_stiffness(command.sole_stiffness)
+        self._soles.check(command.sole_stiffness)
+        if self._soles.advance(command.sole_stiffness, self.control_period):
+            # The springs' forces belong to the half of the coming step that is done already: do it again.
+            mujoco.mj_step1(self.model, self.data)
         if (position is not None) is not self._position_control:
             self._set_mode(position_control=position is not None)
             self._target[:] = target
@@ -451,57 +451,6 @@ class Plant:
             if self._chain.depth:
                 self._sample()
                 self._chain.push(self._signals)
-
-    # --------------------------------------------------------------------------------------------- feet
-
-    def _find_stiffness(self) -> list[SoleStiffness | None]:
-        """Stiffness of each sole, None for a rigid one."""
-        actuator = self.foot.actuator if isinstance(self.foot, VariableStiffnessFoot) else None
-        self._moving_stiffness = actuator is not None
-        return [
-            SoleStiffness(self.model, foot, actuator) if foot.variable_joints else None for foot in self.feet
-        ]
-
-    def _set_stiffness(self, command: Array | None) -> None:
-        """Let the stiffness actuators work for one control period.
-
-        Raises:
-            InputError: Wrong shape, a stiffness for a sole that has a fixed one, or out of range.
-        """
-        if command is not None:
-            if not self._moving_stiffness:
-                raise InputError(
-                    "command: the soles of this plant have a fixed stiffness; choose foot='variable' to command it"
-                )
-            if np.shape(command) != (self._soles,):
-                raise InputError(
-                    f"command: sole_stiffness must have shape ({self._soles},), got {np.shape(command)}"
-                )
-        soles = [s for s in self._stiffness if s is not None]
-        wanted = [s.state.commanded for s in soles] if command is None else [float(k) for k in command]
-        for sole, stiffness in zip(soles, wanted, strict=True):
-            sole.actuator.check(stiffness)
-        changed = False
-        for sole, stiffness in zip(soles, wanted, strict=True):
-            before = sole.actual
-            changed |= sole.step(stiffness, self.control_period) != before
-        if changed:  # the springs' forces belong to the half of the step that is already done
-            mujoco.mj_step1(self.model, self.data)
-
-    def _make_ranges(self, seeds: list[int]) -> list[RangeFinder]:
-        if self._range_sensor is None:
-            return []
-        return [
-            RangeFinder(
-                self.model, foot, ground_group=self._plant.ground.group, sensor=self._range_sensor, seed=seed
-            )
-            for foot, seed in zip(self.feet, seeds, strict=True)
-        ]
-
-    def _read_ranges(self) -> Array:
-        if not self._ranges:
-            return np.full(self._soles, np.nan)
-        return np.array([finder.read(self.model, self.data) for finder in self._ranges])
 
 
 def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
