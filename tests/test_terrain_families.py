@@ -119,7 +119,7 @@ FINGERPRINTS = {
     "metal_sheets": "894eed90cfe47d04",
     "pyramidal_stones": "132d22f303406235",
     "random": "4ce06078e2043858",
-    "roof_tiles": "6f55f395b318b4ef",
+    "roof_tiles": "6bf00b572b17d017",
     "slats": "47a37824e418fd42",
     "slope": "c73a9a59d1ecad3e",
     "small_stones": "2f59a8ce89da6ae1",

@@ -90,7 +90,7 @@ def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, c
 
     Args:
         path: Picture to write (.png, .pdf, .svg, .jpg).
-        terrains: What to draw; every family with its defaults when None (images of one's own excepted).
+        terrains: What to draw; every family with its defaults when None, ripples for the image.
         columns: Thumbnails side by side.
 
     Returns:
@@ -100,9 +100,7 @@ def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, c
         InputError: The path cannot be written.
     """
     target = checked_path(path)
-    shown = (
-        list(terrains) if terrains is not None else [terrain(n, seed=1) for n in families() if n != "image"]
-    )
+    shown = list(terrains) if terrains is not None else [_example(name) for name in families()]
     rows = math.ceil(len(shown) / columns)
     figure = _figure(3.9 * columns, 2.0 * rows)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
@@ -120,6 +118,14 @@ def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, c
         ax.axis("off")
     figure.savefig(target, dpi=110)
     return len(shown)
+
+
+def _example(name: str) -> Terrain:
+    """Make a terrain of the family with its defaults; for images, of a picture of ripples."""
+    if name != "image":
+        return terrain(name, seed=1)
+    y, x = np.mgrid[-0.5:0.5:101j, -1.5:1.5:301j]
+    return terrain(name, source=np.cos(30.0 * np.hypot(x, y)), metres_per_pixel=0.01)
 
 
 def _figure(width: float, height: float) -> Figure:

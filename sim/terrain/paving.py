@@ -124,15 +124,18 @@ class RoofTiles(ShapeFamily):
 
     @property
     def largest_amplitude(self) -> float:
-        return min(self.breadth, self.period_min) / 2.0
+        # Higher tiles would be steeper than 1 in 2 and overhang their own foot.
+        return 0.4 * min(self.breadth, self.period_min)
 
     def shapes(self, site: Site) -> Iterator[Shape]:
-        site.require(self.period_max, self.breadth)
+        site.require(1.2 * self.period_max, self.breadth)
         half = (site.width - self.breadth) / 2.0
         lanes = centred(-half, half, self.breadth)
         count = math.ceil(site.length / self.period_min) + 1
-        edges = site.x0 + np.cumsum(site.draws.uniform(self.period_min, self.period_max, count))
-        edges = np.concatenate([[site.x0], edges[edges <= site.x1]])
+        # The foot of a high end reaches a little beyond its edge, under the next tile.
+        first, last = site.x0 + self.period_min / 10.0, site.x1 - self.period_min / 10.0
+        edges = first + np.cumsum(site.draws.uniform(self.period_min, self.period_max, count))
+        edges = np.concatenate([[first], edges[edges <= last]])
         tops = site.tops((edges.size - 1) * lanes.size, self.lowest).reshape(-1, lanes.size)
         for i in range(edges.size - 1):
             for y, top in zip(lanes, tops[i], strict=True):
@@ -142,9 +145,9 @@ class RoofTiles(ShapeFamily):
     def _tile(self, ends: tuple[float, float], y: float, top: float) -> Cylinder:
         """Make a barrel whose crown line climbs from the low end to `top` just before the high end (m)."""
         low, span = self.heel * top, ends[1] - ends[0]
-        # The flat high end leans out by the tile's slope s. Its crown stands back by top s, so that its foot ends
-        # at the edge, which makes the crown line that much steeper: s = (top - low) / (span - top s).
-        back = (abs(span) - math.sqrt(span**2 - 4.0 * top * (top - low))) / 2.0
+        # The flat high end leans out by the tile's slope s. Its crown stands back by (top - low) s, so that it passes
+        # the edge at the height of a low end and leaves no slit; s = (top - low) / (span - (top - low) s).
+        back = (abs(span) - math.sqrt(span**2 - 4.0 * (top - low) ** 2)) / 2.0
         crown_low = np.array([ends[0], y, low])
         crown_high = np.array([ends[1] - math.copysign(back, span), y, top])
         along: Array = crown_high - crown_low
