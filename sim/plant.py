@@ -73,8 +73,10 @@ class Plant:
         description: The robot as data.
         robot: The robot as a model, for names and sizes; its state is not kept up to date.
         foot: The feet.
+        feet: Names and sizes of what was built under the ankles, left first.
         terrain: The ground as drawn.
         physics: Settings of the physics.
+        timestep: Physics step, s.
         control_period: Time that `step` advances, s.
         steps: Physics steps in it.
         noise: Errors of the sensors.
@@ -83,6 +85,8 @@ class Plant:
         seed: Seed of every random draw.
         model: MuJoCo's model.
         data: MuJoCo's state; positions and velocities are up to date after `step`.
+        joint_torque: What the servos applied in the physics step that ended now, shape (na,), Nm; overwritten by the
+            next step.
         ticks: Control periods since the start.
         diverged: Why the simulation cannot go on, None as long as it can.
     """
@@ -156,8 +160,9 @@ class Plant:
         self._pushes = Pushes()
         self._soles = Soles(self._plant, self.foot, range_sensor)
         self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep)
+        self._initial = initial_configuration
         self._prepare_signals()
-        self.reset(initial_configuration)
+        self.reset()
 
     # ------------------------------------------------------------------------------------------------ state
 
@@ -176,7 +181,8 @@ class Plant:
         """Start anew, servos holding the configuration, no pushes, clocks at zero.
 
         Args:
-            configuration: Where the robot starts, shape (nq,), used as it is; half-sitting on the ground when None.
+            configuration: Where the robot starts, shape (nq,), used as it is; when None, the initial configuration that
+                the plant was made with, else half-sitting on the ground.
             seed: New seed; the same as before when None.
             velocity: How it starts, shape (nv,), base in the base frame; at rest when None.
 
@@ -184,6 +190,8 @@ class Plant:
             InputError: A configuration or velocity of the wrong shape, not finite or without orientation.
         """
         v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
+        if configuration is None:
+            configuration = self._initial
         if configuration is None:
             q = self.on_ground(self.robot.half_sitting)
         else:
@@ -194,6 +202,7 @@ class Plant:
             q[3:7] /= length
         if seed is not None:
             self.seed = _checked_seed(seed)
+        self._start = q
         data = self.data
         mujoco.mj_resetData(self.model, data)
         configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
@@ -312,9 +321,14 @@ class Plant:
         """A command that holds a posture with the servos.
 
         Args:
-            configuration: Shape (nq,); half-sitting when None.
+            configuration: Shape (nq,); that of the last reset when None.
+
+        Raises:
+            InputError: A configuration of the wrong shape or not finite.
         """
-        q = self.robot.half_sitting if configuration is None else finite_array("configuration", configuration)
+        q = self._start
+        if configuration is not None:
+            q = finite_array("configuration", configuration, (self.robot.nq,))
         zero = np.zeros(self._na)
         return Command(zero, np.array(q[7:]), zero)
 

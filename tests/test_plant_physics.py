@@ -260,6 +260,23 @@ def test_switching_to_torque_control_and_back() -> None:
     np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=0.05)
 
 
+def test_starts_and_restarts_where_it_is_told() -> None:
+    """The initial configuration is that of every reset without one, and what `hold` holds."""
+    description = load("hrp4_class")
+    q = np.array(description.robot().half_sitting)
+    q[:2] = [0.3, -0.2]
+    q[7:] += 0.01 * np.sign(description.position_limits[1] + description.position_limits[0])
+    plant = Plant(description, initial_configuration=q, foot=FEW_SPHERES)
+    np.testing.assert_array_equal(plant.truth().q, q)
+    for _ in range(10):
+        plant.step(plant.hold())
+    np.testing.assert_allclose(plant.truth().q[7:], q[7:], atol=0.02)
+    plant.reset(plant.on_ground(plant.robot.half_sitting))
+    np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=1e-15)
+    plant.reset()
+    np.testing.assert_array_equal(plant.truth().q, q)
+
+
 def test_real_time_factor_runs_the_plant_for_the_time_it_is_given() -> None:
     plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
     assert real_time_factor(plant, 0.05) > 0.0
