@@ -76,7 +76,9 @@ def test_tracks_too_small_for_their_family() -> None:
         terrain("iso8608", low=0.1, high=0.2)
 
 
-def test_a_family_that_misses_its_amplitude_or_its_place_is_stopped() -> None:
+def test_a_family_that_misses_its_amplitude_or_its_place_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.sim.terrain.family._FAMILIES", families())
+
     @family("test_low")
     class Low(ShapeFamily):
         """A dome that is too low, or too far out."""
@@ -189,8 +191,6 @@ def test_profiles_must_go_forward() -> None:
 
 def test_descriptions_are_json_and_complete() -> None:
     for name in set(families()) - {"image"}:
-        if name.startswith("test_"):
-            continue
         report = describe_terrain(TerrainOptions(name, seed=1))
         assert json.loads(json.dumps(report))["terrain"] == name
     listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))}

@@ -14,7 +14,7 @@ from wbc.sim.terrain.cost import terrain_cost
 from wbc.sim.terrain.drawing import contact_sheet
 from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, GroundContact, add_to_spec
 
-NAMES = [n for n in families() if n != "image" and not n.startswith("test_")]
+NAMES = [n for n in families() if n != "image"]
 
 
 def _image() -> Terrain:

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import Array, InputError, finite_array, positive
-from wbc.sim.terrain.family import FieldFamily, Site, family, param
+from wbc.sim.terrain.family import FieldFamily, family, param
 from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.site import Site
 
 GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")
 """Pillow's names for images with one channel of brightness."""

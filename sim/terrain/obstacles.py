@@ -9,8 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.sim.terrain.family import ShapeFamily, Site, family, param
+from wbc.sim.terrain.family import ShapeFamily, family, param
 from wbc.sim.terrain.shapes import Capsule, Pyramid, Shape
+from wbc.sim.terrain.site import Site
 from wbc.sim.terrain.solids import bar, footprint_margin, plate, stone
 
 
