@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.controller import Problem
 from wbc.core.errors import Array, finite_array, finite_scalar, unknown_name
+from wbc.core.problem import Problem
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.task import VariableTask
 from wbc.tasks.axes import distinct_joints, joint_columns

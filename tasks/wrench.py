@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.contact import AXES, Contact
-from wbc.core.controller import Problem
 from wbc.core.errors import Array, InputError, finite_array, unknown_name
+from wbc.core.problem import Problem
 from wbc.core.task import VariableTask
 from wbc.tasks.axes import axis_mask
 
