@@ -400,6 +400,6 @@ class PointContact(Contact):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the contact frame; see `Contact.evaluate`."""
         model, data, world, turn = self._model, self._data, pin.LOCAL_WORLD_ALIGNED, self._world_to_contact
-        np.dot(turn, pin.getFrameJacobian(model, data, self._id, world)[:3], out=jacobian)
+        jacobian[:] = turn.dot(pin.getFrameJacobian(model, data, self._id, world)[:3])
         np.dot(turn, self._target.translation - self._placement.translation, out=error)
         drift[:] = turn.dot(pin.getFrameClassicalAcceleration(model, data, self._id, world).linear)
