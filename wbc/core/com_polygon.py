@@ -207,7 +207,7 @@ class CoMPolygonLimit(RowLimit):
         drift /= robot.mass
         drift += self._gravity
         lower[:] = -np.inf
-        np.dot(normals, robot.com_jacobian[:2], out=rows[used])
+        rows[used] = np.dot(normals, robot.com_jacobian[:2])
         np.subtract(bound, np.dot(normals, drift), out=upper[used])
         rows[self._edges :] = 0.0
         upper[self._edges :] = np.inf
