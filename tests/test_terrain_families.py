@@ -266,7 +266,7 @@ def test_height_field_of_solids_lies_on_the_solids() -> None:
 
 
 def test_a_family_of_ones_own_takes_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.sim.terrain.family._FAMILIES", families())
+    monkeypatch.setattr("wbc.sim.terrain.base._FAMILIES", families())
 
     @family("test_waves")
     class Waves(FieldFamily):

@@ -77,7 +77,7 @@ def test_tracks_too_small_for_their_family() -> None:
 
 
 def test_a_family_that_misses_its_amplitude_or_its_place_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.sim.terrain.family._FAMILIES", families())
+    monkeypatch.setattr("wbc.sim.terrain.base._FAMILIES", families())
 
     @family("test_low")
     class Low(ShapeFamily):

@@ -8,12 +8,12 @@
 """
 
 from wbc.sim.terrain import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
+from wbc.sim.terrain.base import Family, FieldFamily, ShapeFamily, families, family, param
 from wbc.sim.terrain.checks import ClearanceWarning, check_clearance
-from wbc.sim.terrain.family import Family, FieldFamily, ShapeFamily, families, family, param
 from wbc.sim.terrain.ground import Ground
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.site import Site
-from wbc.sim.terrain.terrain import Rendering, Terrain, terrain
+from wbc.sim.terrain.spec import Rendering, Terrain, terrain
 
 __all__ = [
     "ClearanceWarning",

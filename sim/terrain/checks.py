@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from wbc.core.errors import InputError, non_negative, positive
 
 if TYPE_CHECKING:
-    from wbc.sim.terrain.terrain import Terrain
+    from wbc.sim.terrain.spec import Terrain
 
 SOLE_SPHERE_RADIUS = 0.007
 """Radius of the soft sole's contact spheres, m (half the height of its 14 mm phalanges)."""

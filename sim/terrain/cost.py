@@ -11,7 +11,7 @@ import numpy as np
 from wbc.core.errors import InputError
 from wbc.sim.settings import PhysicsSettings
 from wbc.sim.terrain.render import add_to_spec
-from wbc.sim.terrain.terrain import Terrain
+from wbc.sim.terrain.spec import Terrain
 
 PLACES = (0.2, 0.45, 0.7)
 """Where the probe lies, as shares of the rough part: one place alone may be a smooth one."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.family import families
+from wbc.sim.terrain.base import families
 from wbc.sim.terrain.roughness import roughness
-from wbc.sim.terrain.terrain import Terrain, terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

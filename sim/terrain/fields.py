@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.family import FieldFamily, family, param
+from wbc.sim.terrain.base import FieldFamily, family, param
 from wbc.sim.terrain.site import Site, cells
 
 ISO_REFERENCE = 0.1

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import Array, InputError, finite_array, positive
-from wbc.sim.terrain.family import FieldFamily, family, param
+from wbc.sim.terrain.base import FieldFamily, family, param
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.site import Site
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.sim.terrain.family import ShapeFamily, family, param
+from wbc.sim.terrain.base import ShapeFamily, family, param
 from wbc.sim.terrain.shapes import Capsule, Pyramid, Shape
 from wbc.sim.terrain.site import Site
 from wbc.sim.terrain.solids import bar, footprint_margin, plate, stone

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.family import ShapeFamily, family, param
+from wbc.sim.terrain.base import ShapeFamily, family, param
 from wbc.sim.terrain.shapes import Cylinder, Shape
 from wbc.sim.terrain.site import Site, centred
 from wbc.sim.terrain.solids import plate

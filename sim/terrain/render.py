@@ -13,7 +13,7 @@ from wbc.core.errors import Array, InputError, finite_scalar, non_negative, posi
 from wbc.sim.terrain.checks import check_clearance
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
-from wbc.sim.terrain.terrain import Rendering, Terrain
+from wbc.sim.terrain.spec import Rendering, Terrain
 
 TERRAIN_GROUP = 2
 """Geom group of every terrain geom: MuJoCo's URDF importer uses 0 and 1, and viewers show 0 to 2."""

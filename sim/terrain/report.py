@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError, unknown_name
+from wbc.sim.terrain.base import families
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, check_clearance
 from wbc.sim.terrain.drawing import checked_path, draw_terrain
-from wbc.sim.terrain.family import families
 from wbc.sim.terrain.roughness import roughness
-from wbc.sim.terrain.terrain import Rendering, Terrain, jsonable, terrain
+from wbc.sim.terrain.spec import Rendering, Terrain, jsonable, terrain
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.sim.terrain.family import ShapeFamily, family, param
+from wbc.sim.terrain.base import ShapeFamily, family, param
 from wbc.sim.terrain.ground import STRIP_DEPTH
 from wbc.sim.terrain.shapes import Box, Shape, tilted_rotation
 from wbc.sim.terrain.site import Site

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 from wbc.core.errors import InputError
-from wbc.sim.terrain.family import ShapeFamily, family, param
+from wbc.sim.terrain.base import ShapeFamily, family, param
 from wbc.sim.terrain.shapes import Shape
 from wbc.sim.terrain.site import Site
 from wbc.sim.terrain.solids import dome, stone

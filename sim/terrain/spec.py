@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, WbcError, choose, finite_scalar, non_negative, positive
+from wbc.sim.terrain.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, needed_resolution, node_limit, usable_resolution
 from wbc.sim.terrain.draws import Draws, check_seed
-from wbc.sim.terrain.family import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Shape
