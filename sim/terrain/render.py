@@ -26,7 +26,7 @@ SLAB = 0.1
 
 MuJoCo pairs the world body with every moving body and walks the whole tree of its geoms; bodies of their own are
 sorted out by their bounding boxes first. Two soft soles of 120 spheres, one core, µs a step with all solids in the
-world body / in one body / in slabs of 0.1 m: slats 58 / 28 / 18, cobble stones 83 / 46 / 40, floor tiles
+world body / in one body / in slabs of 0.1 m: slats 58 / 28 / 18, cobbles of 130 mm 83 / 46 / 40, floor tiles
 46 / 44 / 38, small stones 83 / 66 / 62; slabs of 0.05 m gain nothing more.
 """
 
