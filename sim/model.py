@@ -151,7 +151,7 @@ def build_model(
     for body in spec.bodies:
         body.name = body_name(body.name)
     base = spec.worldbody.first_body()
-    base.add_freejoint(name="root_joint")
+    base.add_freejoint()
     ground = add_to_spec(spec, terrain, sole_radius=foot.contact.radius)
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
@@ -220,6 +220,9 @@ def _places(
             raise InputError(f"the compiled model has no '{name}'")
         return int(index)
 
+    # A clamp in one place alone would make the reported torque differ from the one applied.
+    clamps = model.jnt_actfrcrange[model.actuator_trnid[:, 0]]
+    assert (clamps == model.actuator_forcerange).all(), "joint and actuator are clamped differently"
     kinds = mujoco.mjtObj
     joints = [find(kinds.mjOBJ_JOINT, name) for name in robot.joint_names]
     base_id = find(kinds.mjOBJ_BODY, base)
