@@ -56,6 +56,8 @@ def test_too_coarse_a_height_field_names_the_cell_needed() -> None:
         terrain("floor_tiles", rendering="height_field", resolution=0.02)
     with pytest.raises(InputError, match=r"at most 0\.004 m is needed \(sole spheres of 0\.004 m"):
         terrain("random", resolution=0.007, sole_radius=0.004)
+    with pytest.raises(InputError, match=r"at most 0\.00167 m"):
+        terrain("sticks", 0.01, rendering="height_field", resolution=0.005)
     assert terrain("random", sole_radius=0.004).cell == pytest.approx(0.0035)
     assert terrain("floor_tiles", rendering="height_field", resolution=0.005).cell == 0.005
 
@@ -192,7 +194,7 @@ def test_profiles_must_go_forward() -> None:
 def test_descriptions_are_json_and_complete() -> None:
     for name in set(families()) - {"image"}:
         report = describe_terrain(TerrainOptions(name, seed=1))
-        assert json.loads(json.dumps(report))["terrain"] == name
+        assert json.loads(json.dumps(report, allow_nan=False))["terrain"] == name
     listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))}
     assert {"flat", "stones", "random", "image"} <= listed.keys()
     assert all(p["about"] and p["unit"] for entry in listed.values() for p in entry["parameters"])

@@ -107,6 +107,11 @@ class Family(ABC):
     def smallest_feature(self) -> float:
         """Size of the smallest thing a foot can feel on this ground (a stone, a joint, half a wave), m."""
 
+    def feature_at(self, amplitude: float) -> float:
+        """Return the smallest feature of a ground of this amplitude, m; families whose things grow with it say so."""
+        del amplitude
+        return self.smallest_feature
+
     @property
     def unidirectional(self) -> bool:
         """True if the ground does not vary across the track."""

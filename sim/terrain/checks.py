@@ -53,7 +53,7 @@ def usable_resolution(terrain: Terrain, resolution: float | None, sole_radius: f
     Raises:
         InputError: The cell asked for is too coarse; the message names the one needed.
     """
-    feature = terrain.parameters.smallest_feature
+    feature = terrain.parameters.feature_at(terrain.amplitude)
     needed = needed_resolution(feature, sole_radius)
     if resolution is None:
         # A whole number of cells per own cell keeps the samples of the family where they are.

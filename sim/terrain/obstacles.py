@@ -117,7 +117,10 @@ class Sticks(ShapeFamily):
 
     @property
     def smallest_feature(self) -> float:
-        return self.default_amplitude * self.lowest
+        return self.feature_at(self.default_amplitude)
+
+    def feature_at(self, amplitude: float) -> float:
+        return (amplitude or self.default_amplitude) * self.lowest
 
     @property
     def largest_amplitude(self) -> float:

@@ -253,7 +253,7 @@ class Terrain:
         """Say everything about the terrain in JSON-able values; names carry the units."""
         ground = self.surface
         map_ = ground.field
-        needed = needed_resolution(self.parameters.smallest_feature, self.sole_radius)
+        feature = self.parameters.feature_at(self.amplitude)
         return {
             "terrain": self.name,
             "summary": self.parameters.summary(),
@@ -272,15 +272,17 @@ class Terrain:
             "nodes": None if map_ is None else list(map_.z.shape),
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else map_.nbytes,
-            "smallest_feature_m": self.parameters.smallest_feature,
-            "resolution_needed_m": needed,
+            "smallest_feature_m": jsonable(feature),
+            "resolution_needed_m": needed_resolution(feature, self.sole_radius),
             **({} if self.amplitude == 0.0 else self.parameters.facts(self._site())),
             "fingerprint": self.fingerprint(),
         }
 
 
 def jsonable(value: Any) -> Any:
-    """Return numbers, text and truth values as they are, anything else as text."""
+    """Return finite numbers, text and truth values as they are, an infinite number as None, the rest as text."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
