@@ -85,6 +85,11 @@ class MomentumTask(MotionTask):
         self._critical = False
         self._rows.damping[:] = 0.0
 
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of the rate of a momentum."""
+        return "N|Nm"
+
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`.
 

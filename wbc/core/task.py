@@ -174,6 +174,11 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
         """Target − measured at the last tick, shape (dim,), `unit`; a copy."""
         return np.array(self._rows.error)
 
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of an acceleration of the error."""
+        return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
+
     def bind(self, robot: Robot) -> None:
         """Resolve names against a robot, and take the present state as target where none was given.
 
@@ -268,6 +273,11 @@ class VariableTask(Task):
 
     Its rows have no gains: it asks for `matrix · x = reference` directly.
     """
+
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of the variables themselves."""
+        return self.unit
 
     def bind_problem(self, problem: Problem) -> None:
         """Look up contacts or torque rows; called whenever the layout of the problem has changed.
