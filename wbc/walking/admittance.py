@@ -1,0 +1,207 @@
+"""How wrench errors move the feet and the CoM of a robot whose joints are position-controlled.
+
+    ankle rotation       θ̇_x = A_y (τ_x − τ_x*),   θ̇_y = A_x (τ_y − τ_y*)      in the sole frame
+    foot heights         the foot that should press more moves down, the other up, and the mean leaks to zero
+    CoM                  v = −A_c (z_distributed − z_measured), with a leaky integral
+
+A foot's rotation and height are added to where the walk wants it; they stay when the foot stands, and start
+from zero with each touch-down.
+
+Through a stiffness K the ankle law is a first-order lag of rate A·K, and so is the height law.
+
+Source: S. Caron et al., ICRA 2019, section V; K. Nagasaka, PhD thesis, University of Tokyo, 1999 (CoM).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.walking.filters import LeakyIntegral
+from wbc.walking.gains import StabilizerGains
+from wbc.walking.swing import FootMotion
+
+
+@dataclass(frozen=True, slots=True)
+class FootCorrection:
+    """What the admittances add to a foot.
+
+    Attributes:
+        roll: Rotation about the sole's x axis, rad.
+        pitch: Rotation about its y axis, rad.
+        height: Shift along the world's z axis, m.
+        roll_rate: rad/s.
+        pitch_rate: rad/s.
+        height_rate: m/s.
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    height: float = 0.0
+    roll_rate: float = 0.0
+    pitch_rate: float = 0.0
+    height_rate: float = 0.0
+
+    def apply(self, motion: FootMotion) -> FootMotion:
+        """Where the foot should be, given where the walk wants it; accelerations are left alone."""
+        local = pin.exp3(np.array([self.roll, self.pitch, 0.0]))
+        placement = pin.SE3(motion.placement.rotation @ local, motion.placement.translation.copy())
+        placement.translation = placement.translation + np.array([0.0, 0.0, self.height])
+        velocity = motion.velocity.copy()
+        velocity[2] += self.height_rate
+        velocity[3:] += placement.rotation @ np.array([self.roll_rate, self.pitch_rate, 0.0])
+        return FootMotion(placement, velocity, motion.acceleration)
+
+
+def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:
+    """Roll and pitch rate of a foot from its torque errors.
+
+    Args:
+        gains: Gains.
+        measured: [force; moment] in the sole frame, shape (6,), N and Nm.
+        target: The same, desired.
+
+    Returns:
+        Rates about the sole's x and y axes, rad/s, clamped.
+    """
+    along, across = np.broadcast_to(gains.cop_admittance, 2)
+    bound = gains.max_angular_velocity
+    roll = float(across) * float(measured[3] - target[3])
+    pitch = float(along) * float(measured[4] - target[4])
+    return min(max(roll, -bound), bound), min(max(pitch, -bound), bound)
+
+
+def height_rates(
+    gains: StabilizerGains,
+    measured: tuple[float, float],
+    target: tuple[float, float],
+    heights: tuple[float, float],
+) -> tuple[float, float]:
+    """Vertical speeds of both feet on the ground from their normal forces: foot force difference control.
+
+    Args:
+        gains: Gains.
+        measured: Normal force of left and right foot, N.
+        target: The same, desired.
+        heights: Height offsets of left and right foot, m.
+
+    Returns:
+        Speeds of left and right foot, m/s, clamped.
+    """
+    force = (target[0] - target[1]) - (measured[0] - measured[1])
+    difference = gains.force_difference * force + gains.force_difference_damping * (heights[0] - heights[1])
+    mean = -gains.height_leak * (heights[0] + heights[1])
+    bound = gains.max_linear_velocity
+    left, right = 0.5 * (mean - difference), 0.5 * (mean + difference)
+    return min(max(left, -bound), bound), min(max(right, -bound), bound)
+
+
+class FootAdmittance:
+    """Rotations and heights of both feet, integrated.
+
+    Attributes:
+        gains: Gains; assign to change them.
+    """
+
+    def __init__(self, gains: StabilizerGains) -> None:
+        self.gains = gains
+        self._state = np.zeros((2, 3))  # roll, pitch, height
+        self._rate = np.zeros((2, 3))
+
+    def reset(self, foot: int | None = None) -> None:
+        """Put one foot (0 left, 1 right), or both, back to no correction."""
+        which = slice(None) if foot is None else foot
+        self._state[which] = 0.0
+        self._rate[which] = 0.0
+
+    def hold(self) -> None:
+        """Keep the corrections and stop moving them."""
+        self._rate[:] = 0.0
+
+    def correction(self, foot: int) -> FootCorrection:
+        """What is added to a foot now."""
+        return FootCorrection(*self._state[foot].tolist(), *self._rate[foot].tolist())
+
+    def update(self, measured: Array, target: Array, contact: tuple[bool, bool], dt: float) -> None:
+        """Move on by one period.
+
+        Args:
+            measured: [force; moment] of both feet in their sole frames, shape (2, 6), N and Nm.
+            target: The same, desired.
+            contact: Which feet are on the ground; the others keep their correction.
+            dt: Period, s.
+        """
+        g = self.gains
+        rate = np.zeros((2, 3))
+        for foot in (0, 1):
+            if contact[foot]:
+                rate[foot, :2] = cop_rates(g, measured[foot], target[foot])
+                rate[foot, :2] -= g.rotation_leak * self._state[foot, :2]
+        if all(contact):
+            heights = (float(self._state[0, 2]), float(self._state[1, 2]))
+            rate[:, 2] = height_rates(
+                g,
+                (float(measured[0, 2]), float(measured[1, 2])),
+                (float(target[0, 2]), float(target[1, 2])),
+                heights,
+            )
+        else:
+            for foot in (0, 1):
+                if contact[foot]:
+                    # An exact decay, however long the period.
+                    kept = math.exp(-g.support_height_leak * dt)
+                    rate[foot, 2] = (kept - 1.0) / dt * self._state[foot, 2]
+        before = self._state.copy()
+        self._state += dt * rate
+        np.clip(self._state[:, :2], -g.max_rotation, g.max_rotation, out=self._state[:, :2])
+        np.clip(self._state[:, 2], -g.max_height, g.max_height, out=self._state[:, 2])
+        self._rate = (self._state - before) / dt
+
+
+class ComAdmittance:
+    """Shift of the CoM target towards where the distributed ZMP says it is missing (ZMP compensation control).
+
+    Attributes:
+        offset: Shift of the CoM target in the world, shape (2,), m.
+        velocity: Its commanded velocity, shape (2,), m/s.
+        acceleration: Derivative of that velocity, shape (2,), m/s².
+    """
+
+    def __init__(self, gains: StabilizerGains) -> None:
+        self.gains = gains
+        self._integral = LeakyIntegral(gains.com_admittance_leak, gains.max_com_offset, 2)
+        self.velocity: Array = np.zeros(2)
+        self.acceleration: Array = np.zeros(2)
+
+    @property
+    def offset(self) -> Array:
+        """Shift of the CoM target in the world, shape (2,), m."""
+        return self._integral.value
+
+    def reset(self) -> None:
+        """Back to no shift, at once."""
+        self._integral.reset()
+        self.velocity = np.zeros(2)
+        self.acceleration = np.zeros(2)
+
+    def update(self, zmp_error: Array | None, yaw: float, dt: float) -> None:
+        """Move on by one period.
+
+        Args:
+            zmp_error: Distributed minus measured ZMP, shape (2,), m; None on one foot or in the air, where the
+                shift leaks away.
+            yaw: Heading of the robot, rad.
+            dt: Period, s.
+        """
+        velocity = np.zeros(2)
+        if zmp_error is not None:
+            c, s = math.cos(yaw), math.sin(yaw)
+            to_world = np.array([[c, -s], [s, c]])
+            velocity = -to_world @ np.multiply(self.gains.com_admittance, zmp_error @ to_world)
+        self.acceleration = (velocity - self.velocity) / dt
+        self.velocity = velocity
+        self._integral.update(velocity, dt)

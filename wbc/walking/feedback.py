@@ -1,0 +1,157 @@
+"""DCM feedback: from where the pendulum is and should be, to the acceleration and the wrench that bring it back.
+
+    c̈_d = c̈* + ω [k_p e_ξ + k_i ē_ξ + k_d ė_ξ] + ω k_v e_v − ω² k_ż ż*        in the yaw frame of the robot
+
+with errors e = target − measured, ξ the DCM, ē its average and ė its derivative. The force goes through the
+measured CoM, so that with k_v = 1 this is a feedback on the ZMP,
+
+    z_d = z* − (1 + k_p/ω) e_ξ − (k_i/ω) ē_ξ − (k_d/ω) ė_ξ,
+
+and k_p is the pole of the closed loop if the ZMP follows at once.
+
+Source: Frizza et al., Humanoids 2022, eq. (3); S. Caron et al., ICRA 2019; Morisawa et al., Humanoids 2014.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.core.errors import Array, positive
+from wbc.core.robot import GRAVITY
+from wbc.walking.filters import Average, Derivator
+from wbc.walking.gains import StabilizerGains
+from wbc.walking.lipm import Pendulum
+
+
+@dataclass(frozen=True, slots=True)
+class PendulumErrors:
+    """Target minus measured, in the world; heights are in the CoM alone.
+
+    Attributes:
+        com: Shape (3,), m.
+        com_velocity: Shape (3,), m/s.
+        dcm: Shape (2,), m.
+        average: Average of the DCM error, shape (2,), m.
+        rate: Its derivative, shape (2,), m/s.
+        zmp: Shape (2,), m; zero where it was not measured.
+    """
+
+    com: Array
+    com_velocity: Array
+    dcm: Array
+    average: Array
+    rate: Array
+    zmp: Array
+
+
+class DcmFeedback:
+    """The errors with their memory, and the law.
+
+    Attributes:
+        gains: Gains; assign to change them.
+    """
+
+    def __init__(self, gains: StabilizerGains) -> None:
+        self.gains = gains
+        self._average = Average(gains.integrator_time, gains.max_average_dcm_error, 2)
+        self._derivator = Derivator(gains.derivator_time, 2)
+
+    def reset(self) -> None:
+        """Forget the average and the derivative."""
+        self._average.reset()
+        self._derivator.reset()
+
+    def errors(
+        self,
+        target: Pendulum,
+        com: Array,
+        com_velocity: Array,
+        zmp: Array | None,
+        dt: float,
+        bias: Array | None = None,
+    ) -> PendulumErrors:
+        """Take in one measurement.
+
+        Args:
+            target: What the pattern wants.
+            com: Measured CoM in the world, shape (3,), m.
+            com_velocity: Its measured velocity, shape (3,), m/s.
+            zmp: Measured ZMP, shape (2,) or (3,), m; None while there is none: the memory then fades.
+            dt: Time since the last call, s.
+            bias: What the measured DCM has too much, shape (2,), m (`wbc.walking.bias`): CoM and DCM errors are
+                corrected, and the velocity so that the three stay consistent.
+        """
+        omega = target.omega
+        e_com, e_velocity = target.com - com, target.com_velocity - com_velocity
+        e_dcm = e_com[:2] + e_velocity[:2] / omega
+        if bias is not None:
+            e_dcm = e_dcm + bias
+            e_com[:2] += bias
+            e_velocity[:2] = omega * (e_dcm - e_com[:2])
+        if zmp is None:
+            self._derivator.reset()
+            average = self._average.update(np.zeros(2), dt)
+            return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), np.zeros(2), np.zeros(2))
+        e_zmp = target.zmp[:2] - zmp[:2]
+        average = self._average.update(e_dcm, dt)
+        rate = self._derivator.update(omega * (e_dcm - e_zmp), None, dt)
+        return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), rate.copy(), e_zmp)
+
+    def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:
+        """Desired acceleration of the CoM in the world, shape (3,), m/s²."""
+        return desired_acceleration(self.gains, target, errors, yaw)
+
+
+def desired_acceleration(
+    gains: StabilizerGains, target: Pendulum, errors: PendulumErrors, yaw: float
+) -> Array:
+    """The law of the module.
+
+    Args:
+        gains: Gains, per axis of the yaw frame.
+        target: What the pattern wants.
+        errors: Target minus measured.
+        yaw: Heading of the robot, rad.
+
+    Returns:
+        Desired acceleration of the CoM in the world, shape (3,), m/s².
+    """
+    omega, c, s = target.omega, math.cos(yaw), math.sin(yaw)
+    to_world = np.array([[c, -s], [s, c]])
+    feedback = (
+        np.multiply(gains.dcm_p, errors.dcm @ to_world)
+        + np.multiply(gains.dcm_i, errors.average @ to_world)
+        + np.multiply(gains.dcm_d, errors.rate @ to_world)
+        + np.multiply(gains.com_v, errors.com_velocity[:2] @ to_world)
+        - np.multiply(gains.zmp_d, target.zmp_velocity[:2] @ to_world) * omega
+    )
+    acceleration = target.com_acceleration.copy()
+    acceleration[:2] += omega * (to_world @ feedback)
+    acceleration[2] += gains.height_p * errors.com[2] + gains.height_d * errors.com_velocity[2]
+    return acceleration
+
+
+def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
+    """Contact wrench that accelerates a mass without turning it.
+
+    Args:
+        com: Where the force goes through, in the world, shape (3,), m.
+        acceleration: Of the CoM, shape (3,), m/s².
+        mass: kg.
+
+    Returns:
+        [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+    """
+    force = positive("mass (kg)", mass) * (acceleration + (0.0, 0.0, GRAVITY))
+    x, y, z = com.tolist()
+    fx, fy, fz = force.tolist()
+    return np.array([fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
+
+
+def zmp_of_force(com: Array, acceleration: Array, ground: float) -> Array:
+    """Where the force through a CoM meets the level ground, shape (3,), m."""
+    reach = (com[2] - ground) / (acceleration[2] + GRAVITY)
+    return np.array([com[0] - reach * acceleration[0], com[1] - reach * acceleration[1], ground])
