@@ -23,9 +23,9 @@ class AdmittanceTask(ComplianceTask):
 
         velocity = admittance ∘ (measured − target wrench),   the reference pose is moved by it
 
-    On surroundings of stiffness K, N/m or Nm/rad, the wrench error decays at admittance · K, 1/s. Where there is
-    nothing to push, the frame moves on at the clamped speed until there is: that is how a touch-down is sought. The
-    reference can be held within `offset_bound` of the target.
+    On surroundings of stiffness K, N/m or Nm/rad, the wrench error decays at admittance · K, 1/s, without overshoot
+    if that is at most 1 / (4 · time constant). Where there is nothing to push, the frame moves on at the clamped speed
+    until there is: that is how a touch-down is sought. The reference can be held within `offset_bound` of the target.
 
     Source: the rate form is that of mc_rtc's AdmittanceTask (jrl-umi3218/mc_rtc), with the low-pass as a time
     constant, and acceleration and velocity of the reference fed forward exactly.

@@ -145,6 +145,10 @@ class ImpedanceTask(FirstOrderImpedanceTask):
 
         mass ∘ acceleration + damper ∘ velocity + spring ∘ offset = wrench gain ∘ (measured − target wrench)
 
+    On surroundings of stiffness K the loop through the low-pass is stable for damper > time constant · K (Routh's
+    criterion, sufficient): on stiff ones take a shorter time constant, more damping or `FirstOrderImpedanceTask`, which
+    is always stable.
+
     Source: the law is that of mc_rtc's ImpedanceTask (jrl-umi3218/mc_rtc), integrated implicitly, so that no choice of
     mass, damper and control period is unstable by itself.
     """
