@@ -65,8 +65,9 @@ class Plant:
     Position control: the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, inside every physics step and integrated
     implicitly. Torque control: τ alone. Both are limited to the torque of the description.
 
-    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are those of
-    the physics step that ended now, because that is when they acted. The force sensor sits above the foot: as with
+    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
+    over the control period that ended now, as an anti-aliasing filter gives it: hard contacts chatter within a period,
+    and one sample in five of that would tell the controller nonsense. The force sensor sits above the foot: as with
     a real one, the weight of a foot that has mass of its own is missing from what it says of the ground.
 
     Attributes:
@@ -80,6 +81,7 @@ class Plant:
         control_period: Time that `step` advances, s.
         steps: Physics steps in it.
         noise: Errors of the sensors.
+        averaging: False for accelerometer and forces of the last physics step alone.
         interpolation: "hold" keeps a command for the whole control period; "linear" moves the references from the last
             command to this one, reached at the end of the period.
         seed: Seed of every random draw.
@@ -106,6 +108,7 @@ class Plant:
         noise: str | SensorNoise = NO_NOISE,
         seed: int = 0,
         interpolation: Interpolation = "hold",
+        averaging: bool = True,
         initial_configuration: ArrayLike | None = None,
         range_sensor: RangeSensor | None = None,
         physics: PhysicsSettings | None = None,
@@ -121,6 +124,7 @@ class Plant:
             noise: Errors of the sensors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
             interpolation: "hold" or "linear".
+            averaging: Accelerometer and forces are means over the control period.
             initial_configuration: Where the robot starts, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
             physics: Further settings of the physics; `timestep` is put in place of theirs.
@@ -135,6 +139,7 @@ class Plant:
             "linear" if choose("interpolation", interpolation, ("hold", "linear")) == "linear" else "hold"
         )
         self.steps = steps_per_tick(control_period, timestep)
+        self.averaging = bool(averaging)
         self.control_period, self.timestep = float(control_period), float(timestep)
         self.noise = noise_preset(noise) if isinstance(noise, str) else noise
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
@@ -219,6 +224,7 @@ class Plant:
         data.ctrl[:] = self._target
         mujoco.mj_forward(self.model, data)
         self._truth_reader.capture(data)
+        self._window[:] = data.sensordata.take(self._force_places)
         self.ticks = 0
         self.diverged = None
         self._after_step()
@@ -309,9 +315,18 @@ class Plant:
         else:
             # The first half of the coming step was done at the end of the last one, when the sensors were read.
             data.ctrl[:] = self._target
-            mujoco.mj_step2(model, data)
-            if steps > 1:
-                mujoco.mj_step(model, data, steps - 1)
+            if self.averaging:
+                for row in self._window[:-1]:
+                    mujoco.mj_step2(model, data)
+                    data.sensordata.take(self._force_places, out=row)
+                    mujoco.mj_step1(model, data)
+                mujoco.mj_step2(model, data)
+                data.sensordata.take(self._force_places, out=self._window[-1])
+            else:
+                mujoco.mj_step2(model, data)
+                if steps > 1:
+                    mujoco.mj_step(model, data, steps - 1)
+                data.sensordata.take(self._force_places, out=self._window[0])
             self._truth_reader.capture(data)
             mujoco.mj_step1(model, data)
         self.ticks += 1
@@ -367,10 +382,14 @@ class Plant:
             for name in (foot.force_sensor, foot.torque_sensor):
                 first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
                 places += range(first, first + 3)
-        self._places = np.array(places, dtype=np.intp)
+        # All but the gyroscope measure what acts during a physics step; they are averaged over the last ones.
+        self._gyro_places = np.array(places[:3], dtype=np.intp)
+        self._force_places = np.array(places[3:], dtype=np.intp)
+        self._window = np.zeros((self.steps if self.averaging else 1, len(places) - 3))
         self._signals = np.empty(2 * na + len(places))
         self._positions, self._velocities = self._signals[:na], self._signals[na : 2 * na]
-        self._sensors = self._signals[2 * na :]
+        self._rates = self._signals[2 * na : 2 * na + 3]
+        self._forces = self._signals[2 * na + 3 :]
         self._wrenches = self._signals[2 * na + 6 :]
         self._target, self._servo_part = np.zeros(na), np.zeros(na)
         self._from = np.zeros(na) if self.interpolation == "linear" else self._target
@@ -382,7 +401,8 @@ class Plant:
         data = self.data
         data.qpos.take(self._plant.joint_qpos, out=self._positions)
         data.qvel.take(self._plant.joint_dof, out=self._velocities)
-        data.sensordata.take(self._places, out=self._sensors)
+        data.sensordata.take(self._gyro_places, out=self._rates)
+        np.mean(self._window, axis=0, out=self._forces)
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
         np.negative(self._wrenches, out=self._wrenches)
 
@@ -459,6 +479,7 @@ class Plant:
             if self._pushes:
                 self._pushes.apply(data, self.timestep)
             mujoco.mj_step2(model, data)
+            data.sensordata.take(self._force_places, out=self._window[(i - 1) % len(self._window)])
             if i == self.steps:
                 self._truth_reader.capture(data)
             mujoco.mj_step1(model, data)

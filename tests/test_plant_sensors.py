@@ -87,7 +87,7 @@ def test_at_rest_the_accelerometer_points_up(name: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
     """The force sensor (internal forces of the tree) against the sum over contact points, while swaying."""
-    plant = Plant(load(name), foot=FEW_SPHERES)
+    plant = Plant(load(name), foot=FEW_SPHERES, averaging=False)
     loads = []
     for tick in range(100):
         plant.step(swaying(plant, tick))
@@ -97,9 +97,27 @@ def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
     assert np.ptp(loads, axis=0).min() > 5.0
 
 
+def test_forces_are_means_over_the_control_period() -> None:
+    """A plant that samples five times as often, averaged; and impulse is change of momentum with nothing missing."""
+    slow = Plant(load("g1"), foot=FEW_SPHERES)
+    fast = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    for tick in range(20):
+        command, wrenches, accelerations = swaying(slow, tick), [], []
+        slow.step(command)
+        for _ in range(5):
+            fast.step(command)
+            wrenches.append(fast.measure().sole_wrench)
+            accelerations.append(fast.measure().specific_force)
+        np.testing.assert_allclose(
+            slow.measure().sole_wrench, np.mean(wrenches, axis=0), rtol=1e-12, atol=1e-9
+        )
+        np.testing.assert_allclose(slow.measure().specific_force, np.mean(accelerations, axis=0), rtol=1e-12)
+        assert np.ptp(wrenches, axis=0).max() > 1e-3  # there is something to average
+
+
 def test_centre_of_pressure_is_where_the_contacts_press() -> None:
     """(−n_y, n_x) / f_z in the sole frame against the contact points weighted by their forces."""
-    plant = Plant(load("hrp4_class"))
+    plant = Plant(load("hrp4_class"), averaging=False)
     ankles = [i for i, name in enumerate(plant.robot.joint_names) if "ankle_pitch" in name.lower()]
     centres = []
     for lean in (0.004, -0.004):
@@ -194,7 +212,7 @@ def test_noise_has_the_statistics_it_was_given() -> None:
 def test_latency_shows_the_past(latency: float, steps: int) -> None:
     """A slow plant with latency against a fast one whose history is kept; other signals stay fresh."""
     noise = SensorNoise(joint_position=SignalNoise(latency=latency), sole_force=SignalNoise(latency=latency))
-    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise)
+    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise, averaging=False)
     fresh = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
     past = [fresh.measure()]
     for tick in range(8):
