@@ -9,6 +9,7 @@ from wbc.feet.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.catalog import foot, foot_names, register_foot
 from wbc.feet.contact import (
     LOOP_CLOSURE,
+    PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
     SoleContact,
@@ -24,6 +25,7 @@ from wbc.feet.sole import FootFit, SoleGeometry
 
 __all__ = [
     "LOOP_CLOSURE",
+    "PAPER_SOLE_GROUND",
     "SOLE_GROUND",
     "ConstraintLaw",
     "FlatFoot",

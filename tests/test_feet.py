@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import (
     LOOP_CLOSURE,
+    PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
     Foot,
@@ -217,7 +218,9 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
 # --- constraint law --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("law", [LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw(0.01, 0.5, (0.3, 0.8), 0.002)])
+@pytest.mark.parametrize(
+    "law", [LOOP_CLOSURE, PAPER_SOLE_GROUND, ConstraintLaw(0.01, 0.5, (0.3, 0.8), 0.002)]
+)
 def test_gains_are_those_of_the_papers_equations(law: ConstraintLaw) -> None:
     d_max, t, zeta = law.impedance[1], law.time_constant, law.damping_ratio
     for violation in (0.0, 0.0003, 0.0007, 0.01):
@@ -239,7 +242,7 @@ def test_a_critically_damped_law_returns_without_overshoot_at_its_time_constant(
 
 def test_the_papers_numbers_go_to_the_solver_unchanged() -> None:
     assert solver_parameters(LOOP_CLOSURE) == ((0.002, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
-    assert solver_parameters(SOLE_GROUND) == ((0.0001, 1.0), (0.99, 0.99, 0.001, 0.5, 2.0))
+    assert solver_parameters(PAPER_SOLE_GROUND) == ((0.0001, 1.0), (0.99, 0.99, 0.001, 0.5, 2.0))
 
 
 # --- stiffness actuator ----------------------------------------------------------------------------------------------

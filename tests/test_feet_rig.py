@@ -171,7 +171,7 @@ def test_hulls() -> None:
 def test_a_pushed_foot_creeps_little_and_slides_at_its_friction(name: str, friction: float) -> None:
     result = slide(FootTest(foot(name, contact=SoleContact(friction=friction)), FLAT))
     assert not result.diverged
-    assert abs(result.creep) < 2e-5  # m/s
+    assert abs(result.creep) * 1.5 < 1e-4  # m in a stance of 1.5 s
     assert result.slip_share == pytest.approx(friction, rel=0.02)
 
 
