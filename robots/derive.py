@@ -9,7 +9,7 @@ Half-sitting     knees bent by 40°, soles flat and level, centre of mass above 
                  at zero or at the limit nearest to it
 Torque limit     where the URDF has none: leg 0.25 m g h; others three times what holds the limb stretched out
 Armature         `wbc.robots.servo.ARMATURE_RATIO` times m h²
-Servo gains      8 Hz, critically damped, on the effective inertia (`wbc.robots.servo`)
+Servo gains      8 Hz, critically damped, on the effective inertia, legs bounded (`wbc.robots.servo`)
 Torso            the link that the arms branch from, else the root
 IMU              a frame of the URDF called so, on the root rather than elsewhere; else the root
 """

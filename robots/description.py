@@ -366,7 +366,9 @@ class RobotDescription:
         return self.soles[0].frame, self.soles[1].frame
 
     def _gain(self, which: int) -> Array:
-        gain = np.array(self.servo.gains(self.effective_inertia)[which])
+        q = posture.standing_configuration(self._model, self._sole_frames, self.half_sitting)
+        bound = self.servo.bound(self._model, q, self._sole_frames)
+        gain = np.array(self.servo.gains(self.effective_inertia, bound)[which])
         for name, given in self.gains.items():
             gain[self.joint_names.index(name)] = given[which]
         return _frozen(gain)

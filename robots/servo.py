@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, non_negative, positive
+from wbc.core.robot import GRAVITY
 
 ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 """Rotor inertia seen at a joint over m h², with m the mass of the robot and h the height of its centre of mass.
@@ -30,32 +31,66 @@ class ServoRule:
     The effective inertia of a joint, at half-sitting, is the larger of what hangs below it and, for a leg joint, a
     share of what stands above it, plus its armature.
 
+    A leg is kept softer than that: foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness K is a loop of rate A K,
+    which must stay well below one over the control period, and a leg that is as stiff as the floor passes every bump
+    on. The bounds are multiples of m g h, the stiffness against which the robot would tip: the published servo gains
+    of JVRC-1 (62 kg; hips and knees 5000 to 6000, ankles 3000 Nm/rad, jvrc_mj_description, BSD-2) are 9.4 to 11.3 and
+    5.7 of them.
+
     Attributes:
         frequency: Natural frequency of the held joint, Hz. 3 to 25 Hz stood quietly in simulation at 1 ms.
         damping_ratio: Of the held joint; 1 is critical.
         stance_share: Share of the inertia above that one leg holds; 0.5 with the weight on both.
+        leg_stiffness: Bound of hips and knees, as part of m g h per radian.
+        ankle_stiffness: Bound of the last two joints of a leg, as part of m g h per radian.
     """
 
     frequency: float = 8.0
     damping_ratio: float = 1.0
     stance_share: float = 0.5
+    leg_stiffness: float = 13.0
+    ankle_stiffness: float = 6.5
 
     def __post_init__(self) -> None:
         positive("servo frequency (Hz)", self.frequency)
         positive("servo damping ratio", self.damping_ratio)
         non_negative("servo stance share", self.stance_share)
+        positive("servo leg stiffness (m g h per rad)", self.leg_stiffness)
+        positive("servo ankle stiffness (m g h per rad)", self.ankle_stiffness)
 
-    def gains(self, inertia: Array) -> tuple[Array, Array]:
+    def gains(self, inertia: Array, bound: Array) -> tuple[Array, Array]:
         """Stiffness kp and damping kd of joints.
 
         Args:
             inertia: Effective inertia, shape (na,), kg m².
+            bound: Greatest stiffness, shape (na,), Nm/rad.
 
         Returns:
-            kp in Nm/rad and kd in Nms/rad, each of shape (na,).
+            kp in Nm/rad and kd in Nms/rad, each of shape (na,); kd/kp is the same everywhere.
         """
         omega = 2.0 * math.pi * self.frequency
-        return omega**2 * inertia, 2.0 * self.damping_ratio * omega * inertia
+        kp = np.minimum(omega**2 * inertia, bound)
+        return kp, kp * (2.0 * self.damping_ratio / omega)
+
+    def bound(self, model: pin.Model, q: Array, sole_frames: tuple[str, ...]) -> Array:
+        """Greatest stiffness of each joint, shape (na,), Nm/rad; infinite where the rule gives none.
+
+        Args:
+            model: Pinocchio model with a free-flyer.
+            q: Configuration, shape (nq,).
+            sole_frames: Frames of the soles.
+        """
+        data = model.createData()
+        com = pin.centerOfMass(model, data, q)
+        pin.updateFramePlacements(model, data)
+        sole = min(data.oMf[model.getFrameId(frame)].translation[2] for frame in sole_frames)
+        tipping = pin.computeTotalMass(model) * GRAVITY * (com[2] - sole)
+        bound = np.full(model.nv - 6, np.inf)
+        for frame in sole_frames:
+            leg = [model.joints[joint].idx_v - 6 for joint in leg_joints(model, frame)]
+            bound[leg] = self.leg_stiffness * tipping
+            bound[leg[-2:]] = self.ankle_stiffness * tipping
+        return bound
 
 
 def leg_joints(model: pin.Model, frame: str) -> list[int]:

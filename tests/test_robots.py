@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import mujoco
@@ -13,6 +14,7 @@ from wbc.core import conventions
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, hrp4_class, load, names, register, registry
+from wbc.robots.servo import ServoRule
 from wbc.robots.urdf import without_geometry
 
 BUILT_IN = ("hrp4_class", "talos", "g1")
@@ -299,3 +301,19 @@ def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
     assert made == [1]
     with pytest.raises(InputError, match="registered already"):
         register("test_twin", factory)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_legs_are_softer_than_the_floor(name: str) -> None:
+    """Ankles hold at least twice what tips the robot over and stay below the bound of foot admittance, A K dt < 1."""
+    description = load(name)
+    robot = description.robot()
+    tipping = robot.mass * GRAVITY * robot.com[2]
+    for leg in description.legs:
+        stiffness = description.kp[[robot.joint_index(joint) for joint in leg]] / tipping
+        assert (stiffness <= 13.0 + 1e-6).all()
+        assert (stiffness[-2:] <= 6.5 + 1e-6).all()
+        assert (2.0 * stiffness[-2:] > 2.0).all()
+    free = dataclasses.replace(description, servo=ServoRule(leg_stiffness=1e6, ankle_stiffness=1e6))
+    ankle = robot.joint_index(description.legs[0][-1])
+    assert free.kp[ankle] > 5.0 * description.kp[ankle]
