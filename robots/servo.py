@@ -31,9 +31,9 @@ class ServoRule:
     The effective inertia of a joint, at half-sitting, is the larger of what hangs below it and, for a leg joint, a
     share of what stands above it, plus its armature.
 
-    A leg is kept softer than that: foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness K is a loop of rate A K,
-    which must stay well below one over the control period, and a leg that is as stiff as the floor passes every bump
-    on. The bounds are multiples of m g h, the stiffness against which the robot would tip: the published servo gains
+    A leg is kept softer than that: foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness K is a loop of rate
+    A K, which must stay well below one over the control period, and a leg as stiff as the floor passes every bump on.
+    The bounds are multiples of m g h, the stiffness against which the robot would tip: the published servo gains
     of JVRC-1 (62 kg; hips and knees 5000 to 6000, ankles 3000 Nm/rad, jvrc_mj_description, BSD-2) are 9.4 to 11.3 and
     5.7 of them.
 
