@@ -2,7 +2,8 @@
 
 Each contact has as many force variables as motion rows. Along an axis that the contact holds, the row says "this
 frame does not accelerate"; along one that it leaves free, or everywhere while it is inactive, the same row says "this
-force is zero". Switching a contact therefore never changes the size of the problem.
+force is zero" (or nothing, if a free axis keeps its force). Switching a contact therefore never changes the size of
+the problem.
 """
 
 from __future__ import annotations
@@ -79,6 +80,7 @@ class Contact(ABC):
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
         free: Mask of the axes that are not held, shape (dim,).
+        free_force: True if the force along free axes may be anything within the cone; else it is zero.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,).
         stiffness: Pull back to where the contact was made, 1/s².
@@ -105,6 +107,7 @@ class Contact(ABC):
         wrench_weight: ArrayLike,
         active: bool,
         free_axes: Sequence[str],
+        free_force: bool,
     ) -> None:
         self.name = name
         self.frame = frame
@@ -136,6 +139,7 @@ class Contact(ABC):
                 choices = ", ".join(a for i, a in enumerate(AXES[: self.dim]) if i != self.force_axis)
                 raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
             self.free[AXES.index(axis)] = True
+        self.free_force = bool(free_force)
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
         self._active = bool(active)
         self._robot: Robot | None = None
@@ -266,6 +270,7 @@ class SoleContact(Contact):
         wrench_weight: ArrayLike = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3),
         active: bool = True,
         free_axes: Sequence[str] = (),
+        free_force: bool = False,
     ) -> None:
         """Describe the contact; the rectangle comes from the robot's sole.
 
@@ -282,6 +287,8 @@ class SoleContact(Contact):
                 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
             active: Whether it starts active, with full load allowed.
             free_axes: Axes of the sole frame that are not held, out of x, y, roll, pitch, yaw.
+            free_force: Along a free axis, let the force be anything within the cone, as mc_rtc does: for a foot that a
+                CoP task turns, whose ankle torque is not zero. When False it is zero, as on a hinge.
 
         Raises:
             InputError: A value out of range.
@@ -300,6 +307,7 @@ class SoleContact(Contact):
             wrench_weight=wrench_weight,
             active=active,
             free_axes=free_axes,
+            free_force=free_force,
         )
 
     def bind(self, robot: Robot) -> None:
@@ -358,6 +366,7 @@ class PointContact(Contact):
         wrench_weight: ArrayLike = 1e-5,
         active: bool = True,
         free_axes: Sequence[str] = (),
+        free_force: bool = False,
     ) -> None:
         """Describe the contact.
 
@@ -373,6 +382,7 @@ class PointContact(Contact):
             wrench_weight: Cost per N², scalar or shape (3,).
             active: Whether it starts active, with full load allowed.
             free_axes: Tangential axes of the contact frame that are not held, out of x and y.
+            free_force: Along a free axis, let the force be anything within the cone; zero when False.
 
         Raises:
             InputError: A value out of range.
@@ -395,6 +405,7 @@ class PointContact(Contact):
             wrench_weight=wrench_weight,
             active=active,
             free_axes=free_axes,
+            free_force=free_force,
         )
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:

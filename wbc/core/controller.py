@@ -49,6 +49,9 @@ class _ContactSlot:
     normal_lower: Array
     normal_upper: Array
     partly_free: bool
+    rows: slice
+    columns: slice  # the contact's force among all contact forces
+    full: Array | None  # Jacobian with the free axes in it, where those keep their force
     revision: int = -1
     engaged: bool | None = None
 
@@ -286,10 +289,14 @@ class Controller:
                 p.lower[normal],
                 p.upper[normal],
                 bool(contact.free.any()),
+                rows,
+                slice(cols.start - nv, cols.stop - nv),
+                np.zeros((contact.dim, nv)) if contact.free_force and contact.free.any() else None,
             )
             self._slots.append(slot)
             at, col, cone_row = rows.stop, cols.stop, normal.stop
         contact_rows = slice(start, at)
+        self._yielding = [slot for slot in self._slots if slot.full is not None]
 
         self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
         self._variable: list[tuple[VariableTask, Array, Array]] = []
@@ -424,6 +431,10 @@ class Controller:
             self._write_contact(slot, dt)
         np.negative(self._contact_base_t, out=self._base_force)
         np.negative(self._contact_joint_t, out=self._joint_force)
+        for slot in self._yielding:
+            assert slot.full is not None
+            np.negative(slot.full[:, :BASE_DOF].T, out=self._base_force[:, slot.columns])
+            np.negative(slot.full[:, BASE_DOF:].T, out=self._joint_force[:, slot.columns])
 
         for motion, jacobian, error, drift in self._motion:
             motion.evaluate(jacobian, error, drift)
@@ -463,6 +474,8 @@ class Controller:
         if engaged:
             contact.evaluate(slot.jacobian, slot.error, slot.drift)
             if slot.partly_free:
+                if slot.full is not None:
+                    slot.full[:] = slot.jacobian
                 slot.jacobian[contact.free] = 0.0
                 slot.error[contact.free] = 0.0
                 slot.drift[contact.free] = 0.0
@@ -470,11 +483,15 @@ class Controller:
         if engaged != slot.engaged:
             slot.engaged = engaged
             slot.revision = -1
-            slot.force[:] = np.diag(contact.free.astype(float)) if engaged else np.eye(contact.dim)
+            zero_force = contact.free & (not contact.free_force)
+            slot.force[:] = np.diag(zero_force.astype(float)) if engaged else np.eye(contact.dim)
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             slot.cone_upper[:] = 0.0 if engaged else 1.0
+            self.problem.empty[slot.rows] = engaged & contact.free & contact.free_force
             if not engaged:
+                if slot.full is not None:
+                    slot.full[:] = 0.0
                 slot.jacobian[:], slot.error[:], slot.drift[:], contact.velocity[:] = 0.0, 0.0, 0.0, 0.0
         if slot.revision != contact.revision:
             slot.revision = contact.revision

@@ -162,6 +162,7 @@ class ActiveSet:
             np.multiply(rows, self._inverse, out=scaled)
             np.dot(scaled, rows.T, out=gram)
             gram.reshape(-1)[self._soft_diagonal] += 1.0 / np.maximum(p.soft_weight, 1e-12)
+        gram.reshape(-1)[: p.n_eq * (gram.shape[0] + 1) : gram.shape[0] + 1] += p.empty
         if not np.isfinite(target).all():
             return False  # a bound that was active has gone
         factor, force, info = dposv(
