@@ -151,6 +151,52 @@ class FootstepPlan:
         )
         return replace(self, left=left, right=right, steps=tuple(steps))
 
+    def with_step(self, index: int, step: Footstep, *, carry: bool = True) -> FootstepPlan:
+        """The plan with one landing changed.
+
+        Args:
+            index: Which step.
+            step: Its new landing.
+            carry: Move all later steps along, so that they keep their places relative to this one; otherwise
+                they stay where they are.
+
+        Raises:
+            InputError: A landing of the other foot, or no such step.
+        """
+        if not 0 <= index < len(self):
+            raise InputError(f"no step {index} in a plan of {len(self)}")
+        old = self.steps[index]
+        if step.side != old.side:
+            raise InputError(f"step {index} is of the {old.side} foot, got a landing of the {step.side} foot")
+        later = self.steps[index + 1 :]
+        if carry:
+            turn = math.remainder(step.yaw - old.yaw, 2.0 * math.pi)
+            move = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.zeros(3))
+            move.translation = step.position - move.rotation @ old.position
+            later = tuple(Footstep.of(s.side, move * s.placement) for s in later)
+        return replace(self, steps=(*self.steps[:index], step, *later))
+
+    def stopping_after(self, index: int) -> FootstepPlan:
+        """The plan cut after a step, with one more that brings the other foot beside it.
+
+        Args:
+            index: Last step to walk; −1 walks none.
+        """
+        kept = replace(self, steps=self.steps[: index + 1])
+        left, right = kept.final
+        last = left if (self.steps[index].side if index >= 0 else "right") == "left" else right
+        mate = right if last is left else left
+        half = 0.5 * abs(self.left.seen_from(self.right)[1])
+        if self.gait.feet_spacing is not None:
+            half = 0.5 * self.gait.feet_spacing
+        offset = 2.0 * half if mate.side == "left" else -2.0 * half
+        c, s = math.cos(last.yaw), math.sin(last.yaw)
+        beside = replace(last, side=mate.side, x=last.x - s * offset, y=last.y + c * offset)
+        forward, left_of, up, turn = mate.seen_from(beside)
+        if math.hypot(forward, left_of) < 0.01 and abs(up) < 0.01 and abs(turn) < 0.05:
+            return kept  # it stands there already
+        return replace(kept, steps=(*kept.steps, beside))
+
     @staticmethod
     def standing(robot: Robot, gait: Gait | None = None) -> FootstepPlan:
         """A plan without steps, with the feet where they are now.

@@ -1,0 +1,110 @@
+"""Has the robot fallen, and why? The first reason found is the answer and stays so."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from wbc.core.errors import Array, positive
+
+
+class FallReason(enum.Enum):
+    """Why a walk has ended early."""
+
+    DIVERGED = "the simulation diverged"
+    SOLVER = "the quadratic program failed"
+    HEIGHT = "the pelvis dropped"
+    TILT = "the torso tilted"
+    DCM = "the DCM is out of reach"
+
+
+@dataclass(frozen=True)
+class FallSettings:
+    """Limits. The defaults for height and tilt are those that a first study of walks used for its fall test.
+
+    Attributes:
+        drop: How far the pelvis may sink below where it should be, m.
+        tilt: Angle of the torso to the vertical, rad; acos(0.8).
+        dcm: Distance of the DCM from the area of the feet that can still be reached, m.
+        dcm_time: How long it may stay there, s.
+        failures: Failed programs in a row.
+        speed: Greatest joint or base speed that can be real, m/s or rad/s.
+    """
+
+    drop: float = 0.18
+    tilt: float = 0.6435
+    dcm: float = 0.3
+    dcm_time: float = 0.1
+    failures: int = 20
+    speed: float = 100.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            positive(f"fall limit {field.name}", getattr(self, field.name))
+
+
+class FallDetector:
+    """Watches one walk.
+
+    Attributes:
+        settings: Limits.
+        reason: Why it has fallen; None while it has not.
+        time: When, s; None while it has not.
+    """
+
+    def __init__(self, settings: FallSettings | None = None) -> None:
+        self.settings = settings or FallSettings()
+        self.reason: FallReason | None = None
+        self.time: float | None = None
+        self._away = 0.0
+        self._failures = 0
+
+    def update(
+        self,
+        time: float,
+        dt: float,
+        *,
+        q: Array,
+        v: Array,
+        pelvis_drop: float,
+        torso_up: Array,
+        dcm_distance: float = 0.0,
+        solved: bool = True,
+    ) -> FallReason | None:
+        """Look at one tick.
+
+        Args:
+            time: Now, s.
+            dt: Control period, s.
+            q: Configuration, for divergence.
+            v: Velocity, for divergence.
+            pelvis_drop: How far the pelvis is below where it should be, m.
+            torso_up: Vertical axis of the torso in the world, shape (3,).
+            dcm_distance: Distance of the DCM from the area of the feet, m; negative inside.
+            solved: The tick's quadratic program was solved.
+
+        Returns:
+            The reason, or None.
+        """
+        if self.reason is not None:
+            return self.reason
+        s = self.settings
+        self._away = self._away + dt if dcm_distance > s.dcm else 0.0
+        self._failures = 0 if solved else self._failures + 1
+        if not (
+            np.isfinite(q).all() and np.isfinite(v).all() and float(np.abs(v).max(initial=0.0)) < s.speed
+        ):
+            self.reason = FallReason.DIVERGED
+        elif self._failures >= s.failures:
+            self.reason = FallReason.SOLVER
+        elif pelvis_drop > s.drop:
+            self.reason = FallReason.HEIGHT
+        elif float(torso_up[2]) < np.cos(s.tilt):
+            self.reason = FallReason.TILT
+        elif self._away > s.dcm_time + 1e-9:
+            self.reason = FallReason.DCM
+        if self.reason is not None:
+            self.time = time
+        return self.reason
