@@ -1,0 +1,194 @@
+"""How reliable the solver is: many ticks of random problems, every solution checked, a sample compared with DAQP."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from time import thread_time
+from typing import Any
+
+import numpy as np
+import qpsolvers
+
+from wbc.app.bench_tick import solver_counts
+from wbc.app.streams import Stream, least_violation
+from wbc.core.errors import InputError, positive
+from wbc.core.problem import Problem
+from wbc.core.solution import Solution
+from wbc.core.solver import SolverSettings, standard_form
+from wbc.robots import load, names
+
+SLOW = 5e-3
+"""A tick that takes longer than this is too late for a 200 Hz controller, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchSolverOptions:
+    """How many random problems, and which.
+
+    Attributes:
+        ticks: Feasible problems to solve, over all robots.
+        robot: Robots that take turns, out of those that `wbc robots` lists.
+        stream: Longest stream from one random start, ticks.
+        scattered: Share of streams whose every tick has a random state of its own.
+        sample: Every how many ticks DAQP solves the same problem.
+        agreement: Largest difference from DAQP that counts as the same solution, m/s² and rad/s².
+        seed: Fixes every random draw.
+    """
+
+    ticks: int = 100_000
+    robot: tuple[str, ...] = names()
+    stream: int = 1000
+    scattered: float = 0.2
+    sample: int = 50
+    agreement: float = 1e-3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("ticks", "stream", "sample"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
+        positive("agreement (rad/s²)", self.agreement)
+        if not 0.0 <= self.scattered <= 1.0:
+            raise InputError(f"the share of scattered streams must lie in [0, 1], got {self.scattered}")
+        for robot in self.robot:
+            load(robot)
+
+
+class _Tally:
+    """What has been seen so far."""
+
+    def __init__(self, options: BenchSolverOptions) -> None:
+        self.options = options
+        self.tolerance = SolverSettings().residual_tolerance
+        self.wall: list[float] = []
+        self.cpu: list[float] = []
+        self.active: list[int] = []
+        self.worst_residual = 0.0
+        self.worst_difference = 0.0
+        self.counts: Counter[str] = Counter()
+        self.solvers: Counter[str] = Counter()
+
+    def solved(self, problem: Problem, solution: Solution, cpu: float) -> None:
+        """Check a solution, and now and then compare it."""
+        self.wall.append(solution.timings.solve)
+        self.cpu.append(cpu)
+        self.active.append(int(np.count_nonzero(np.abs(solution.multipliers) > 1e-9)))
+        residual = primal_residual(problem, solution)
+        self.worst_residual = max(self.worst_residual, residual)
+        self.counts["above tolerance"] += residual > self.tolerance
+        if len(self.wall) % self.options.sample == 0:
+            self._compare(problem, solution)
+
+    def _compare(self, problem: Problem, solution: Solution) -> None:
+        other = qpsolvers.solve_problem(standard_form(problem), solver="daqp")
+        if not other.found or other.x is None:
+            self.counts["DAQP failed"] += 1
+            return
+        nv = problem.nv
+        difference = float(np.abs(other.x[:nv] - solution.accelerations).max())
+        self.counts["compared"] += 1
+        self.counts["differ"] += difference > self.options.agreement
+        self.worst_difference = max(self.worst_difference, difference)
+
+
+def bench_solver(
+    options: BenchSolverOptions, *, progress: Callable[[int], None] | None = None
+) -> dict[str, Any]:
+    """Solve random problems until there were enough feasible ones.
+
+    A problem that was not solved goes to a linear program: if that, too, finds no point within the tolerance, the
+    problem is infeasible, is not counted as a tick, and a new stream begins; otherwise it counts as unsolved.
+
+    Args:
+        options: How many, and which.
+        progress: Called with the number of ticks so far, now and then.
+
+    Returns:
+        Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_daqp` should be zero.
+    """
+    logging.getLogger("wbc.core.solver").setLevel(logging.ERROR)  # infeasible problems are expected here
+    tally = _Tally(options)
+    root = np.random.SeedSequence(options.seed)
+    violations: list[float] = []
+    infeasible_times: list[float] = []
+    streams = 0
+    while len(tally.wall) < options.ticks:
+        rng = np.random.default_rng(root.spawn(1)[0])
+        description = load(options.robot[streams % len(options.robot)])
+        stream = Stream(description, rng, scattered=bool(rng.random() < options.scattered))
+        streams += 1
+        for _ in range(options.stream):
+            start = thread_time()
+            solution = stream.step()
+            cpu = thread_time() - start
+            problem = stream.controller.problem
+            if solution.ok:
+                tally.solved(problem, solution, cpu)
+            else:
+                violation = least_violation(problem)
+                feasible = violation <= tally.tolerance
+                tally.counts["unsolved" if feasible else "infeasible"] += 1
+                if not feasible:
+                    violations.append(violation)
+                    infeasible_times.append(solution.timings.solve)
+                if not stream.scattered:
+                    break
+            if stream.fallen and not stream.scattered:
+                tally.counts["fallen"] += 1
+                break
+            if len(tally.wall) >= options.ticks:
+                break
+        tally.solvers.update(solver_counts(stream.controller))
+        tally.counts["switches"] += stream.switches
+        if progress is not None:
+            progress(len(tally.wall))
+    return _facts(options, tally, streams, violations, infeasible_times)
+
+
+def primal_residual(problem: Problem, solution: Solution) -> float:
+    """Largest violation of any constraint, computed from the solution alone."""
+    x = solution.variables
+    equality = np.abs(problem.equality @ x - problem.equality_target).max(initial=0.0)
+    values = problem.inequality @ x
+    return float(max(equality, (values - problem.upper).max(), (problem.lower - values).max(), 0.0))
+
+
+def _facts(
+    options: BenchSolverOptions, tally: _Tally, streams: int, violations: list[float], late: list[float]
+) -> dict[str, Any]:
+    wall, cpu = np.array(tally.wall), np.array(tally.cpu)
+    shares = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
+    return {
+        "ticks": len(wall),
+        "streams": streams,
+        "contact_switches": tally.counts["switches"],
+        "unsolved": tally.counts["unsolved"],
+        "above_tolerance": tally.counts["above tolerance"],
+        "worst_residual": tally.worst_residual,
+        "slow_ticks": int(np.count_nonzero((wall > SLOW) & (cpu > SLOW))),
+        "slow_by_the_clock": int(np.count_nonzero(wall > SLOW)),
+        "solve_us": _percentiles(1e6 * wall, shares),
+        "tick_cpu_us": _percentiles(1e6 * cpu, shares),
+        "compared_with_daqp": tally.counts["compared"],
+        "differ_from_daqp": tally.counts["differ"],
+        "worst_difference": tally.worst_difference,
+        "daqp_failed": tally.counts["DAQP failed"],
+        "solvers": dict(tally.solvers),
+        "active_limits": {"mean": round(float(np.mean(tally.active)), 2), "most": int(np.max(tally.active))},
+        "ticks_with_active_limits": int(np.count_nonzero(tally.active)),
+        "infeasible": {
+            "problems": tally.counts["infeasible"],
+            "least_violation": min(violations, default=math.nan),
+            "longest_solve_ms": round(1e3 * max(late, default=0.0), 2),
+        },
+        "streams_ended_by_a_fall": tally.counts["fallen"],
+        "options": asdict(options),
+    }
+
+
+def _percentiles(values: np.ndarray[Any, Any], shares: tuple[float, ...]) -> dict[str, float]:
+    return {f"{share:g}%": round(float(np.percentile(values, share)), 1) for share in shares}

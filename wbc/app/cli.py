@@ -1,0 +1,96 @@
+"""The command `wbc`: reads the command line, runs a command and turns what went wrong into an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError, Parameter
+
+from wbc._version import __version__
+from wbc.app.commands import COMMANDS, GROUPS
+from wbc.core.errors import InputError, WbcError
+
+RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: it ran (whatever the result), it failed, the input cannot be used, stopped by Ctrl-C."""
+
+_log = logging.getLogger(__name__)
+
+
+def make_app(first_word: str | None = None) -> App:
+    """Build the command-line application from the table of commands.
+
+    Args:
+        first_word: First word of the command line. Modules of other commands are not imported, which saves most of
+            a second; without a word, or with one that is no command, all are there, for the help and for hints.
+    """
+    options = {"default_parameter": Parameter(negative=()), "help_format": "markdown"}
+    app = App(
+        name="wbc",
+        help="Whole-body QP control for humanoids: tasks, contacts and limits, solved at every tick.",
+        help_epilogue="Exit codes: 0 ran, 1 failed, 2 bad input.",
+        version=__version__,
+        **options,
+    )
+    groups: dict[str, App] = {}
+    known = {words.split()[0] for words in COMMANDS}
+    for words, place in COMMANDS.items():
+        *group, name = words.split()
+        if first_word in known and first_word != words.split()[0]:
+            continue
+        parent = app
+        if group:
+            if group[0] not in groups:
+                groups[group[0]] = App(name=group[0], help=GROUPS[group[0]], **options)
+                app.command(groups[group[0]])
+            parent = groups[group[0]]
+        module, _, function = place.partition(":")
+        parent.command(getattr(importlib.import_module(module), function), name=name)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: What follows `wbc`; that of the process when None.
+
+    Returns:
+        Exit code.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        make_app(next((word for word in words if not word.startswith("-")), None))(
+            words,
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+        sys.stdout.flush()
+    except (CycloptsError, InputError) as error:
+        print(f"wbc: {_one_line(error)}", file=sys.stderr)
+        return BAD_INPUT
+    except WbcError as error:
+        print(f"wbc: {_one_line(error)}", file=sys.stderr)
+        return FAILED
+    except BrokenPipeError:  # whoever read our output has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return RAN
+    except KeyboardInterrupt:
+        print("wbc: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except Exception:
+        _log.exception("internal failure")
+        return FAILED
+    return RAN
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,33 @@
+"""`wbc push`: how hard a standing robot can be pushed."""
+
+from __future__ import annotations
+
+from rich.progress import track
+
+from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.sim.push_recovery import PushTableOptions, format_push_table, push_table
+
+
+@reports
+def push(
+    options: Flat[PushTableOptions] = PushTableOptions(),
+    *,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
+    cells = []
+    total = len(options.specs())
+    for cell in track(push_table(options), "pushing", total=total, console=progress_console()):
+        cells.append(cell)
+    text = (
+        f"Largest impulse recovered, Ns/kg, force constant for {options.duration:g} s; 0° is forward, 90° left\n\n"
+        + format_push_table(cells)
+    )
+    data = {
+        "unit": "Ns/kg",
+        "duration_s": options.duration,
+        "resolution": options.resolution,
+        "noise": options.noise,
+        "cells": [cell.to_json() for cell in cells],
+    }
+    return output.report(data, text)
