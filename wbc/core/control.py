@@ -29,6 +29,9 @@ logger = logging.getLogger(__name__)
 Prepare = Callable[[Robot, Measurement], None]
 """Called once a tick with the estimated robot and the measurement, to move the targets of tasks and contacts."""
 
+Feedforward = Callable[[Solution], Array]
+"""Called once a tick after the problem has been solved; returns joint torques, shape (na,), Nm."""
+
 
 @dataclass(frozen=True)
 class FailurePolicy:
@@ -184,7 +187,7 @@ class PositionControl(_Control):
         observer: Estimates the state from measurements.
         feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
             them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
-        feedforward: Add the torques of the solution to the servos.
+        feedforward: Add the torques of the solution to the servos; or what this function makes of the solution.
         solution: Result of the last tick.
         failures: Number of failed ticks so far.
         q: Configuration of the commanded robot, shape (nq,).
@@ -198,7 +201,7 @@ class PositionControl(_Control):
         policy: FailurePolicy | None = None,
         *,
         feedback: Literal["open", "closed"] = "open",
-        feedforward: bool = True,
+        feedforward: bool | Feedforward = True,
         reference_time: float = 0.1,
         prepare: Prepare | None = None,
     ) -> None:
@@ -210,7 +213,8 @@ class PositionControl(_Control):
             observer: Of the same robot model; a new one when None.
             policy: What to do on failure.
             feedback: "open" or "closed"; see the attribute.
-            feedforward: Add the torques of the solution to the servos, against the sag of position servos.
+            feedforward: Add the torques of the solution to the servos, against the sag of position servos. A function
+                replaces them by torques of its own.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
             prepare: Called once a tick before the problem is solved.
 
@@ -225,7 +229,7 @@ class PositionControl(_Control):
             )
         super().__init__(controller, observer, policy, prepare)
         self.feedback = feedback
-        self.feedforward = bool(feedforward)
+        self.feedforward = feedforward
         self._pull = -math.expm1(-controller.dt / positive("reference time (s)", reference_time))
         self.q = np.array(controller.robot.q)
         self.v = np.array(controller.robot.v)
@@ -271,7 +275,10 @@ class PositionControl(_Control):
         if self._count(good):
             assert self.solution is not None
             acceleration = self.solution.accelerations
-            self._torques = self.solution.torques
+            if callable(self.feedforward):
+                self._torques = self.feedforward(self.solution)
+            elif self.feedforward:
+                self._torques = self.solution.torques
             if self.feedback == "closed":
                 self._draw_to_estimate()
         elif self.stopped:
@@ -283,8 +290,7 @@ class PositionControl(_Control):
         self._step += self.v * dt
         self.q[:] = pin.integrate(robot.model, self.q, self._step)
         self.v += acceleration * dt
-        torques = self._torques if self.feedforward else np.zeros_like(self._torques)
-        return Command(torques, self.q[7:].copy(), self.v[6:].copy())
+        return Command(self._torques, self.q[7:].copy(), self.v[6:].copy())
 
     def _draw_to_estimate(self) -> None:
         estimate = self.observer.robot

@@ -97,6 +97,11 @@ class Controller:
         self.model_time = 0.0
         self._solution: Solution | None = None
 
+    @property
+    def solution(self) -> Solution | None:
+        """Result of the last tick; None before the first one."""
+        return self._solution
+
     # ---- what the problem consists of ---------------------------------------------------------------------------
 
     @property

@@ -1,0 +1,299 @@
+"""One walk, tick by tick: phases, pattern, swing foot and step adjustment put together.
+
+    foot loads, DCM, soles  →  phases  →  (events: swing, landing)  →  pattern  →  references for this tick
+
+It knows neither the quadratic program nor the simulator; what it hands out are targets. Everything that could be
+wrong with a plan is refused when the walk is made.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.robot import GRAVITY, Robot
+from wbc.walking.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.lipm import Pendulum
+from wbc.walking.pattern import Pattern
+from wbc.walking.phases import Event, Phase, PhaseSettings, WalkPhases
+from wbc.walking.preview import PreviewController, PreviewSettings
+from wbc.walking.reach import Reach, check_plan
+from wbc.walking.schedule import SoleSizes
+from wbc.walking.swing import FootMotion, SwingFoot
+
+logger = logging.getLogger(__name__)
+
+TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
+
+
+@dataclass(frozen=True)
+class WalkSettings:
+    """Settings of a walk.
+
+    Attributes:
+        preview: Preview control.
+        phases: When phases change.
+        adjustment: Step adjustment; None for none.
+        replan: Time between plans of the pattern, s; it is planned anew at each event as well.
+        feedback: Share of the measured DCM error from which the pattern is planned: 0 plans on from the plan and
+            leaves the error to the stabilizer, 1 plans from where the robot is.
+        ground_memory: Share of an unexpected height of a landing that the next landings expect too.
+    """
+
+    preview: PreviewSettings = field(default_factory=PreviewSettings)
+    phases: PhaseSettings = field(default_factory=PhaseSettings)
+    adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
+    replan: float = 0.1
+    feedback: float = 0.0
+    ground_memory: float = 0.5
+
+    def __post_init__(self) -> None:
+        positive("time between plans (s)", self.replan)
+        finite_scalar("feedback of the pattern", self.feedback, low=0.0, high=1.0)
+        finite_scalar("ground_memory", self.ground_memory, low=0.0, high=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class WalkReference:
+    """What one tick of a walk asks for.
+
+    Attributes:
+        pendulum: CoM, ZMP and their derivatives.
+        feet: Where left and right sole should be.
+        contact: Which of them are on the ground.
+        heading: Where pelvis and torso should look, rad.
+        phase: What the feet do.
+        step: Index of the step that swings, or that swings next.
+        events: What happened in this tick.
+    """
+
+    pendulum: Pendulum
+    feet: tuple[FootMotion, FootMotion]
+    contact: tuple[bool, bool]
+    heading: float
+    phase: Phase
+    step: int
+    events: tuple[Event, ...]
+
+
+class Walk:
+    """A walk of one robot.
+
+    Attributes:
+        phases: State machine, with the plan as it is now.
+        settings: Settings.
+        notes: What was changed to make the plan walkable: timings rounded to the control period.
+        reach: What steps the robot can take.
+        omega: Natural frequency of the pendulum, 1/s.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        plan: FootstepPlan,
+        com_height: float,
+        period: float,
+        settings: WalkSettings | None = None,
+        *,
+        reach: Reach | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+        com: Array | None = None,
+    ) -> None:
+        """Check a plan and stand at its start.
+
+        Args:
+            robot: Robot, for its legs and soles.
+            plan: Footstep plan.
+            com_height: Height of the CoM over the support while walking, m.
+            period: Control period, s.
+            settings: Settings; the defaults when None.
+            reach: What the robot can reach; derived from the legs when None.
+            extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
+            com: CoM at the start, shape (3,), m; over the middle of the feet at half-sitting height when None.
+
+        Raises:
+            InputError: A step out of reach, soles that overlap, timings too short, a plan that leaves the ground, a
+                CoM height that the legs cannot reach.
+        """
+        self.settings = s = settings or WalkSettings()
+        self._period = positive("control period (s)", period)
+        self.reach = reach or Reach.of(robot, com_height)
+        gait, self.notes = plan.gait.on_grid(period)
+        if gait.single_support < gait.takeoff_time + gait.landing_time + 0.1:
+            raise InputError(f"single_support of {gait.single_support:g} s is too short for a swing")
+        plan = replace(plan, gait=gait)
+        check_plan(plan, robot, self.reach, extent)
+        self._sizes: SoleSizes = (
+            (robot.soles[0].length, robot.soles[0].width),
+            (robot.soles[1].length, robot.soles[1].width),
+        )
+        self._preview = PreviewController(self._sizes, com_height, s.preview)
+        self.omega = self._preview.omega
+        self._adjuster = (
+            None if s.adjustment is None else StepAdjuster(self.omega, self.reach, self._sizes, s.adjustment)
+        )
+        self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
+        self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
+        self._swing: SwingFoot | None = None
+        self._nominal: tuple[Pattern, Footstep, float] | None = None  # as planned at lift-off
+        middle = 0.5 * (plan.left.position + plan.right.position)
+        if com is None:
+            com = middle + (0.0, 0.0, com_height)
+        self._pattern = self._preview.plan(self.phases.supports(), Pendulum.at_rest(com, float(middle[2])))
+        self._time = 0.0  # since the pattern was planned
+        self._ground = 0.0  # height that landings have had over the plan
+        self._events: tuple[Event, ...] = ()
+
+    @property
+    def finished(self) -> bool:
+        """True when all steps are done and the robot stands."""
+        return self.phases.finished
+
+    @property
+    def steps_done(self) -> int:
+        """Completed single supports."""
+        return self.phases.completed
+
+    def start(self) -> None:
+        """Begin to walk with the next update.
+
+        Raises:
+            InputError: It walks already, or there is nothing to walk.
+        """
+        self._events = (self.phases.start(),)
+        self._replan(None)
+
+    def stop(self) -> None:
+        """Come to a stand safely."""
+        self.phases.stop()
+        self._replan(None)
+
+    def update(
+        self,
+        loads: Sequence[float],
+        soles: Sequence[pin.SE3] | None = None,
+        dcm: Array | None = None,
+    ) -> WalkReference:
+        """Compute one tick.
+
+        Args:
+            loads: Normal force on left and right foot, N.
+            soles: Where the controller has its soles now, with all corrections: a swing starts there, and a
+                landing ends there. The feet asked for in the last tick when None.
+            dcm: Measured DCM, shape (2,) or (3,), m; without it nothing is adjusted.
+
+        Returns:
+            The references.
+        """
+        dt = self._period
+        self._time += dt
+        events = self._events + self.phases.update(loads, dt)
+        self._events = ()
+        placements = [motion.placement for motion in self._feet] if soles is None else list(soles)
+        for event in events:
+            if event in (Event.LIFT_OFF, Event.FORCED_LIFT_OFF):
+                self._lift(placements)
+            elif event in TOUCH_DOWNS:
+                self._land(placements)
+        overdue = self.phases.overdue
+        if (
+            events
+            or self._time >= (0.5 * self.settings.phases.hold if overdue else self.settings.replan) - 1e-9
+        ):
+            self._replan(dcm)
+        elif dcm is not None and self._adjuster is not None and self._swing is not None and not overdue:
+            self._adjust(dcm)
+        if self._swing is not None:
+            side = SIDES.index(self._swing.landing.side)
+            self._feet[side] = self._swing.at(self.phases.elapsed)
+        return WalkReference(
+            self._pattern.at(self._time),
+            (self._feet[0], self._feet[1]),
+            self.phases.contact,
+            self._heading(),
+            self.phases.phase,
+            self.phases.step,
+            events,
+        )
+
+    def _lift(self, placements: list[pin.SE3]) -> None:
+        """Start a swing from where the foot is."""
+        plan = self.phases.plan
+        step = plan.steps[self.phases.step]
+        landing = replace(step, z=step.z + self._ground)
+        self.phases.land(landing, carry=False)
+        side = SIDES.index(step.side)
+        self._swing = SwingFoot(placements[side], landing, self.phases.duration, plan.gait)
+        self._replan(None)
+        self._nominal = (self._pattern, landing, self.phases.duration)
+
+    def _land(self, placements: list[pin.SE3]) -> None:
+        """The foot stands where it has come to; the plan takes it from there."""
+        assert self._swing is not None
+        wanted = self._swing.landing
+        side = SIDES.index(wanted.side)
+        self._feet[side] = FootMotion.at_rest(placements[side])
+        landed = Footstep.of(wanted.side, placements[side])
+        self._ground += self.settings.ground_memory * (landed.z - wanted.z)
+        # Its tilt is that of a stone or of a correction: the pattern wants to know place and heading alone.
+        self.phases.land(replace(landed, pitch=wanted.pitch, roll=wanted.roll), carry=False)
+        self._swing = None
+
+    def _replan(self, dcm: Array | None) -> None:
+        start = self._pattern.at(self._time)
+        if dcm is not None and self.settings.feedback > 0.0:
+            error = self.settings.feedback * (np.asarray(dcm[:2]) - start.dcm[:2])
+            com = start.com.copy()
+            com[:2] += error
+            start = replace(start, com=com)
+        self._pattern = self._preview.plan(self.phases.supports(), start)
+        self._time = 0.0
+
+    def _adjust(self, dcm: Array) -> None:
+        """Move the landing and its time where the pendulum asks for it.
+
+        The measured DCM is always compared with what was planned at lift-off, for the landing planned then:
+        adjusting again does not add up.
+        """
+        assert self._adjuster is not None and self._swing is not None and self._nominal is not None
+        phases, settings = self.phases, self._adjuster.settings
+        if phases.remaining <= settings.freeze:
+            return
+        pattern, step, duration = self._nominal
+        plan, elapsed = phases.plan, phases.elapsed
+        gait = plan.gait
+        last = phases.step + 1 >= len(plan)
+        transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
+        if duration - elapsed <= settings.freeze:
+            return
+        adjusted = self._adjuster.adjust(
+            np.asarray(dcm),
+            pattern.at(elapsed).dcm,
+            pattern.at(duration + transfer).dcm,
+            step,
+            plan.stance(phases.step),
+            duration - elapsed,
+            transfer,
+            self.settings.preview.target,
+        )
+        landing, now = adjusted.landing, plan.steps[phases.step]
+        time = max(self._period, round(adjusted.remaining / self._period) * self._period)
+        moved = math.hypot(landing.x - now.x, landing.y - now.y)
+        if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self._period:
+            return
+        phases.land(landing, carry=True)
+        phases.retime(time)
+        self._swing.retarget(elapsed, landing, elapsed + time)
+        self._replan(None)
+
+    def _heading(self) -> float:
+        """Mean heading of both feet, as they are asked for."""
+        left, right = (math.atan2(m.placement.rotation[1, 0], m.placement.rotation[0, 0]) for m in self._feet)
+        return right + 0.5 * math.remainder(left - right, 2.0 * math.pi)
