@@ -6,7 +6,7 @@ What needs MuJoCo lives in the modules whose names end in `_mjcf` and is importe
 from __future__ import annotations
 
 from wbc.feet.actuator import StiffnessActuator, StiffnessState
-from wbc.feet.catalog import foot, foot_names, register_foot
+from wbc.feet.catalog import foot, foot_name, foot_names, register_foot
 from wbc.feet.contact import (
     LOOP_CLOSURE,
     PAPER_SOLE_GROUND,
@@ -44,6 +44,7 @@ __all__ = [
     "VariableStiffnessFoot",
     "effective_time_constant",
     "foot",
+    "foot_name",
     "foot_names",
     "register_foot",
     "solver_parameters",

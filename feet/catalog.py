@@ -43,6 +43,11 @@ def foot(name: str, **parameters: Any) -> Foot:
     return kind(**parameters)
 
 
+def foot_name(design: Foot) -> str:
+    """Name of a foot's kind: the one that `foot` takes, or that of its class if it is not registered."""
+    return next((name for name, kind in _FEET.items() if kind is type(design)), type(design).__name__)
+
+
 def register_foot(name: str, kind: type[Foot]) -> None:
     """Make a foot of your own available by name, replacing one of the same name.
 

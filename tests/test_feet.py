@@ -34,6 +34,7 @@ from wbc.feet import (
     register_foot,
     solver_parameters,
 )
+from wbc.feet.sole import bar_inertia
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
 FITTING = ("rigid", "soft", "variable")
@@ -201,6 +202,21 @@ def test_inertia_of_the_fitted_foot_turns_with_the_ankle_link(name: str) -> None
     np.testing.assert_allclose(
         b.added_inertia.inertia, rotation @ a.added_inertia.inertia @ rotation.T, atol=1e-12
     )
+
+
+def test_inertia_of_a_bar_is_that_of_its_points() -> None:
+    start, end = np.array([0.02, 0.0, 0.09]), np.array([0.11, 0.0, 0.01])
+    bar = bar_inertia(0.07, start, end, width=0.03, thickness=0.01)
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.array([along[2], 0.0, -along[0]])
+    cells = (np.arange(20) + 0.5) / 20.0 - 0.5
+    cells /= np.sqrt(1.0 - 1.0 / 20.0**2)  # so that the variance of the midpoints is that of the whole bar
+    grid = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3)
+    length = float(np.linalg.norm(end - start))
+    relative = grid @ np.array([length * along, [0.0, 0.03, 0.0], 0.01 * across])
+    second = 0.07 * relative.T @ relative / len(relative)
+    np.testing.assert_allclose(bar.lever, (start + end) / 2.0, atol=1e-12)
+    np.testing.assert_allclose(bar.inertia, np.trace(second) * np.eye(3) - second, atol=1e-12)
 
 
 def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.feet import Foot, SoleContact, foot
+from wbc.feet import ConstraintLaw, Foot, SoleContact, foot
 from wbc.sim.rig import (
     FootTest,
     bumps,
@@ -27,6 +27,7 @@ from wbc.sim.rig import (
     stiffness_curves,
     to_json,
 )
+from wbc.sim.rig.fixture import Rig
 from wbc.sim.rig.results import hull
 from wbc.sim.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain
@@ -119,6 +120,17 @@ def test_a_dropped_foot_obeys_free_fall_and_loses_no_energy_to_nowhere(name: str
     assert (name == "rigid") == (accounted == 0.0)
 
 
+def test_a_springy_contact_gives_energy_back() -> None:
+    springy = SoleContact(law=ConstraintLaw(0.1, damping_ratio=0.1, impedance=(0.9, 0.9)))
+    bouncing, dead = (
+        drop(FootTest(foot("flat", contact=c), FLAT), height=0.02).impact for c in (springy, SoleContact())
+    )
+    assert bouncing is not None and dead is not None
+    assert bouncing.absorbed < 0.6
+    assert dead.absorbed > 0.9
+    assert bouncing.rebound_energy < bouncing.drop_energy
+
+
 def test_a_soft_sole_lands_softer_on_stones_than_a_rigid_one() -> None:
     soft, rigid = (drop(FootTest(foot(name), STONES)).impact for name in ("soft", "rigid"))
     assert soft is not None and rigid is not None
@@ -187,6 +199,13 @@ def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
 
 
 # --- curves ----------------------------------------------------------------------------------------------------------
+
+
+def test_an_extra_load_arrives_at_the_ground() -> None:
+    rig = Rig(FootTest(foot("rigid"), FLAT, load=100.0))
+    rig.set_extra_load(250.0)
+    rig.step(1000)
+    assert rig.vertical_force == pytest.approx(350.0 + 0.34 * rig.test.physics.gravity, rel=1e-3)
 
 
 def test_softer_soles_sink_further_over_a_bar() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive
-from wbc.feet import Foot, SoleGeometry, foot
+from wbc.feet import Foot, SoleGeometry, foot, foot_name
+from wbc.sim.rig.results import to_json
 from wbc.sim.settings import PhysicsSettings
 from wbc.sim.terrain import Rendering, Terrain, terrain
 
@@ -70,3 +72,27 @@ class FootTest:
                 f"got {self.settle:g} s and {self.hold:g} s"
             )
         self.foot.fit(self.own_sole)
+
+    def describe(self) -> dict[str, Any]:
+        """Say what is tested in JSON-able values: foot with its fit, ground, load and place; names carry the units."""
+        fit = self.foot.fit(self.own_sole)
+        return {
+            "foot": foot_name(self.foot),
+            "foot_parameters": to_json(self.foot),
+            "footprint_m": [fit.sole.length, fit.sole.width],
+            "ankle_in_sole_m": fit.sole.ankle.tolist(),
+            "added_mass_kg": fit.mass,
+            "height_change_m": fit.height_change,
+            "terrain": self.ground.name,
+            "amplitude_m": self.ground.amplitude,
+            "seed": self.ground.seed,
+            "rendering": self.rendering,
+            "load_n": self.load,
+            "place_m": [self.x, self.y],
+            "yaw_rad": self.yaw,
+            "ankle_stiffness_nm_per_rad": self.ankle_stiffness,
+            "drop_m": self.drop,
+            "settle_s": self.settle,
+            "hold_s": self.hold,
+            "timestep_s": self.physics.timestep,
+        }
