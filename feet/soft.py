@@ -29,7 +29,8 @@ class TransverseBending:
 
     "twist" puts one between neighbouring phalanges; the heel phalanx stays fixed to the backward arch about
     this axis. "flaps" cuts every phalanx lengthwise into three strips and hinges the outer two onto the
-    middle one.
+    middle one; the solver needs about five times as many iterations for them, and a standing robot runs five to
+    fifteen times slower than with the plain sole.
 
     Attributes:
         kind: "twist" or "flaps".

@@ -85,6 +85,15 @@ def test_results_are_json() -> None:
     assert to_json({"a": math.nan, "b": (1, "x")}) == {"a": None, "b": [1, "x"]}
 
 
+def test_a_test_says_what_it_is() -> None:
+    test = FootTest(foot("variable", stiffness=7.0), STONES, load=300.0)
+    said = json.loads(json.dumps(test.describe(), allow_nan=False))
+    assert (said["foot"], said["terrain"], said["seed"], said["load_n"]) == ("variable", "stones", 1, 300.0)
+    assert said["foot_parameters"]["stiffness"] == 7.0
+    assert said["added_mass_kg"] == pytest.approx(0.34)
+    assert said["height_change_m"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_sole_touches_the_ground_where_it_says() -> None:
     hold = press(SOFT_ON_STONES, support=False).hold
     assert hold is not None
