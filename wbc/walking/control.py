@@ -1,0 +1,365 @@
+"""A walk as whole-body control: references and stabilizer become targets of tasks and contacts, tick by tick.
+
+    walk        where pendulum and feet should be, and which feet stand     `wbc.walking.walk`
+    stabilizer  what the feet should press, and how they yield              `wbc.walking.stabilizer`
+    controller  all of it as one quadratic program                          `wbc.core.controller`
+
+In position control the feet yield to the wrenches that they feel, the program moves the commanded robot, and the servos
+get the torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired
+wrenches are tasks of the program itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.contact import SoleContact
+from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.controller import Controller
+from wbc.core.errors import Array, InputError, choose, positive
+from wbc.core.limits import JointLimits, TorqueLimits
+from wbc.core.observer import Observer
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.signals import Command, Measurement
+from wbc.core.solution import Solution
+from wbc.tasks.com import CoMTask
+from wbc.tasks.frame import OrientationTask, PoseTask
+from wbc.tasks.posture import PostureTask
+from wbc.tasks.wrench import WrenchTask
+from wbc.walking.distribution import DistributionSettings, WrenchDistribution
+from wbc.walking.falls import FallDetector, FallReason, FallSettings
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.gains import StabilizerGains
+from wbc.walking.schedule import support_area
+from wbc.walking.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.walk import Walk, WalkReference, WalkSettings
+
+Mode = Literal["position", "torque"]
+
+
+@dataclass(frozen=True)
+class TaskGains:
+    """Weights and gains of the tasks of a walk; damping is critical.
+
+    Attributes:
+        com_weight: Cost per (m/s²)².
+        com_stiffness: 1/s².
+        swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
+        swing_stiffness: 1/s².
+        orientation_weight: Pelvis and torso, cost per (rad/s²)².
+        orientation_stiffness: 1/s².
+        posture_weight: All joints, cost per (rad/s²)².
+        posture_stiffness: 1/s².
+        contact_stiffness: How fast a standing foot follows its corrections in position control, 1/s².
+        contact_return: How fast a standing foot is drawn back in torque control, 1/s².
+        wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
+    """
+
+    com_weight: float = 100.0
+    com_stiffness: float = 100.0
+    swing_weight: float = 1000.0
+    swing_stiffness: float = 400.0
+    orientation_weight: float = 10.0
+    orientation_stiffness: float = 100.0
+    posture_weight: float = 0.1
+    posture_stiffness: float = 20.0
+    contact_stiffness: float = 1000.0
+    contact_return: float = 100.0
+    wrench_weight: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            positive(f"task gain '{f.name}'", getattr(self, f.name))
+
+
+@dataclass(frozen=True)
+class WalkingSettings:
+    """Everything about a walk but its footsteps.
+
+    Attributes:
+        mode: "position": servos follow an integrated motion; "torque": torques are sent.
+        com_height: Height of the CoM over the support, m; that of the robot as it stands when None.
+        feedforward: In position control, add the torques of the desired wrenches to the servos.
+        walk: Phases, pattern, step adjustment.
+        gains: Of the stabilizer.
+        distribution: Of the desired wrench over the feet.
+        tasks: Of the tasks.
+        falls: When the robot counts as fallen.
+    """
+
+    mode: Mode = "position"
+    com_height: float | None = None
+    feedforward: bool = True
+    walk: WalkSettings = field(default_factory=WalkSettings)
+    gains: StabilizerGains = field(default_factory=StabilizerGains)
+    distribution: DistributionSettings = field(default_factory=DistributionSettings)
+    tasks: TaskGains = field(default_factory=TaskGains)
+    falls: FallSettings = field(default_factory=FallSettings)
+
+    def __post_init__(self) -> None:
+        choose("mode", self.mode, ("position", "torque"))
+        if self.com_height is not None:
+            positive("CoM height (m)", self.com_height)
+
+
+class WalkingControl:
+    """Walks a robot along a footstep plan: measurement in, command out.
+
+    Attributes:
+        controller: The whole-body controller, with all tasks and contacts of the walk.
+        control: Position or torque control, with the observer.
+        walk: Phases and references.
+        stabilizer: Feedback and admittances.
+        settings: Settings.
+        reference: References of this tick; None before the first one.
+        output: What the stabilizer said in this tick; None before the first one.
+        falls: Tells whether the robot has fallen, and why.
+        time: Since the start, s.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        plan: FootstepPlan,
+        dt: float,
+        settings: WalkingSettings | None = None,
+        *,
+        observer: Observer | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+    ) -> None:
+        """Make everything ready for a robot that stands at the start of a plan; the walk begins with the first tick.
+
+        Args:
+            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
+            plan: Footstep plan; its timings are rounded to the control period.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            observer: Estimates the robot's state; a new one when None.
+            extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
+
+        Raises:
+            InputError: A robot without exactly two soles, a plan that cannot be walked, bad settings.
+        """
+        if len(robot.soles) != 2:
+            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
+        self.settings = s = settings or WalkingSettings()
+        self.dt = positive("control period (s)", dt)
+        self._robot, self._torque = robot, s.mode == "torque"
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        self._sole_ids = [robot.frame_id(sole.frame) for sole in robot.soles]
+        ground = 0.5 * (plan.left.z + plan.right.z)
+        height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
+        com = np.array([robot.com[0], robot.com[1], ground + height])
+        self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=com)
+        self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
+        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
+        self.controller = Controller(robot, dt)
+        self._add_tasks(s.tasks)
+        self.control: PositionControl | TorqueControl
+        if self._torque:
+            self.control = TorqueControl(self.controller, observer, prepare=self._prepare)
+        else:
+            feedforward = self._feedforward if s.feedforward else False
+            self.control = PositionControl(
+                self.controller, observer, prepare=self._prepare, feedforward=feedforward
+            )
+        self.falls = FallDetector(s.falls)
+        self.reference: WalkReference | None = None
+        self.output: StabilizerOutput | None = None
+        self.time = 0.0
+        self._in_contact = (True, True)
+        self._wrench_targets = np.zeros((2, 6))
+        if len(plan):
+            self.walk.start()
+        self._update_area()
+
+    def _add_tasks(self, gains: TaskGains) -> None:
+        c, robot = self.controller, self._robot
+        self._com = c.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
+        if self._torque:  # horizontally the stabilizer says what to do; the task holds the height
+            vertical = 2.0 * math.sqrt(gains.com_stiffness)
+            self._com.stiffness, self._com.damping = (0.0, 0.0, gains.com_stiffness), (0.0, 0.0, vertical)
+        self._swings = [
+            c.add(
+                PoseTask(sole.frame, name=f"{sole.name} swing", weight=0.0, stiffness=gains.swing_stiffness)
+            )
+            for sole in robot.soles
+        ]
+        upright = {"pelvis": robot.base_frame, "torso": robot.torso_frame}
+        if robot.torso_frame == robot.base_frame:
+            del upright["torso"]
+        self._upright = [
+            c.add(
+                OrientationTask(
+                    frame, name=name, weight=gains.orientation_weight, stiffness=gains.orientation_stiffness
+                )
+            )
+            for name, frame in upright.items()
+        ]
+        heading = _yaw(robot.placement(robot.base_frame).rotation)
+        self._tilts = [_turn(-heading) @ task.target for task in self._upright]
+        c.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness), JointLimits())
+        self._contacts = [
+            c.add(
+                SoleContact(
+                    sole.name,
+                    min_force=0.0,
+                    margin=0.0,
+                    ramp=0.0,
+                    stiffness=gains.contact_return if self._torque else gains.contact_stiffness,
+                    # The program's own wrenches play no part in position control: they must not bind.
+                    friction=self.settings.distribution.friction if self._torque else 2.0,
+                )
+            )
+            for sole in robot.soles
+        ]
+        self._wrenches: list[WrenchTask] = []
+        if self._torque:
+            c.add(TorqueLimits())
+            self._wrenches = [
+                c.add(WrenchTask(contact, weight=gains.wrench_weight)) for contact in self._contacts
+            ]
+
+    # What one asks for
+
+    @property
+    def finished(self) -> bool:
+        """True when the plan is walked and the robot stands."""
+        return self.walk.finished
+
+    @property
+    def fallen(self) -> FallReason | None:
+        """Why the robot has fallen; None while it has not."""
+        return self.falls.reason
+
+    @property
+    def steps_done(self) -> int:
+        """Single supports that have ended with a foot on the ground."""
+        return self.walk.steps_done
+
+    def stop(self) -> None:
+        """Come to a stand safely."""
+        self.walk.stop()
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick.
+
+        Args:
+            measurement: What the sensors say now.
+
+        Returns:
+            What the drives should do until the next tick. Nothing is raised: a tick that fails follows the policy of
+            the control.
+        """
+        self.time += self.dt
+        command = self.control.command(measurement)
+        self._watch()
+        return command
+
+    # The tick
+
+    def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
+        """Set all targets of this tick."""
+        com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
+        dcm = com + velocity / self.walk.omega
+        wrenches = measurement.sole_wrench
+        self.reference = reference = self.walk.update(wrenches[:, 2].tolist(), self._soles, dcm)
+        if reference.contact != self._in_contact:
+            self._switch_contacts(reference)
+        soles = [estimate.data.oMf[i] for i in self._sole_ids]
+        self.output = output = self.stabilizer.update(
+            reference.pendulum, com, velocity, wrenches, soles, reference.contact, reference.heading, self.dt
+        )
+        self._wrench_targets = output.feet.wrenches
+        self._move_feet(reference, output)
+        self._move_body(reference, output)
+
+    def _switch_contacts(self, reference: WalkReference) -> None:
+        for side, contact in enumerate(self._contacts):
+            if contact.active != reference.contact[side]:
+                contact.active = reference.contact[side]
+                self._swings[side].weight = 0.0 if contact.active else self.settings.tasks.swing_weight
+                self.stabilizer.feet.reset(side)
+        self._in_contact = reference.contact
+        self._update_area()
+
+    def _move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
+        for side, contact in enumerate(self._contacts):
+            motion = reference.feet[side]
+            if not reference.contact[side]:
+                task = self._swings[side]
+                task.target = motion.placement
+                task.feedforward_velocity = motion.velocity
+                task.feedforward_acceleration = motion.acceleration
+            elif self._torque:
+                self._wrenches[side].target = output.feet.wrenches[side]
+            else:
+                motion = output.corrections[side].apply(motion)
+                contact.target = motion.placement
+                to_sole = motion.placement.rotation.T
+                contact.velocity = (to_sole @ motion.velocity.reshape(2, 3).T).T.reshape(6)
+
+    def _move_body(self, reference: WalkReference, output: StabilizerOutput) -> None:
+        pendulum = reference.pendulum
+        com, velocity = pendulum.com.copy(), pendulum.com_velocity.copy()
+        acceleration = pendulum.com_acceleration.copy()
+        if self._torque:
+            acceleration[:2] = output.com_acceleration[:2]
+        else:
+            com[:2] += output.com_offset
+            velocity[:2] += output.com_velocity_offset
+            acceleration[:2] += output.com_acceleration_offset
+        self._com.target, self._com.feedforward_velocity = com, velocity
+        self._com.feedforward_acceleration = acceleration
+        heading = _turn(reference.heading)
+        for task, tilt in zip(self._upright, self._tilts, strict=True):
+            task.target = heading @ tilt
+
+    def _feedforward(self, solution: Solution) -> Array:
+        """Joint torques of the commanded motion with the desired foot wrenches in place of the program's own."""
+        x = solution.variables.copy()
+        x[solution.layout.nv :] = self._wrench_targets.reshape(-1)
+        torques: Array = np.dot(self.controller.problem.torque_matrix, x)
+        torques += self._robot.bias[BASE_DOF:]
+        return torques
+
+    def _update_area(self) -> None:
+        """Hull of the feet, for the fall test."""
+        feet = tuple(
+            Footstep(side, *(float(v) for v in X.translation), yaw=_yaw(X.rotation))
+            for side, X in zip(SIDES, self._soles, strict=True)
+        )
+        self._area = support_area(feet, self._sizes)
+
+    def _watch(self) -> None:
+        """Notice a fall."""
+        if self.reference is None:
+            return
+        estimate, pendulum = self.control.observer.robot, self.reference.pendulum
+        dcm = estimate.com[:2] + estimate.com_velocity[:2] / self.walk.omega
+        normals, offsets = self._area
+        solution = self.control.solution
+        self.falls.update(
+            self.time,
+            self.dt,
+            q=estimate.q,
+            v=estimate.v,
+            pelvis_drop=float(pendulum.com[2] - estimate.com[2]),
+            torso_up=estimate.placement(estimate.torso_frame).rotation[:, 2],
+            dcm_distance=float((normals @ dcm - offsets).max()),
+            solved=solution is None or solution.ok,
+        )
+
+
+def _yaw(rotation: Array) -> float:
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def _turn(yaw: float) -> Array:
+    """Rotation about the vertical."""
+    return np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, yaw))
