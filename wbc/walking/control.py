@@ -12,7 +12,7 @@ wrenches are tasks of the program itself.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -331,7 +331,7 @@ class WalkingControl:
     def _update_area(self) -> None:
         """Hull of the feet, for the fall test."""
         feet = tuple(
-            Footstep(side, *(float(v) for v in X.translation), yaw=_yaw(X.rotation))
+            replace(Footstep.of(side, X), roll=0.0, pitch=0.0)
             for side, X in zip(SIDES, self._soles, strict=True)
         )
         self._area = support_area(feet, self._sizes)
