@@ -268,7 +268,9 @@ class WalkingControl:
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
         dcm = com + velocity / self.walk.omega
         wrenches = measurement.sole_wrench
-        self.reference = reference = self.walk.update(wrenches[:, 2].tolist(), self._soles, dcm)
+        # Filtered loads: a foot that has just met the ground presses in jerks.
+        loads = self.control.observer.load.tolist()
+        self.reference = reference = self.walk.update(loads, self._soles, dcm)
         if reference.contact != self._in_contact:
             self._switch_contacts(reference)
         soles = [estimate.data.oMf[i] for i in self._sole_ids]
