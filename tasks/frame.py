@@ -25,7 +25,11 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
         InputError: Not a finite, orthonormal, right-handed matrix (to 1e-6).
     """
     matrix = finite_array(what, value, (3, 3))
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6 or np.linalg.det(matrix) < 0.0:
+    excess = np.dot(matrix, matrix.T)
+    excess.reshape(-1)[::4] -= 1.0
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    left_handed = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0
+    if left_handed or excess.max() > 1e-6 or excess.min() < -1e-6:
         raise InputError(f"{what} must be a rotation matrix, got\n{matrix}")
     return matrix
 
