@@ -364,6 +364,28 @@ def test_com_that_starts_outside_comes_back(name: str) -> None:
     assert outside[-1] < 1e-3
 
 
+def test_polygon_demands_no_more_than_it_says() -> None:
+    """Far outside, or much too fast: the acceleration that is asked for stays what the ground can give."""
+    robot, rng = make_robot("hrp4_class"), np.random.default_rng(6)
+    limit = CoMPolygonLimit(recovery=0.3, time_constant=0.25, margin=0.0)
+    limit.bind(robot)
+    corners = limit.polygon
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    capped = 0
+    for _ in range(50):
+        q, v = near_half_sitting(robot, rng, 0.0, 0.0)
+        q[:2] += rng.normal(scale=0.1, size=2)
+        v[:2] = rng.normal(scale=2.0, size=2)
+        robot.update(q, v)
+        upper = rows_of(limit, robot)[2][: len(corners)]  # no drift: the robot moves as one body, straight on
+        distance = (normals * corners).sum(axis=1) - normals @ robot.com[:2]
+        most = np.maximum(distance, 0.0) / 0.25**2 + 0.3
+        assert (upper >= -most - 1e-9).all()
+        capped += int(np.isclose(upper, -most).sum())
+    assert capped > 10
+
+
 def test_polygon_never_contradicts_itself() -> None:
     """Whatever polygon, place and velocity: some acceleration of the CoM keeps all rows."""
     robot, rng = make_robot("g1"), np.random.default_rng(5)

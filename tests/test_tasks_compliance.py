@@ -213,6 +213,23 @@ def test_impedance_laws_in_closed_form() -> None:
     np.testing.assert_allclose(second.damper[:3], 2.0 * np.sqrt(mass * spring))
 
 
+@pytest.mark.parametrize(("spring", "damper"), [(1e6, 1.0), (1e6, 1e5), (0.0, 1e5), (10.0, 1e-3)])
+def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: float) -> None:
+    robot, dt, force = robot_with_palm(), 0.005, 20.0
+    for task in (
+        FirstOrderImpedanceTask("palm", spring=(spring, 1.0), damper=(damper, 1.0), name="first"),
+        ImpedanceTask("palm", mass=(1.0, 1.0), spring=(spring, 1.0), damper=(damper, 1.0), name="second"),
+    ):
+        task.bind(robot)
+        task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
+        furthest = max(force * 2000 * dt / damper if spring == 0.0 else force / spring, 1e-9)
+        for _ in range(2000):
+            task.advance(dt)
+            assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
+        if spring == 1e6:
+            np.testing.assert_allclose(task.offset_vector()[0], force / spring, rtol=1e-3)
+
+
 def makers() -> dict[str, Callable[[Robot], ComplianceTask]]:
     return {
         "damping": lambda r: DampingTask("palm", admittance=ADMITTANCE, stiffness=30.0, damping=None),
