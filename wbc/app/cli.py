@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import logging
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Parameter
@@ -16,8 +16,6 @@ from wbc.core.errors import InputError, WbcError
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: it ran (whatever the result), it failed, the input cannot be used, stopped by Ctrl-C."""
-
-_log = logging.getLogger(__name__)
 
 
 def make_app(first_word: str | None = None) -> App:
@@ -83,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("wbc: interrupted", file=sys.stderr)
         return INTERRUPTED
     except Exception:
-        _log.exception("internal failure")
+        traceback.print_exc()
+        print("wbc: internal failure; please report it with the lines above", file=sys.stderr)
         return FAILED
     return RAN
 
