@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -57,6 +58,26 @@ class Capsule:
 
 
 Shape = Sphere | Capsule
+
+
+class _Body(NamedTuple):
+    """A body at one tick, in the world: what the velocities and accelerations of its points are made of."""
+
+    origin: Array
+    turning: list[float]
+    jacobian: Array
+    acceleration: Array
+
+    @staticmethod
+    def of(robot: Robot, joint: int) -> _Body:
+        """Read the state of the body behind a joint."""
+        model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
+        return _Body(
+            data.oMi[joint].translation,
+            pin.getVelocity(model, data, joint, world).angular.tolist(),
+            pin.getJointJacobian(model, data, joint, world),
+            pin.getClassicalAcceleration(model, data, joint, world).vector,
+        )
 
 
 class SelfCollisionLimit(RowLimit):
@@ -186,41 +207,42 @@ class SelfCollisionLimit(RowLimit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each pair of shapes; see `RowLimit.write`."""
-        robot = self._robot
-        model, data = robot.model, robot.data
-        world = pin.LOCAL_WORLD_ALIGNED
         self._measure()
-        distances, results = self._distance, self._geometry_data.distanceResults
+        v = self._robot.v
+        results, bodies = self._geometry_data.distanceResults, dict[int, _Body]()
+        rows[:] = 0.0
+        lower[:] = -np.inf
         upper[:] = np.inf
-        for row, (first, second, radius_1, radius_2) in enumerate(self._rows):
-            distance = float(distances[row])
-            if distance > self._influence:
-                rows[row] = 0.0
-                lower[row] = -np.inf
-                continue
+        for row in (self._distance <= self._influence).nonzero()[0].tolist():
+            first, second, radius_1, radius_2 = self._rows[row]
             result = results[row]
-            normal = np.array(result.normal)
+            normal = result.normal
             # Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
-            points = (
-                result.getNearestPoint1() - radius_1 * normal,
-                result.getNearestPoint2() + radius_2 * normal,
+            drift = self._add_side(
+                rows[row], bodies, first, result.getNearestPoint1() - radius_1 * normal, -normal
             )
-            speed = drift = 0.0
-            rows[row] = 0.0
-            for joint, point, sign in ((first, points[0], -1.0), (second, points[1], 1.0)):
-                arm = point - data.oMi[joint].translation
-                lever = np.concatenate([normal, np.dot(pin.skew(arm), normal)])
-                lever *= sign
-                rows[row] += np.dot(lever, pin.getJointJacobian(model, data, joint, world))
-                velocity = pin.getVelocity(model, data, joint, world)
-                speed += float(np.dot(lever, velocity.vector))
-                drift += float(np.dot(lever, pin.getClassicalAcceleration(model, data, joint, world).vector))
-                turn = velocity.angular
-                centripetal = turn * float(turn.dot(arm)) - arm * float(turn.dot(turn))
-                drift += sign * float(normal.dot(centripetal))
-            room = distance - self._margin
-            wanted = -(room / self._time + speed) / dt
+            drift += self._add_side(
+                rows[row], bodies, second, result.getNearestPoint2() + radius_2 * normal, normal
+            )
+            room = float(self._distance[row]) - self._margin
+            wanted = -(room / self._time + float(np.dot(rows[row], v))) / dt
             lower[row] = min(wanted, max(room, 0.0) / self._time**2 + self._recovery) - drift
+
+    def _add_side(
+        self, row: Array, bodies: dict[int, _Body], joint: int, point: Array, direction: Array
+    ) -> float:
+        """Add a point's motion along a direction to a row; return its acceleration at zero joint accelerations."""
+        if joint not in bodies:
+            bodies[joint] = _Body.of(self._robot, joint)
+        body = bodies[joint]
+        nx, ny, nz = direction.tolist()
+        rx, ry, rz = (point - body.origin).tolist()
+        wx, wy, wz = body.turning
+        lever = np.array([nx, ny, nz, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx])
+        row += np.dot(lever, body.jacobian)
+        along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
+        centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
+        return float(np.dot(lever, body.acceleration) + centripetal)
 
     def _measure(self) -> None:
         robot, geometry, data = self._robot, self._geometry, self._geometry_data
