@@ -245,6 +245,7 @@ def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
         lambda: SelfCollisionLimit([("a", "b")], time_constant=0.0),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=tmp_path / "no.urdf").bind(robot),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf="<robot").bind(robot),
+        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=description("g1").urdf).bind(robot),
         lambda: Sphere(0.0),
         lambda: Sphere(0.1, (0.0, float("nan"), 0.0)),
         lambda: Capsule(0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),

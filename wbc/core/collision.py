@@ -290,7 +290,7 @@ def _urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.Geome
     """Collision geometry of a URDF that is made of primitives, by link.
 
     Raises:
-        InputError: Not a URDF.
+        InputError: Not a URDF, or that of another robot.
     """
     text = str(urdf)
     try:
@@ -301,7 +301,12 @@ def _urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.Geome
         for item in (*link.findall("visual"), *link.findall("collision")):
             if item.tag == "visual" or item.find("geometry/mesh") is not None:
                 link.remove(item)
-    geometry = pin.buildGeomFromUrdfString(robot.model, ET.tostring(root, encoding="unicode"), pin.COLLISION)
+    try:
+        geometry = pin.buildGeomFromUrdfString(
+            robot.model, ET.tostring(root, encoding="unicode"), pin.COLLISION
+        )
+    except (ValueError, RuntimeError) as error:
+        raise InputError(f"the URDF of a collision limit does not fit {robot!r}: {error}") from error
     found: dict[str, list[pin.GeometryObject]] = {}
     for item in geometry.geometryObjects:
         found.setdefault(str(robot.model.frames[item.parentFrame].name), []).append(pin.GeometryObject(item))
