@@ -26,7 +26,7 @@ import urllib.request
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import wbc
 from wbc.app.view_channel import Channel
@@ -65,6 +65,7 @@ class MeshcatView:
     Attributes:
         url: Address of the page.
         scene: What is drawn.
+        pid: Identifier of the process that draws.
     """
 
     def __init__(
@@ -108,6 +109,7 @@ class MeshcatView:
             self.scene = self._plant.scene
         self._channel = Channel(len(self.scene.moving))
         self._process, port = self._start(host, port, rate)
+        self.pid = self._process.pid
         self._finalizer = weakref.finalize(self, _stop, self._process, self._channel)
         self._local = f"http://127.0.0.1:{port}/" if host == "0.0.0.0" else f"http://{host}:{port}/"
         self.url = self._local.replace("127.0.0.1", os.uname().nodename) if host == "0.0.0.0" else self._local
@@ -167,6 +169,10 @@ class MeshcatView:
         Raises:
             InputError: A state given with a plant, none without, or one of another robot.
         """
+        if (state is None) is not (self._plant is not None) or (
+            self._plant is not None and (sole_wrench is not None or time is not None)
+        ):
+            self._refuse()
         now = clock.perf_counter()
         if self._speed is not None:
             self._keep_pace(now, time)
@@ -174,15 +180,16 @@ class MeshcatView:
             self._next = now + self._period
             self._show(state, sole_wrench, time)
 
+    def _refuse(self) -> NoReturn:
+        if self._plant is not None:
+            raise InputError("a view of a plant takes its state from the plant; call update() alone")
+        raise InputError("a view of a robot description needs a state: update(robot)")
+
     def _show(self, state: Robot | Array | None, sole_wrench: Array | None, time: float | None) -> None:
         if self._plant is not None:
-            if state is not None or sole_wrench is not None or time is not None:
-                raise InputError("a view of a plant takes its state from the plant; call update() alone")
             snapshot = self._plant.snapshot()
         else:
-            if state is None:
-                raise InputError("a view of a robot description needs a state: update(robot)")
-            assert self._model is not None
+            assert self._model is not None and state is not None
             snapshot = self._model.snapshot(state, sole_wrench, 0.0 if time is None else time)
         self._channel.write(snapshot.time, self.scene.frame(snapshot))
         if not self._warned and self._process.poll() is not None:
@@ -209,6 +216,11 @@ class MeshcatView:
     def pages(self) -> int:
         """Number of browser pages that are open."""
         return self._channel.pages
+
+    @property
+    def frames(self) -> int:
+        """Number of pictures taken so far."""
+        return self._channel.newest
 
     def wait(self, seconds: float) -> bool:
         """Wait until a page is open.

@@ -38,6 +38,9 @@ from wbc.core.errors import Array
 FIRST_PORT, PORTS = 7000, 200
 """Ports that are tried when none is asked for; MeshCat's own begin with 7000, too."""
 
+SLOWEST_TICK = 0.03
+"""Longest time between two looks for a new frame, s."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -66,7 +69,9 @@ def object_commands(drawing: Drawing) -> Iterator[bytes]:
     for i, (shape, placement) in enumerate(_geometries(drawing.shape)):
         path = f"{drawing.path}/{i}"
         lowered = geometry.Mesh(shape, _material(drawing)).lower()
-        for made in lowered["geometries"]:  # the name that the page has now for what the package calls "_meshfile"
+        for made in lowered[
+            "geometries"
+        ]:  # the name that the page has now for what the package calls "_meshfile"
             made["type"] = made["type"].replace("_meshfile", "_meshfile_geometry")
         yield transform_command(path, (drawing.placement @ placement).T.ravel())
         yield umsgpack.packb({"type": "set_object", "path": path, "object": lowered})
@@ -289,7 +294,7 @@ async def serve(setup: Setup, channel: Channel, ended: asyncio.Event) -> None:
     server = tornado.httpserver.HTTPServer(tornado.web.Application(routes))
     server.add_sockets(sockets)
     print(json.dumps({"port": sockets[0].getsockname()[1]}), flush=True)
-    tornado.ioloop.PeriodicCallback(show.tick, 1000.0 / setup.rate).start()
+    tornado.ioloop.PeriodicCallback(show.tick, 1000.0 * min(1.0 / setup.rate, SLOWEST_TICK)).start()
     await ended.wait()
 
 
