@@ -29,7 +29,8 @@ class CoPTask(DampingTask):
     admittance · K, 1/s, so a soft sole needs a greater admittance. A foot in the air gets target force zero: then its
     target moment is zero, too, and it does not turn.
 
-    The motion rows of a contact that holds the foot in all axes leave this task nothing to move.
+    A contact that holds the foot in all axes leaves this task nothing to move: give it
+    `SoleContact(…, free_axes=("roll", "pitch"), free_force=True)`, so that the foot may turn and bear ankle torque.
 
     Source: foot damping control of Kajita et al., "Biped walking stabilization based on linear inverted pendulum
     tracking", IROS 2010, as in mc_rtc's CoPTask; with p measured instead of wanted as an option.

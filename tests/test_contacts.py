@@ -13,7 +13,8 @@ from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sit
 from wbc.core.contact import AXES, PointContact, SoleContact, friction_pyramid, rectangle_wrench_cone
 from wbc.core.controller import Controller
 from wbc.core.errors import Array, InputError, UnknownNameError
-from wbc.tasks import CoMTask, PostureTask
+from wbc.core.signals import Measurement
+from wbc.tasks import CoMTask, CoPTask, PostureTask, WrenchTask
 
 robots = pytest.mark.parametrize("name", ROBOTS)
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
@@ -197,6 +198,92 @@ def test_free_axis_has_no_force_and_may_move(axis: str) -> None:
     moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL).vector
     np.testing.assert_allclose(np.delete(moved, index), 0.0, atol=1e-6)
     assert abs(moved[index]) > 1e-4
+
+
+def test_free_axis_that_keeps_its_force_may_have_both() -> None:
+    """A foot that is not held in roll and pitch, and carries ankle torque all the same."""
+    rng = np.random.default_rng(4)
+    controller = standing("talos")
+    robot = controller.robot
+    controller.remove(controller.contact("left_foot"))
+    sole = SoleContact("left_foot", free_axes=("roll", "pitch"), free_force=True, stiffness=0.0, damping=0.0)
+    controller.add(
+        sole, CoMTask(), WrenchTask(sole, [0, 0, 0, 5.0, -8.0, 0], axes=("roll", "pitch"), weight=1e2)
+    )
+    controller.update(*near_half_sitting(robot, rng, 0.02, 0.1))
+    solution = controller.solve()
+    assert solution.ok
+    wrench = solution.wrenches["left_foot"]
+    np.testing.assert_allclose(wrench[3:5], [5.0, -8.0], atol=0.1)
+    assert (sole.cone @ wrench <= 1e-5).all()
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
+    moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL).vector
+    np.testing.assert_allclose(moved[[0, 1, 2, 5]], 0.0, atol=1e-6)
+    assert np.abs(moved[3:5]).min() > 1e-4
+    # The wrench that moves the robot has the moments of the free axes in it: Newton and Euler about the CoM.
+    total, moment = np.zeros(3), np.zeros(3)
+    for foot in robot.soles:
+        placement, felt = robot.placement(foot.frame), solution.wrenches[foot.name]
+        force = placement.rotation @ felt[:3]
+        total += force
+        moment += placement.rotation @ felt[3:] + np.cross(placement.translation - robot.com, force)
+    rate = pin.computeCentroidalMomentumTimeVariation(
+        robot.model, data, robot.q, robot.v, solution.accelerations
+    ).vector
+    np.testing.assert_allclose(total + robot.mass * np.array([0, 0, -9.80665]), rate[:3], atol=1e-4)
+    np.testing.assert_allclose(moment, rate[3:], atol=1e-4)
+
+
+def test_loaded_foot_is_turned_by_its_cop_task() -> None:
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    controller.remove(*controller.contacts)
+    for sole in robot.soles:
+        controller.add(SoleContact(sole.name, free_axes=("roll", "pitch"), free_force=True))
+    weight = 0.5 * robot.mass * 9.80665
+    controller.add(CoMTask())
+    for sole in robot.soles:
+        controller.add(CoPTask(sole.name, target_force=(0, 0, weight), time_constant=0.0))
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = weight
+    wrenches[0, 4] = -0.02 * weight  # the left CoP is 2 cm too far in front
+    q, v = np.array(robot.q), np.array(robot.v)
+    for _ in range(50):
+        controller.update(q, v)
+        none = np.zeros(3)
+        solution = controller.solve(Measurement(0.0, q[7:], v[6:], none, none, wrenches))
+        assert solution.ok, controller.diagnose()
+        q, v = integrate(controller, q, v, solution.accelerations)
+    rate = 0.01 * 0.02 * weight
+    for sole, expected in zip(robot.soles, (-rate, 0.0), strict=True):
+        turning = pin.getFrameVelocity(robot.model, robot.data, robot.frame_id(sole.frame), pin.LOCAL)
+        np.testing.assert_allclose(turning.angular, [0.0, expected, 0.0], atol=0.03 * rate)
+        np.testing.assert_allclose(turning.linear, 0.0, atol=1e-4)
+
+
+def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
+    controller = standing("g1")
+    robot = controller.robot
+    controller.add(CoMTask())
+    contact = controller.contact("left_foot")
+    place, speed = pin.SE3(contact.target), 0.02
+    q, v = np.array(robot.q), np.array(robot.v)
+    for tick in range(250):
+        lift = speed * tick * controller.dt
+        contact.target = pin.SE3(place.rotation, place.translation + [0.0, 0.0, lift])
+        contact.velocity = [0.0, 0.0, speed, 0.0, 0.0, 0.0]
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        q, v = integrate(controller, q, v, solution.accelerations)
+    robot.update(q, v)
+    lifted = robot.placement(contact.frame).translation[2] - place.translation[2]
+    assert lifted == pytest.approx(speed * 250 * controller.dt, abs=2e-4)
+    contact.reset()
+    np.testing.assert_array_equal(contact.velocity, 0.0)
+    with pytest.raises(InputError):
+        contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
 
 
 def test_normal_axis_cannot_be_free() -> None:
