@@ -24,12 +24,11 @@ from wbc.sim.truth import GroundTruth
 Mode = Literal["position", "torque"]
 Feedback = Literal["open", "closed"]
 Control = PositionControl | TorqueControl
-Watch = Callable[[Plant, Control], None]
 
 MODES: tuple[Mode, ...] = ("position", "torque")
 """What the drives can be given."""
 
-CONTROL_PERIOD = {"position": 0.005, "torque": 0.002}
+CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002}
 """Control period when none is given, s: servos hold the robot between ticks, torques do not."""
 
 
@@ -126,6 +125,8 @@ class Stand:
         options: What was asked for.
         plant: The plant.
         control: The controller and its observer.
+        tick_times: Wall time of every tick so far, from measurement to command, s.
+        fallen: True once the robot has fallen or the simulation has diverged.
     """
 
     def __init__(self, options: StandOptions) -> None:
@@ -172,13 +173,48 @@ class Stand:
             self.fallen = plant.diverged is not None or self._falls.fallen(truth.q)
             yield truth
 
+    def result(self, after_tick: Callable[[], None] | None = None) -> StandResult:
+        """Stand for the time of the options and sum up.
 
-def stand(options: StandOptions, *, watch: Watch | None = None) -> StandResult:
+        Args:
+            after_tick: Called after every control period, for a viewer.
+        """
+        options = self.options
+        target = np.array(self.plant.truth().com)
+        com: list[Array] = []
+        zmp: list[Array] = []
+        start = time.perf_counter()
+        for truth in self.run(options.seconds):
+            com.append(truth.com)
+            zmp.append(center_of_pressure(truth))
+            if after_tick is not None:
+                after_tick()
+        elapsed = time.perf_counter() - start
+        half = len(com) // 2
+        error = np.linalg.norm((np.array(com) - target)[half:, :2], axis=1)
+        ticks = 1e6 * np.array(self.tick_times)
+        return StandResult(
+            robot=options.robot,
+            mode=options.mode,
+            upright=not self.fallen,
+            com_error_mm=_rounded(1e3 * error.max()),
+            zmp_noise_mm=_rounded(1e3 * np.sqrt(np.nanvar(np.array(zmp)[half:], axis=0).sum())),
+            real_time_factor=_rounded(self.plant.time / elapsed),
+            tick_us={"median": _rounded(np.median(ticks)), "p99": _rounded(np.percentile(ticks, 99))},
+            seconds=self.plant.time,
+            failures=self.control.failures,
+            noise=options.noise,
+            foot=options.foot,
+            seed=options.seed,
+            control_period=options.period,
+        )
+
+
+def stand(options: StandOptions) -> StandResult:
     """Let a robot stand.
 
     Args:
         options: Which robot, and how.
-        watch: Called after every control period, for a viewer.
 
     Returns:
         How it went.
@@ -186,35 +222,7 @@ def stand(options: StandOptions, *, watch: Watch | None = None) -> StandResult:
     Raises:
         InputError: A foot that does not fit the robot.
     """
-    stage = Stand(options)
-    target = np.array(stage.plant.truth().com)
-    com: list[Array] = []
-    zmp: list[Array] = []
-    start = time.perf_counter()
-    for truth in stage.run(options.seconds):
-        com.append(truth.com)
-        zmp.append(center_of_pressure(truth))
-        if watch is not None:
-            watch(stage.plant, stage.control)
-    elapsed = time.perf_counter() - start
-    half = len(com) // 2
-    error = np.linalg.norm((np.array(com) - target)[half:, :2], axis=1)
-    ticks = 1e6 * np.array(stage.tick_times)
-    return StandResult(
-        robot=options.robot,
-        mode=options.mode,
-        upright=not stage.fallen,
-        com_error_mm=_rounded(1e3 * error.max()),
-        zmp_noise_mm=_rounded(1e3 * np.sqrt(np.nanvar(np.array(zmp)[half:], axis=0).sum())),
-        real_time_factor=_rounded(stage.plant.time / elapsed),
-        tick_us={"median": _rounded(np.median(ticks)), "p99": _rounded(np.percentile(ticks, 99))},
-        seconds=stage.plant.time,
-        failures=stage.control.failures,
-        noise=options.noise,
-        foot=options.foot,
-        seed=options.seed,
-        control_period=options.period,
-    )
+    return Stand(options).result()
 
 
 def center_of_pressure(truth: GroundTruth) -> Array:

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import wbc
-from wbc.app import cli
+from wbc.app import cli, live
 from wbc.app.bench_solver import BenchSolverOptions
 from wbc.app.bench_tick import BenchTickOptions
 from wbc.app.commands import COMMANDS, GROUPS
@@ -149,6 +149,7 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
         (["stand", "--control-period", "0.0015"], "whole multiple"),
         (["stand", "--gains.com-weight", "-1"], "com_weight"),
         (["stand", "--noise", "loud"], "realistic"),
+        (["stand", "--view", "--port", "99999"], "port"),
         (["stand", "--seed", "-1", "--seconds", "0.1"], "seed"),
         (["robots", "talso"], "did you mean 'talos'"),
         (["push", "--directions", "0"], "directions"),
@@ -176,6 +177,14 @@ def test_bad_input_is_one_line_on_stderr(capfd: Captured, arguments: list[str], 
     assert message in err
 
 
+def test_a_run_can_be_watched(capfd: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "BROWSER_TIME", 0.0)
+    code, out, err = wbc_command(capfd, "stand", "--seconds", "0.2", "--view", "--port", "0", "--json")
+    assert code == cli.RAN and json.loads(out)["upright"]
+    assert "live view: http://127.0.0.1:" in err
+    assert json.loads(out)["real_time_factor"] < 1.2  # held back to real time
+
+
 def test_an_internal_failure_is_told_apart_from_bad_input(
     capfd: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -184,7 +193,7 @@ def test_an_internal_failure_is_told_apart_from_bad_input(
 
     from wbc.app.commands import stand  # noqa: PLC0415 - patched here
 
-    monkeypatch.setattr(stand, "run", broken)
+    monkeypatch.setattr(stand, "Stand", broken)
     code, out, err = wbc_command(capfd, "stand", "--json")
     assert code == cli.FAILED and out == ""
     assert "Traceback" in err and "something of ours" in err

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from wbc.app.live import Live, LiveOptions
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.sim.standing import StandOptions
-from wbc.sim.standing import stand as run
+from wbc.sim.standing import Stand, StandOptions
 
 
 @reports
 def stand(
     options: Flat[StandOptions] = StandOptions(),
     *,
+    live: LiveOptions = Live(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Let a robot stand in the simulator, and say how still it stands and how fast the controller is."""
-    result = run(options)
+    stage = Stand(options)
+    with live.show(stage.plant) as after_tick:
+        result = stage.result(after_tick)
     state = "stood" if result.upright else "FELL after"
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
