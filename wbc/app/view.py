@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import wbc
 from wbc.app.view_channel import Channel
+from wbc.app.view_scene import Setup
 from wbc.app.view_source import PlantSource, RobotSource
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.robot import Robot
@@ -124,8 +125,6 @@ class MeshcatView:
 
     def _start(self, host: str, port: int | None, rate: float) -> tuple[subprocess.Popen[bytes], int]:
         """Start the drawing process and wait until it listens; returns it and its port."""
-        from wbc.app.view_server import Setup  # noqa: PLC0415 (imports the web server, which most runs do not need)
-
         paths = [str(Path(wbc.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", "wbc.app.view_server"],

@@ -155,6 +155,25 @@ class Scene:
         return matrix
 
 
+@dataclass(frozen=True)
+class Setup:
+    """What the drawing process is told.
+
+    Attributes:
+        scene: What to draw.
+        host: Address to listen at.
+        port: Port to listen at; the first free one of a range when None, any free one when 0.
+        rate: Most frames a second.
+        fd: File descriptor of the channel.
+    """
+
+    scene: Scene
+    host: str
+    port: int | None
+    rate: float
+    fd: int
+
+
 def make_scene(
     title: str, parts: Sequence[Part], terrain: Terrain | None, size: float, weight: float
 ) -> Scene:

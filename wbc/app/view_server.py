@@ -17,7 +17,6 @@ import signal
 import struct
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from meshcat import geometry
 
 from wbc.app.view_channel import Channel
 from wbc.app.view_page import SCRIPT, Page
-from wbc.app.view_scene import HIDDEN, LEGEND, ROOT, SKY_COLOURS, Drawing, Scene
+from wbc.app.view_scene import HIDDEN, LEGEND, ROOT, SKY_COLOURS, Drawing, Scene, Setup
 from wbc.app.view_shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
 from wbc.core.errors import Array
 
@@ -40,25 +39,6 @@ FIRST_PORT, PORTS = 7000, 200
 
 SLOWEST_TICK = 0.03
 """Longest time between two looks for a new frame, s."""
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What the process is told.
-
-    Attributes:
-        scene: What to draw.
-        host: Address to listen at.
-        port: Port to listen at; the first free one of a range when None, any free one when 0.
-        rate: Most frames a second.
-        fd: File descriptor of the channel.
-    """
-
-    scene: Scene
-    host: str
-    port: int | None
-    rate: float
-    fd: int
 
 
 # ---- commands of the viewer -----------------------------------------------------------------------------------------
