@@ -198,6 +198,8 @@ class Contact(ABC):
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
+        if not isinstance(value, pin.SE3):
+            raise InputError(f"target of contact '{self.name}' must be a pinocchio.SE3, got {value!r}")
         finite_array(f"target of contact '{self.name}'", value.homogeneous, (4, 4))
         self._target = pin.SE3(value)
 

@@ -78,7 +78,9 @@ def status_table(controller: Controller, solution: Solution | None) -> str:
         weight = "hard" if task.hard else f"{task.weight.max():.3g}"
         error = f"{np.abs(task.error).max():.3g} {task.unit}"
         residual = (
-            f"{np.abs(residuals[task.name]).max():.3g} {task.unit}/s²" if task.name in residuals else "–"
+            f"{np.abs(residuals[task.name]).max():.3g} {task.residual_unit}"
+            if task.name in residuals
+            else "–"
         )
         lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}")
     lines.append(f"{'acceleration (all)':<24}{controller.robot.nv:>5}  {controller.regularisation:>9.3g}")
