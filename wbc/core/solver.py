@@ -101,6 +101,7 @@ class ActiveSet:
         x: Solution, shape (n,).
         values: All rows times x, shape (number of rows,).
         multipliers: Of the inequalities, shape (n_in,), positive where the upper bound pushes.
+        equality_multipliers: Of the equalities, shape (n_eq,), positive where they push upwards.
         iterations: Systems solved by the last `solve`.
     """
 
@@ -118,6 +119,7 @@ class ActiveSet:
         n, m = p.diagonal.size, self._n_linear
         self.x, self.values = np.zeros(n), np.zeros(p.rows.shape[0])
         self.multipliers = np.zeros(p.lower.size)
+        self.equality_multipliers = np.zeros(p.n_eq)
         self.iterations = 0
         self._active = np.zeros(0, dtype=np.intp)
         self._upper_side = np.zeros(0, dtype=bool)
@@ -180,7 +182,7 @@ class ActiveSet:
             np.dot(p.rows, x, out=values)
             error = p.target[:n_eq] - values[:n_eq]
             if error.max() <= tolerance and error.min() >= -tolerance:
-                self._force = force[m:]
+                self._force, self.equality_multipliers = force[m:], force[:n_eq]
                 return True
             error = target - np.dot(rows, x)
             error[n_eq:m] -= force[n_eq:m] / np.maximum(p.soft_weight, 1e-12)
@@ -232,6 +234,7 @@ class QpSolver:
         self._fast = ActiveSet(problem, self.settings.tolerance, self.settings.active_set_changes)
         self._persistent: proxsuite.proxqp.dense.QP | None = None
         self._excess = np.zeros(problem.lower.size)
+        self._guess = (np.zeros(problem.diagonal.size), np.zeros(problem.n_eq), np.zeros(problem.lower.size))
         self.x, self.values, self.multipliers = self._fast.x, self._fast.values, self._fast.multipliers
         self.iterations = 0
         self.counts = {"active set": 0, "ProxQP": 0, "fresh ProxQP": 0, "DAQP": 0, "failed": 0}
@@ -248,36 +251,34 @@ class QpSolver:
         if self.settings.active_set_changes and self._fast.solve():
             self.iterations = self._fast.iterations
             self.counts["active set"] += 1
+            self._keep()
             return Status.SOLVED
         return self._solve_by_proxqp()
+
+    def _keep(self) -> None:
+        """Remember an exact answer, from which ProxQP may start later."""
+        x, y, z = self._guess
+        x[:], z[:] = self.x, self.multipliers
+        np.negative(self._fast.equality_multipliers, out=y)
 
     def _solve_by_proxqp(self) -> Status:
         p = self.problem
         hessian, gradient = p.hessian, p.gradient
-        solved = proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
-        qp = self._persistent
         data = (hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
-        if qp is not None:
-            qp.update(*data, update_preconditioner=False)
-            qp.solve()
-            self.iterations = int(qp.results.info.iter)
-            if qp.results.info.status == solved and self._accept(qp.results.x, qp.results.z):
-                self.counts["ProxQP"] += 1
-                return Status.SOLVED
-        first = qp is None
+        first = self._persistent is None
+        if self._persistent is not None:
+            self._persistent.update(*data, update_preconditioner=False)
+            if self._run(self._persistent, self._guess):
+                return self._finish("ProxQP", Status.SOLVED, hessian, gradient)
         qp = self._fresh()
         qp.init(*data)
-        qp.solve()
-        self.iterations = int(qp.results.info.iter)
-        if qp.results.info.status == solved and self._accept(qp.results.x, qp.results.z):
-            qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.COLD_START_WITH_PREVIOUS_RESULT
+        if self._run(qp):
+            qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.WARM_START
             self._persistent = qp
             if first:
-                self.counts["ProxQP"] += 1
-                return Status.SOLVED
+                return self._finish("ProxQP", Status.SOLVED, hessian, gradient)
             logger.info("ProxQP failed with its last result as guess; a fresh solver succeeded")
-            self.counts["fresh ProxQP"] += 1
-            return Status.RECOVERED
+            return self._finish("fresh ProxQP", Status.RECOVERED, hessian, gradient)
         self._persistent = None
         solution = self._daqp(hessian, gradient)
         if solution is not None and self._accept(*solution):
@@ -287,32 +288,59 @@ class QpSolver:
         self.counts["failed"] += 1
         return Status.INFEASIBLE
 
+    def _run(self, qp: proxsuite.proxqp.dense.QP, guess: tuple[Array, Array, Array] | None = None) -> bool:
+        """Let ProxQP solve; True if its answer is accepted."""
+        qp.solve(*guess) if guess is not None else qp.solve()
+        results = qp.results
+        self.iterations = int(results.info.iter)
+        if results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
+            return False
+        if not self._accept(results.x, results.z):
+            return False
+        for kept, found in zip(self._guess, (results.x, results.y, results.z), strict=True):
+            kept[:] = found
+        return True
+
+    def _finish(self, name: str, status: Status, hessian: Array, gradient: Array) -> Status:
+        """Make an answer of ProxQP exact, from its active set or else by DAQP.
+
+        What ProxQP returns depends in the last digits on where its memory lies, so that two runs of a simulation would
+        differ; an exact answer does not.
+        """
+        self.counts[name] += 1
+        if self.settings.active_set_changes and not self._polish():
+            solution = self._daqp(hessian, gradient)
+            if solution is not None and not self._accept(*solution):
+                logger.debug("neither the active set nor DAQP confirms ProxQP's answer")
+            self._fast.guess(self.multipliers)
+        return status
+
+    def _polish(self) -> bool:
+        """Solve again from the active set of the accepted answer; False, and nothing changed, if that fails."""
+        x, values, multipliers = self.x.copy(), self.values.copy(), self.multipliers.copy()
+        self._fast.guess(multipliers)
+        if self._fast.solve():
+            self._keep()
+            return True
+        self.x[:], self.values[:], self.multipliers[:] = x, values, multipliers
+        return False
+
     def _accept(self, x: Array, z: Array) -> bool:
-        """Copy x and its multipliers; True if x is feasible and no multiplier pushes off a bound that is far away.
+        """Take an answer if it is feasible and no multiplier pushes off a bound that is far away.
 
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
         """
         p, tolerance = self.problem, self.settings.residual_tolerance
-        self.x[:] = x
-        np.dot(p.rows, self.x, out=self.values)
-        error = self.values[: p.n_eq] - p.target[: p.n_eq]
-        values = self.values[p.n_eq + p.n_soft :]
-        above, below = p.upper - values, values - p.lower
+        values = np.dot(p.rows, x)
+        error = values[: p.n_eq] - p.target[: p.n_eq]
+        bounded = values[p.n_eq + p.n_soft :]
+        above, below = p.upper - bounded, bounded - p.lower
         if not (np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance):
             return False
-        z = np.array(z)
         if not (np.abs(z) * np.minimum(np.where(z > 0.0, above, below), 1e3)).max() <= COMPLEMENTARITY:
             return False
-        if self.settings.active_set_changes:
-            self._fast.guess(z)
-            if (
-                self._fast.solve()
-            ):  # polished: exact, where ProxQP's dual tolerance leaves 0.01 rad/s² at worst
-                return True
-            self.x[:] = x
-            np.dot(p.rows, self.x, out=self.values)
-        self.multipliers[:] = z
+        self.x[:], self.values[:], self.multipliers[:] = x, values, z
         return True
 
     def _fresh(self) -> proxsuite.proxqp.dense.QP:
