@@ -122,7 +122,8 @@ def test_late_ground_is_looked_for_and_not_without_end() -> None:
     heights = np.array([foot.at(t).placement.translation[2] for t in np.linspace(0.8, 3.5, 100)])
     assert (np.diff(heights) < 1e-9).all()
     assert heights[-1] == pytest.approx(-0.04)
-    assert foot.at(0.9).velocity[2] < -0.5 * GAIT.landing_speed
+    assert foot.at(0.8 + 0.5 * GAIT.search_time).placement.translation[2] < -0.4 * 0.04
+    assert foot.at(0.9).velocity[2] < -GAIT.landing_speed
 
 
 def test_early_ground_stops_it() -> None:

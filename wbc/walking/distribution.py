@@ -26,7 +26,7 @@ import pinocchio as pin
 from wbc.core.contact import rectangle_wrench_cone
 from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.problem import Problem
-from wbc.core.solver import QpSolver, Status
+from wbc.core.solver import QpSolver, SolverSettings, Status
 
 Rectangle = tuple[float, float, float, float]
 """Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
@@ -145,7 +145,8 @@ class WrenchDistribution:
         p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
         p.equality[:, 12:] = np.eye(6)
         self._drawn: list[Rectangle | None] = [None, None]
-        self._solver = QpSolver(p)
+        # Newtons: a millinewton is nothing.
+        self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
     def solve(
         self,

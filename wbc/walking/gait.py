@@ -30,6 +30,8 @@ class Gait:
         takeoff_time: Time the foot rises before it moves on, s.
         landing_time: Time the foot only sinks before it lands, s.
         landing_speed: Downward speed at touch-down, m/s.
+        search_depth: How far below the landing the foot looks for ground that comes late, m.
+        search_time: How long it takes to get there, s.
     """
 
     step_length: float = 0.145
@@ -42,6 +44,8 @@ class Gait:
     takeoff_time: float = 0.05
     landing_time: float = 0.1
     landing_speed: float = 0.05
+    search_depth: float = 0.04
+    search_time: float = 0.3
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -49,7 +53,7 @@ class Gait:
             if field.name == "feet_spacing":
                 if value is not None:
                     positive("feet_spacing (m)", value)
-            elif field.name in ("takeoff_time", "landing_time", "landing_speed"):
+            elif field.name in ("takeoff_time", "landing_time", "landing_speed", "search_depth"):
                 non_negative(f"{field.name} of the gait", value)
             else:
                 positive(f"{field.name} of the gait", value)

@@ -3,7 +3,7 @@
     up        the foot rises before it travels, and sinks the last stretch without travelling
     apex      half way in time, the swing height above the higher end
     landing   at a small downward speed, so that touch-down is noticed and soft
-    late      past the planned time the foot sinks on, slower and slower, to a depth
+    late      past the planned time the foot sinks on, to a depth
 
 On stairs the foot travels later going up and earlier going down, so that it clears the edge.
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, non_negative, positive
+from wbc.core.errors import Array, InputError, positive
 from wbc.walking.footsteps import Footstep
 from wbc.walking.gait import Gait
 from wbc.walking.quintic import Quintic
@@ -80,23 +80,19 @@ class SwingFoot:
         landing: Where the foot should land.
     """
 
-    def __init__(
-        self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait, *, search_depth: float = 0.04
-    ) -> None:
+    def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
         """Plan from a foot at rest.
 
         Args:
             start: Sole frame at lift-off.
             landing: Where to land.
             duration: Time until touch-down, s.
-            gait: Swing height, take-off and landing times, landing speed.
-            search_depth: How far below the landing the foot looks for ground that comes late, m.
+            gait: Swing height, take-off and landing times, landing speed, search for late ground.
 
         Raises:
             InputError: A duration that the take-off and landing times do not fit into.
         """
         self._gait = gait
-        self._search = non_negative("search depth of the swing foot (m)", search_depth)
         self.duration = positive("duration of the swing (s)", duration)
         self.landing = landing
         if duration < gait.takeoff_time + gait.landing_time + 2 * SHORTEST:
@@ -190,8 +186,10 @@ class SwingFoot:
 
         speed = gait.landing_speed
         down = [(end, (landing.z, -speed, 0.0))]
-        if speed > 0.0 and self._search > 0.0:
-            down.append((end + 2.0 * self._search / speed, (landing.z - self._search, 0.0, 0.0)))
+        if gait.search_depth > 0.0:
+            down.append((end + gait.search_time, (landing.z - gait.search_depth, 0.0, 0.0)))
+        elif speed > 0.0:
+            down.append((end + gait.search_time, (landing.z - 0.5 * speed * gait.search_time, 0.0, 0.0)))
         top = max(self._origin, landing.z) + gait.swing_height
         if now < self.apex_time - SHORTEST and end - self.apex_time >= SHORTEST:
             self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)
