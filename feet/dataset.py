@@ -170,9 +170,9 @@ class StiffnessTable:
             made=dict(made or {}),
         )
 
-    def rows(self, choice: ArrayLike) -> StiffnessTable:
-        """Some of the rows, by numbers or by truth values."""
-        pick = np.asarray(choice)
+    def rows(self, choice: ArrayLike | slice) -> StiffnessTable:
+        """Some of the rows, by numbers, by truth values or by a slice."""
+        pick = np.arange(len(self))[choice if isinstance(choice, slice) else np.asarray(choice)]
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("recipe", "made")}
         return StiffnessTable(**{k: v[pick] for k, v in arrays.items()}, recipe=self.recipe, made=self.made)
 
