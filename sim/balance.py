@@ -30,7 +30,7 @@ class BalanceGains:
             2022.
     """
 
-    com_weight: float = 10.0
+    com_weight: float = 100.0
     com_stiffness: float = 30.0
     orientation_weight: float = 1.0
     orientation_stiffness: float = 30.0

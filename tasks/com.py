@@ -28,7 +28,7 @@ class CoMTask(MotionTask):
         axes: Sequence[str] = POSITION_AXES,
         joints: Sequence[str] | None = None,
         name: str = "com",
-        weight: ArrayLike = 10.0,
+        weight: ArrayLike = 100.0,
         stiffness: ArrayLike = 30.0,
         damping: ArrayLike | None = None,
         hard: bool = False,

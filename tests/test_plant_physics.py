@@ -92,9 +92,9 @@ def test_stands_on_its_servos(name: str) -> None:
     plant = Plant(load(name))
     command, weight = plant.hold(), plant.robot.mass * plant.physics.gravity
     zmp, height = [], plant.truth().com[2]
-    for tick in range(600):
+    for tick in range(700):
         plant.step(command)
-        if tick >= 500:
+        if tick >= 600:
             wrench = plant.measure().sole_wrench
             assert wrench[:, 2].sum() == pytest.approx(weight, rel=1e-3)
             zmp.append(np.array([-wrench[:, 4], wrench[:, 3]]).sum(axis=1) / wrench[:, 2].sum())
