@@ -1,0 +1,127 @@
+"""What a log says about itself: one JSON object in the metadata of the file.
+
+format          number of the format, see `FORMAT`
+program         "wbc" and its version
+versions        of everything that the numbers depend on
+created         date and time (UTC)
+title, seed     of the run
+control_period  s
+robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
+spec            the specification of the run: its `to_json()`, else as `wbc.app.log.plain` writes dataclasses; null if
+                there was none
+plant           what the plant was made of, likewise: description, foot, terrain, physics; null without a plant
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import platform
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from wbc._version import __version__
+from wbc.app.log.plain import to_plain
+from wbc.core.errors import InputError
+from wbc.core.robot import Robot
+
+if TYPE_CHECKING:
+    from wbc.sim import Plant
+
+FORMAT = 1
+"""Format of the logs that this version writes; it changes when old readers would misunderstand."""
+
+KEY = b"wbc"
+"""Key of the object in the metadata of the file."""
+
+_DISTRIBUTIONS = ("numpy", "scipy", "pin", "proxsuite", "daqp", "mujoco", "pyarrow")
+
+
+def make_header(
+    robot: Robot,
+    period: float,
+    plant: Plant | None,
+    spec: Any = None,
+    title: str = "",
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """Collect everything.
+
+    Args:
+        robot: The robot.
+        period: Control period, s.
+        plant: The plant, if there is one.
+        spec: What the run was specified by: a dataclass, or plain values.
+        title: For people; the robot's name when empty.
+        seed: Of the run; the plant's when None.
+    """
+    if seed is None and plant is not None:
+        seed = plant.seed
+    return {
+        "format": FORMAT,
+        "program": f"wbc {__version__}",
+        "versions": _versions(),
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "title": title or robot.name,
+        "seed": seed,
+        "control_period": period,
+        "robot": {
+            "name": robot.name,
+            "mass_kg": robot.mass,
+            "soles": [{"name": s.name, "length_m": s.length, "width_m": s.width} for s in robot.soles],
+            "torque_limit_Nm": dict(zip(robot.joint_names, robot.torque_limit.tolist(), strict=True)),
+        },
+        "spec": spec.to_json() if hasattr(spec, "to_json") else to_plain(spec),
+        "plant": None if plant is None else _plant_parts(plant),
+    }
+
+
+def encode(header: dict[str, Any]) -> bytes:
+    """Return the header as it stands in the file."""
+    return json.dumps(header, allow_nan=False).encode()
+
+
+def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
+    """Read the header.
+
+    Args:
+        where: Name of the file, for messages.
+        stored: Metadata of the file.
+
+    Raises:
+        InputError: No log of ours, or one of a later format.
+    """
+    if not stored or KEY not in stored:
+        raise InputError(f"{where} is an Arrow file but no log of wbc: it has no metadata '{KEY.decode()}'")
+    try:
+        header = json.loads(stored[KEY])
+        number = header["format"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{where}: the metadata '{KEY.decode()}' cannot be read ({error!r})") from error
+    if number != FORMAT:
+        raise InputError(
+            f"{where} was written by {header.get('program', 'another version')} in format {number}; "
+            f"wbc {__version__} reads format {FORMAT}"
+        )
+    return dict(header)
+
+
+def _plant_parts(plant: Plant) -> dict[str, Any]:
+    return {
+        "description": to_plain(plant.description),
+        "foot": to_plain(plant.foot),
+        "terrain": to_plain(plant.terrain),
+        "physics": to_plain(plant.physics),
+        "noise": to_plain(plant.noise),
+        "timestep": plant.timestep,
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {"wbc": __version__, "python": platform.python_version(), "system": platform.platform()}
+    for name in _DISTRIBUTIONS:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,204 @@
+"""Reads a log: arrays by the names of the signals."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pyarrow as pa  # type: ignore[import-untyped]
+from numpy.typing import NDArray
+from pyarrow import ipc
+
+from wbc.app.log.header import decode
+from wbc.app.log.table import Kind, Signal
+from wbc.app.log.writer import MAGIC, TYPES
+from wbc.core.errors import Array, InputError, unknown_name
+
+STREAM = 8
+"""Where the Arrow stream begins in an Arrow IPC file: behind the magic bytes and their padding."""
+
+
+class Log:
+    """A log in memory.
+
+    Attributes:
+        path: The file.
+        header: What the log says about itself, see `wbc.app.log.header`.
+        signals: All signals by name, in the order of the file.
+        broken: Why the log ends early; None if it was ended properly.
+    """
+
+    header: Mapping[str, Any]
+
+    def __init__(self, path: Path, table: Any, header: dict[str, Any], broken: str | None) -> None:
+        """Take what `Log.open` has read."""
+        self.path, self.broken = path, broken
+        self.header = MappingProxyType(header)
+        self._table = table
+        kinds = {kind: name for name, kind in TYPES.items()}
+        self.signals = MappingProxyType({f.name: _signal(f, kinds) for f in table.schema})
+        self._arrays: dict[str, Any] = {}
+
+    @staticmethod
+    def open(path: str | Path) -> Log:
+        """Read a log. One that ends early is read up to the break, and `broken` says why.
+
+        Args:
+            path: The file.
+
+        Raises:
+            InputError: No such file, no log, a log of another format, or nothing of it is there.
+        """
+        place = Path(path)
+        try:
+            with place.open("rb") as file:
+                start = file.read(len(MAGIC))
+                if start != MAGIC:
+                    what = f"no log: it begins with {start!r}" if start else "empty: nothing was recorded"
+                    raise InputError(f"{place} is {what}")
+            with pa.OSFile(str(place)) as file:
+                table, broken = _read(place, file)
+        except OSError as error:
+            raise InputError(f"cannot read the log {place}: {error.strerror or error}") from error
+        return Log(place, table, decode(str(place), table.schema.metadata), broken)
+
+    def __len__(self) -> int:
+        return int(self._table.num_rows)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.signals
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    def __repr__(self) -> str:
+        title = self.header.get("title", "")
+        return f"Log('{self.path}', {title}, {len(self)} ticks, {len(self.signals)} signals)"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each signal."""
+        return {name: signal.unit for name, signal in self.signals.items()}
+
+    @cached_property
+    def time(self) -> Array:
+        """Time of each tick, shape (ticks,), s."""
+        return self["time"]
+
+    def __getitem__(self, name: str) -> Array:
+        """Values of a signal, or of a group of signals.
+
+        Args:
+            name: A signal, or what the names of a group have before their last part: "com/estimated".
+
+        Returns:
+            Shape (ticks,) of a signal, (ticks, parts) of a group, float64; truth values are 0 and 1, NaN is what was
+            not measured.
+
+        Raises:
+            UnknownNameError: No such signal or group; the nearest ones are given.
+            InputError: Texts or lists, which `texts` and `lists` give.
+        """
+        if name not in self._arrays:
+            if name in self.signals:
+                kind = self.signals[name].kind
+                if kind in ("text", "list"):
+                    raise InputError(f"signal '{name}' holds {kind}s, not numbers; use log.{kind}s('{name}')")
+                column = self._table.column(name)
+                self._arrays[name] = _frozen(column.cast(pa.float64()).to_numpy())
+            else:
+                parts = self.parts(name)
+                self._arrays[name] = _frozen(np.stack([self[part] for part in parts], axis=1))
+        values: Array = self._arrays[name]
+        return values
+
+    def parts(self, group: str) -> list[str]:
+        """Names of the signals of a group.
+
+        Raises:
+            UnknownNameError: No such group; the nearest names are given.
+        """
+        found = [name for name in self.signals if name.rpartition("/")[0] == group]
+        if not found:
+            groups = {name.rpartition("/")[0] for name in self.signals} - {""}
+            unknown_name("signal", group, groups | set(self.signals))
+        return found
+
+    def texts(self, name: str) -> NDArray[np.object_]:
+        """Texts of a signal, shape (ticks,); None where there is none.
+
+        Raises:
+            UnknownNameError: No such signal.
+            InputError: Other than texts.
+        """
+        return self._objects(name, "text")
+
+    def lists(self, name: str) -> list[Array | None]:
+        """Lists of a signal, one a tick; None where there is none.
+
+        Raises:
+            UnknownNameError: No such signal.
+            InputError: Other than lists.
+        """
+        values = self._objects(name, "list")
+        return [None if value is None else np.asarray(value, dtype=np.float64) for value in values]
+
+    def _objects(self, name: str, kind: Kind) -> NDArray[np.object_]:
+        if name not in self.signals:
+            unknown_name("signal", name, self.signals)
+        if self.signals[name].kind != kind:
+            held = {"text": "texts", "list": "lists"}.get(self.signals[name].kind, "numbers")
+            raise InputError(f"signal '{name}' holds {held}, not {kind}s")
+        if name not in self._arrays:
+            self._arrays[name] = self._table.column(name).to_numpy(zero_copy_only=False)
+        values: NDArray[np.object_] = self._arrays[name]
+        return values
+
+    @property
+    def events(self) -> list[tuple[float, str]]:
+        """Times (s) and texts of what happened; none if it was not a walk."""
+        if "walk/event" not in self:
+            return []
+        found = zip(self.time.tolist(), self.texts("walk/event"), strict=True)
+        return list(
+            itertools.chain.from_iterable(
+                ((time, part) for part in text.split("; ")) for time, text in found if text is not None
+            )
+        )
+
+
+def _read(path: Path, file: Any) -> tuple[Any, str | None]:
+    """Read the whole file, or what there is before the break."""
+    try:
+        return ipc.open_file(file).read_all(), None
+    except (pa.ArrowException, OSError) as error:
+        broken = str(error)
+    file.seek(STREAM)
+    batches = []
+    try:
+        reader = ipc.open_stream(file)
+    except (pa.ArrowException, OSError, EOFError) as error:
+        raise InputError(f"{path} ends before anything was recorded: {error}") from error
+    try:
+        for batch in reader:
+            batch.validate(full=True)
+            batches.append(batch)
+    except (pa.ArrowException, OSError, EOFError) as error:
+        broken = str(error)
+    return pa.Table.from_batches(batches, schema=reader.schema), broken
+
+
+def _signal(field: Any, kinds: Mapping[Any, Kind]) -> Signal:
+    facts = {key.decode(): value.decode() for key, value in (field.metadata or {}).items()}
+    return Signal(field.name, facts.get("unit", "1"), facts.get("about", ""), kinds[field.type])
+
+
+def _frozen(array: Array) -> Array:
+    array = np.array(array, dtype=np.float64)
+    array.setflags(write=False)
+    return array

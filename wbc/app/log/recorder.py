@@ -1,0 +1,213 @@
+"""Records a run: called once a tick, it writes down what went over the wire and what was thought about it.
+
+It reads and never writes to what it is shown, so that a run gives the same numbers with and without it.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wbc.app.log.header import make_header
+from wbc.app.log.sources import sources_for
+from wbc.app.log.table import XY, XYZ, Columns, Signal
+from wbc.app.log.tick import Control, Source, Tick
+from wbc.app.log.writer import LogWriter
+from wbc.core.errors import Array, InputError
+from wbc.core.signals import Command, Measurement
+
+if TYPE_CHECKING:
+    from wbc.sim import Plant
+
+
+class Recorder:
+    """Writes a log, tick by tick; use it in a `with` block.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(
+        self, path: str | Path, *, spec: Any = None, title: str = "", seed: int | None = None
+    ) -> None:
+        """Open the file.
+
+        Args:
+            path: The file, by custom with the ending .arrow; a log that is there already is replaced.
+            spec: What the run is specified by, kept in the log: a dataclass, or plain values.
+            title: For people; the robot's name when empty.
+            seed: Of the run; the plant's when None.
+
+        Raises:
+            InputError: It cannot be written.
+        """
+        self._writer = LogWriter(path)
+        self.path = self._writer.path
+        self._about = (spec, title, seed)
+        self._own: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
+        self._sources: list[Source] | None = None
+
+    def add(
+        self,
+        name: str,
+        value: Callable[[], Any] | Callable[[Tick], Any],
+        unit: str = "1",
+        about: str = "",
+        *,
+        axes: tuple[str, ...] | None = None,
+        changing: bool = False,
+    ) -> None:
+        """Add a signal of one's own.
+
+        Args:
+            name: Its parts are separated by "/".
+            value: Called every tick for a number, a truth value, a text or an array of always the same length; without
+                arguments, or with the `Tick` (plant, control, measurement, command).
+            unit: "1" where there is none.
+            about: What it is.
+            axes: Names of the parts of an array; x y z, or their numbers, when None.
+            changing: It is an array whose length changes, or None: kept as a list.
+
+        Raises:
+            InputError: A name that is taken or none, no function, or the first tick has been recorded already.
+        """
+        if self._sources is not None:
+            raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
+        if not callable(value):
+            raise InputError(
+                f"signal '{name}' needs a function that gives its value, such as lambda: {value!r}"
+            )
+        if name in self._own:
+            raise InputError(f"there is a signal '{name}' already; choose another name")
+        signal = Signal(name, unit, about, "list" if changing else "number")
+        function = value if inspect.signature(value).parameters else _ignoring_the_tick(value)
+        self._own[name] = (signal, function, axes)
+
+    def __call__(
+        self, plant: Plant | None, control: Control, measurement: Measurement, command: Command
+    ) -> None:
+        """Record one tick: call it when the command is known, before the plant takes it.
+
+        Args:
+            plant: The plant, for the truth; None if there is none.
+            control: The walk, or position or torque control.
+            measurement: What the control has been given.
+            command: What it has answered.
+
+        Raises:
+            InputError: In the first tick: a signal of one's own whose name is taken or whose value cannot be kept. In
+                later ones: such a value has changed its length.
+        """
+        tick = Tick(plant, control, measurement, command)
+        if self._sources is None:
+            self._begin(tick)
+            assert self._sources is not None
+        writer = self._writer
+        row = writer.row
+        for source in self._sources:
+            source.write(tick, row)
+        writer.commit()
+
+    def _begin(self, tick: Tick) -> None:
+        """Find out what there is to record."""
+        columns = Columns()
+        sources = sources_for(columns, tick)
+        for signal, function, axes in self._own.values():
+            sources.append(_OwnSignal(self._writer, columns, signal, function, axes, function(tick)))
+        spec, title, seed = self._about
+        controller = tick.controller
+        header = make_header(controller.robot, controller.dt, tick.plant, spec, title, seed)
+        self._writer.begin(columns, header, [source.finish for source in sources])
+        self._sources = sources
+
+    @property
+    def ticks(self) -> int:
+        """Ticks recorded so far."""
+        return self._writer.rows
+
+    @property
+    def failure(self) -> str | None:
+        """Why nothing more is written, a full disk for example; None as long as all is well."""
+        return self._writer.failure
+
+    def close(self) -> None:
+        """Write what is left, and end the file."""
+        self._writer.close()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _OwnSignal(Source):
+    """A signal that somebody has added; its first value says what it is."""
+
+    def __init__(
+        self,
+        writer: LogWriter,
+        columns: Columns,
+        signal: Signal,
+        function: Callable[[Tick], Any],
+        axes: tuple[str, ...] | None,
+        first: Any,
+    ) -> None:
+        self._writer, self._columns = writer, columns
+        self._name, self._function = signal.name, function
+        self._place: int | slice
+        self._kind = signal.kind
+        self._first = [first]
+        name, unit, about = signal.name, signal.unit, signal.about
+        if self._kind == "list":
+            self._place = columns.add(name, unit, about, "list")
+        elif isinstance(first, str):
+            self._kind, self._place = "text", columns.add(name, unit, about, "text")
+        elif isinstance(first, (bool, np.bool_)):
+            self._place = columns.add(name, unit, about, "flag")
+        else:
+            shape = self._numbers(first).shape
+            if len(shape) > 1:
+                raise InputError(
+                    f"signal '{name}' must be a number or an array of one dimension, got shape {shape}"
+                )
+            if not shape:
+                self._place = columns.add(name, unit, about)
+            else:
+                parts = axes or ((XY, XYZ)[shape[0] - 2] if shape[0] in (2, 3) else _numbered(shape[0]))
+                if len(parts) != shape[0]:
+                    raise InputError(f"signal '{name}' has {shape[0]} parts, but {len(parts)} axes")
+                self._place = columns.group(name, parts, unit, about)
+
+    def write(self, tick: Tick, row: Array) -> None:
+        value = self._first.pop() if self._first else self._function(tick)
+        if self._kind == "list":
+            row[self._place] = np.nan if value is None else self._writer.keep(self._numbers(value))
+        elif self._kind == "text":
+            row[self._place] = np.nan if value is None else self._columns.text(str(value))
+        else:
+            try:
+                row[self._place] = value
+            except (TypeError, ValueError) as error:
+                raise InputError(f"signal '{self._name}' cannot keep {value!r}: {error}") from error
+
+    def _numbers(self, value: Any) -> Array:
+        try:
+            return np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"signal '{self._name}' cannot keep {value!r}") from error
+
+
+def _numbered(count: int) -> tuple[str, ...]:
+    return tuple(str(i) for i in range(count))
+
+
+def _ignoring_the_tick(function: Callable[..., Any]) -> Callable[[Tick], Any]:
+    return lambda tick: function()

@@ -1,0 +1,67 @@
+"""One tick as a recorder sees it, and what a source of signals is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, NamedTuple
+
+from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.controller import Controller
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.core.signals import Command, Measurement
+from wbc.walking.control import WalkingControl
+
+if TYPE_CHECKING:
+    from wbc.sim import Plant
+
+Control = PositionControl | TorqueControl | WalkingControl
+"""What answers a measurement with a command."""
+
+
+class Tick(NamedTuple):
+    """What there is to see after a command has been computed and before the plant takes it.
+
+    Attributes:
+        plant: The plant; None without one.
+        control: The walk, or position or torque control.
+        measurement: What the control has been given.
+        command: What it has answered.
+    """
+
+    plant: Plant | None
+    control: Control
+    measurement: Measurement
+    command: Command
+
+    @property
+    def drives(self) -> PositionControl | TorqueControl:
+        """Position or torque control, that of the walk if it is one."""
+        control = self.control
+        return control.control if isinstance(control, WalkingControl) else control
+
+    @property
+    def controller(self) -> Controller:
+        """The whole-body controller."""
+        return self.control.controller
+
+    @property
+    def robot(self) -> Robot:
+        """The controller's robot, for names and sizes."""
+        return self.controller.robot
+
+
+class Source(ABC):
+    """Gives some signals: copies values in every tick, computes from them once for a batch."""
+
+    @abstractmethod
+    def write(self, tick: Tick, row: Array) -> None:
+        """Fill its columns of a row; whatever the row held before is gone."""
+
+    def finish(self, rows: Array) -> None:
+        """Fill columns from others, for many rows at once, shape (rows, columns)."""
+
+
+def copy(row: Array, places: slice, values: Array | None) -> None:
+    """Copy values into a row; NaN where there are none."""
+    row[places] = float("nan") if values is None else values

@@ -1,0 +1,112 @@
+"""What is really the case in the simulation, read from MuJoCo's state as it stands; for logs and pictures alone."""
+# ruff: noqa: D102 - overrides are documented where they are declared
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.app.log.names import SIDES, torque_units
+from wbc.app.log.table import QUATERNION, XY, XYZ, Columns
+from wbc.app.log.tick import Source, Tick
+from wbc.core.errors import Array
+
+if TYPE_CHECKING:
+    from wbc.sim import Plant
+
+
+class TruthSource(Source):
+    """Base, joints, soles, centre of mass and pushes of a plant.
+
+    `Plant.truth` takes 0.1 ms, mostly for contacts; copying MuJoCo's arrays takes a few microseconds.
+    """
+
+    def __init__(self, columns: Columns, plant: Plant, omega: int | None) -> None:
+        """Take the columns.
+
+        Args:
+            columns: Taken from.
+            plant: The plant.
+            omega: Column of the natural frequency, for the DCM; None without a walk.
+        """
+        import mujoco  # noqa: PLC0415 - there is a plant, so it is there
+
+        model = plant.model
+        self._velocities = mujoco.mj_subtreeVel
+        start = columns.group("truth/base/position", XYZ, "m", "world").start
+        columns.group("truth/base/orientation", QUATERNION, "1", "base frame in the world")
+        joints = [model.joint(i) for i in range(1, model.njnt)]
+        units = ["m" if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for joint in joints]
+        about = "without errors of the sensors; hinges of the soles, too"
+        for joint, unit in zip(joints, units, strict=True):  # in the order of qpos, behind the base
+            columns.add(f"truth/joint/position/{joint.name}", unit, about)
+        self._q = slice(start, start + model.nq)
+        self._quaternion = slice(start + 3, start + 7)
+        self._linear = columns.group("truth/base/linear_velocity", XYZ, "m/s", "base frame")
+        self._angular = columns.group("truth/base/angular_velocity", XYZ, "rad/s", "base frame")
+        names = plant.robot.joint_names
+        torques = torque_units(plant.robot)
+        self._torque = columns.group("truth/joint/torque", names, torques, "what the servos applied last")
+        self._ratio = columns.group("truth/joint/torque_ratio", names, "1", "torque over its limit")
+        self._limit = np.array(plant.description.torque_limit)
+        self._com = columns.group("truth/com", XYZ, "m", "of everything, feet included, world")
+        self._com_velocity = columns.group("truth/com_velocity", XYZ, "m/s", "world")
+        self._omega = omega
+        self._dcm = slice(0, 0) if omega is None else columns.group("truth/dcm", XY, "m", "world")
+        self._base = int(model.jnt_bodyid[0])
+        self._push_point = columns.group(
+            "truth/push/point", XYZ, "m", "where the largest push attacks, world"
+        )
+        self._push_force = columns.group("truth/push/force", XYZ, "N", "of the largest push, world")
+        self._sites = [model.site(foot.wrench_site).id for foot in plant.feet]
+        self._soles = [
+            columns.group(f"truth/foot/{side}/position", XYZ, "m", "sole centre, world") for side in SIDES
+        ]
+
+    def write(self, tick: Tick, row: Array) -> None:
+        assert tick.plant is not None
+        plant = tick.plant
+        data = plant.data
+        self._velocities(plant.model, data)
+        row[self._q] = data.qpos
+        velocity = data.qvel[:6]
+        row[self._linear] = velocity[:3]
+        row[self._angular] = velocity[3:]
+        row[self._torque] = plant.joint_torque
+        row[self._com] = data.subtree_com[self._base]
+        row[self._com_velocity] = data.subtree_linvel[self._base]
+        for places, site in zip(self._soles, self._sites, strict=True):
+            row[places] = data.site_xpos[site]
+        pushes = data.xfrc_applied
+        row[self._push_point] = math.nan
+        row[self._push_force] = 0.0
+        if pushes.any():
+            body = int(np.argmax(np.square(pushes[:, :3]).sum(axis=1)))
+            row[self._push_point] = data.xipos[body]
+            row[self._push_force] = pushes[body, :3]
+
+    def finish(self, rows: Array) -> None:
+        rows[:, self._quaternion] = rows[:, self._quaternion][:, [1, 2, 3, 0]]  # MuJoCo has w first
+        rows[:, self._linear] = into_frame(rows[:, self._quaternion], rows[:, self._linear])
+        if self._omega is not None:
+            com, velocity = rows[:, self._com][:, :2], rows[:, self._com_velocity][:, :2]
+            rows[:, self._dcm] = com + velocity / rows[:, self._omega, None]
+        rows[:, self._ratio] = rows[:, self._torque] / self._limit
+
+
+def into_frame(quaternions: Array, vectors: Array) -> Array:
+    """Turn vectors of the world into frames.
+
+    Args:
+        quaternions: Frames in the world, xyzw, shape (n, 4).
+        vectors: In the world, shape (n, 3).
+
+    Returns:
+        In the frames, shape (n, 3).
+    """
+    axis, w = -quaternions[:, :3], quaternions[:, 3:]
+    turn = 2.0 * np.cross(axis, vectors)
+    rotated: Array = vectors + w * turn + np.cross(axis, turn)
+    return rotated

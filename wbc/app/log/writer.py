@@ -1,0 +1,217 @@
+"""Writes rows to an Arrow IPC file, a batch at a time, beside the program that fills them.
+
+The caller fills one row after the other in a block of memory. A full block goes to a thread, which turns it into
+columns, compresses and writes them while the caller fills the other block; most of that work is done outside of
+Python and does not stop the caller. A file that ends early holds all batches before the break.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa  # type: ignore[import-untyped]
+from pyarrow import ipc
+
+from wbc.app.log.header import KEY, encode
+from wbc.app.log.table import Columns, Kind, Signal
+from wbc.core.errors import Array, InputError
+
+ROWS = 256
+"""Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed
+loses 5 s instead of 1.3 s."""
+
+MAGIC = b"ARROW1"
+"""First bytes of an Arrow IPC file."""
+
+TYPES: dict[Kind, Any] = {
+    "number": pa.float32(),
+    "double": pa.float64(),
+    "whole": pa.int32(),
+    "flag": pa.bool_(),
+    "text": pa.string(),
+    "list": pa.list_(pa.float32()),
+}
+"""Arrow's type for each kind of signal."""
+
+_log = logging.getLogger(__name__)
+
+
+class LogWriter:
+    """A log that is being written.
+
+    Attributes:
+        path: The file.
+        failure: Why nothing more is written; None as long as all is well.
+        rows: Rows taken so far.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Open the file, so that a path that cannot be written is known before anything else begins.
+
+        Args:
+            path: The file; a log that is there already is replaced.
+
+        Raises:
+            InputError: It cannot be written, or it is there and no log.
+        """
+        self.path = check_path(path)
+        try:
+            self._file = pa.output_stream(str(self.path), compression=None, buffer_size=1 << 20)
+        except OSError as error:
+            raise InputError(f"cannot write the log {self.path}: {error.strerror or error}") from error
+        self.failure: str | None = None
+        self.rows = 0
+        self._columns: Columns | None = None
+        self._out: Any = None
+        self._pending: Future[None] | None = None
+        self._thread: ThreadPoolExecutor | None = None
+        atexit.register(self.close)
+
+    def begin(
+        self, columns: Columns, header: dict[str, Any], finish: Sequence[Callable[[Array], None]] = ()
+    ) -> None:
+        """Say what is written. Columns cannot be added afterwards.
+
+        Args:
+            columns: Columns of the rows.
+            header: What the log says about itself.
+            finish: Called with the rows of each batch, shape (rows, columns), to fill columns from others.
+        """
+        self._columns, self._finish = columns, tuple(finish)
+        self._written = [(i, s) for i, s in enumerate(columns.signals) if s is not None]
+        self._numbers = np.array([i for i, s in self._written if s.kind == "number"], dtype=np.intp)
+        fields = [_field(signal) for _, signal in self._written]
+        self._schema = pa.schema(fields, metadata={KEY: encode(header)})
+        options = ipc.IpcWriteOptions(compression="lz4", use_threads=False)
+        self._out = ipc.new_file(self._file, self._schema, options=options)
+        self._file.flush()
+        width = len(columns.signals)
+        self._blocks = [np.full((ROWS, width), np.nan) for _ in range(2)]
+        self._block, self._count = self._blocks[0], 0
+        self._objects: list[Any] = []
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="wbc-log")
+
+    @property
+    def row(self) -> Array:
+        """The row to fill next, shape (columns,); it may hold anything."""
+        row: Array = self._block[self._count]
+        return row
+
+    def keep(self, values: Array) -> int:
+        """Keep a list for the row that is being filled, and return its number."""
+        self._objects.append(np.array(values, dtype=np.float32).reshape(-1))
+        return len(self._objects) - 1
+
+    def commit(self) -> None:
+        """Take the row."""
+        self._count += 1
+        self.rows += 1
+        if self._count == ROWS:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Give the block to the thread, and go on with the other one as soon as that has been written."""
+        assert self._thread is not None
+        self._wait()
+        if self.failure is None:
+            self._pending = self._thread.submit(self._write, self._block, self._objects)
+        self._block = self._blocks[1] if self._block is self._blocks[0] else self._blocks[0]
+        self._count, self._objects = 0, []
+
+    def _wait(self) -> None:
+        """Wait until the thread has nothing to do."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            self._attempt(pending.result)
+
+    def _attempt(self, write: Callable[[], None]) -> None:
+        try:
+            write()
+        except Exception as error:  # a full disk must not end a walk
+            self.failure = f"{error}"
+            _log.error("the log %s ends here, the run goes on: %s", self.path, error)
+
+    def _write(self, rows: Array, objects: list[Any]) -> None:
+        with np.errstate(all="ignore"):  # what is not a number stays so
+            for finish in self._finish:
+                finish(rows)
+            numbers = rows.T[self._numbers].astype(np.float32)
+        arrays, next_number = [], iter(numbers)
+        for place, signal in self._written:
+            if signal.kind == "number":
+                arrays.append(pa.array(next(next_number)))
+            else:
+                arrays.append(self._array(signal, rows[:, place], objects))
+        self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
+        self._file.flush()
+
+    def _array(self, signal: Signal, column: Array, objects: list[Any]) -> Any:
+        """Return the column of a signal that is no plain number."""
+        assert self._columns is not None
+        if signal.kind == "double":
+            return pa.array(np.ascontiguousarray(column))
+        missing = np.isnan(column)
+        if signal.kind == "flag":
+            return pa.array(column != 0.0, mask=missing)
+        places = np.where(missing, 0.0, column).astype(np.int32)
+        if signal.kind == "whole":
+            return pa.array(places, mask=missing)
+        if signal.kind == "text":
+            texts = pa.array(self._columns.texts or [""], pa.string())
+            return texts.take(pa.array(places, mask=missing))
+        lists = [None if gone else objects[i] for i, gone in zip(places, missing, strict=True)]
+        return pa.array(lists, TYPES["list"])
+
+    def close(self) -> None:
+        """Write what is left, and end the file. A second call does nothing."""
+        atexit.unregister(self.close)
+        if self._file is None:
+            return
+        if self._thread is not None:
+            self._wait()
+            self._thread.shutdown()
+            if (
+                self._count and self.failure is None
+            ):  # here, not in the thread: Python may be at its end already
+                self._attempt(lambda: self._write(self._block[: self._count], self._objects))
+        if self._out is not None:
+            with contextlib.suppress(OSError):  # said already
+                self._out.close()
+        with contextlib.suppress(OSError):
+            self._file.close()
+        self._file = self._out = None
+
+
+def check_path(path: str | Path) -> Path:
+    """Return the path of a log to be written.
+
+    Raises:
+        InputError: Its folder is not there, or it is there and no log.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise InputError(f"no folder {target.parent} to write the log {target.name} into")
+    if target.is_dir():
+        raise InputError(f"cannot write the log {target}: it is a folder")
+    try:
+        with target.open("rb") as file:
+            start = file.read(len(MAGIC))
+    except FileNotFoundError:
+        return target
+    except OSError as error:
+        raise InputError(f"cannot write the log {target}: {error.strerror}") from error
+    if start and start != MAGIC:
+        raise InputError(f"{target} is there already and is no log; choose another name")
+    return target
+
+
+def _field(signal: Signal) -> Any:
+    metadata = {"unit": signal.unit, "about": signal.about}
+    return pa.field(signal.name, TYPES[signal.kind], metadata=metadata)
