@@ -442,7 +442,8 @@ class Controller:
             np.negative(slot.full[:, BASE_DOF:].T, out=self._joint_force[:, slot.columns])
 
         for motion, jacobian, error, drift in self._motion:
-            motion.evaluate(jacobian, error, drift)
+            if not motion.idle:
+                motion.evaluate(jacobian, error, drift)
         reference(self._rows, np.dot(self._block_matrix, v, out=self._scratch), self._block_target)
         for task, matrix, target in self._variable:
             task.evaluate(matrix, target)

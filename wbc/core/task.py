@@ -62,9 +62,11 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
         dim: Number of rows; fixed once the task has been added to a controller.
         unit: Unit of the error; the residual is in `unit`/s² for motion tasks.
         hard: True if the rows are constraints instead of costs.
+        idle: True while the weight is zero: the rows are left as they were, and cost no time.
     """
 
     unit = "m"
+    idle = False
 
     def __init__(
         self,
@@ -126,6 +128,7 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
         self._rows.weight[:] = self._gain("weight", value)
+        self.idle = not (self.hard or self._rows.weight.any())
 
     @property
     def stiffness(self) -> Array:
