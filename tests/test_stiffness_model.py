@@ -141,6 +141,20 @@ def test_a_profile_that_is_known_gets_its_own_stiffness(model: StiffnessModel, t
         assert p.cluster == model.settings.clusters.of(table.stiffness[i])
 
 
+def test_all_rows_that_are_equally_near_have_a_say() -> None:
+    """Thirty level profiles with two labels: the majority decides, not the order of the rows."""
+    rng = np.random.default_rng(2)
+    names = {name: rng.random(60) for name in PARAMETERS}
+    for entries in names.values():
+        entries[:30] = 0.0
+    for first, second in ((10.0, 50.0), (50.0, 10.0)):
+        order = np.r_[rng.permutation(np.r_[np.full(11, first), np.full(19, second)]), np.full(30, 70.0)]
+        columns = names | {"ground": ["a"] * 60, "family": ["a"] * 60, "amplitude": [0.01] * 60}
+        columns |= {"seed": [0] * 60, "window": list(range(60)), "stiffness": order}
+        fitted = StiffnessModel.fit(StiffnessTable.from_columns(columns))
+        assert fitted.predict(np.zeros(10)).cluster == fitted.settings.clusters.of(second)
+
+
 def test_far_profiles_are_unfamiliar(model: StiffnessModel, table: StiffnessTable) -> None:
     assert all(model.predict(v).familiar for v in table.values)
     assert np.mean([model.predict(v).familiar for v in queries(table, spread=0.05)]) > 0.95
