@@ -58,7 +58,7 @@ class Source(ABC):
     def write(self, tick: Tick, row: Array) -> None:
         """Fill its columns of a row; whatever the row held before is gone."""
 
-    def finish(self, rows: Array) -> None:
+    def finish(self, rows: Array) -> None:  # noqa: B027 - most have nothing to do
         """Fill columns from others, for many rows at once, shape (rows, columns)."""
 
 
