@@ -29,7 +29,7 @@ FORCE_SCALE = 3e-3
 SPACING = 0.8
 """Distance between the robots of a picture, m."""
 
-IMPULSE = 0.18
+IMPULSE = 0.28
 """Of the push, forward, Ns/kg."""
 
 TIMES = (-0.05, 0.08, 0.3, 0.7, 3.0)

@@ -53,7 +53,7 @@ class PushSpec:
     foot: str = "flat"
     noise: str = "none"
     seed: int = 0
-    feedback: Feedback = "open"
+    feedback: Feedback = "closed"
     control_period: float | None = None
     timestep: float = 0.001
     gains: BalanceGains = field(default_factory=BalanceGains)
@@ -192,7 +192,7 @@ class PushTableOptions:
     foot: str = "flat"
     noise: str = "none"
     seed: int = 0
-    feedback: Feedback = "open"
+    feedback: Feedback = "closed"
 
     def __post_init__(self) -> None:
         if self.directions < 1:

@@ -57,7 +57,7 @@ class StandOptions:
     foot: str = "flat"
     noise: str = "none"
     seed: int = 0
-    feedback: Feedback = "open"
+    feedback: Feedback = "closed"
     control_period: float | None = None
     timestep: float = 0.001
     gains: BalanceGains = field(default_factory=BalanceGains)

@@ -121,7 +121,7 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
 
 
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
-    weak = push(PushSpec(impulse=0.1, after=2.5))
+    weak = push(PushSpec(impulse=0.2, after=2.5))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
     strong = push(PushSpec(impulse=0.8, after=2.5))
     assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
