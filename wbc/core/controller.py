@@ -239,6 +239,7 @@ class Controller:
             + sum(r.dim for r in self._row_limits)
         )
         self.problem = p = Problem(nv, na, n, n_eq, sum(t.dim for t in soft), n_in)
+        p.n_physics = BASE_DOF
         p.equality_groups["floating-base dynamics"] = slice(0, BASE_DOF)
         p.inequality_groups["torque limits"] = slice(0, na)
 

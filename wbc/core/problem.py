@@ -29,6 +29,7 @@ class Problem:
         soft_weight: Weights of the soft rows, shape (n_soft,), ≥ 0.
         diagonal: Shape (n,), ≥ 0.
         linear: Shape (n,).
+        n_physics: Number of equalities, the first ones, that nothing may relax; all of them unless set otherwise.
         empty: Mask of equalities that are 0 = 0, shape (n_eq,): held in reserve, to keep the size fixed.
         lower: Lower bounds, shape (n_in,); −inf where there is none.
         upper: Upper bounds, shape (n_in,); inf where there is none.
@@ -45,6 +46,7 @@ class Problem:
         self.soft = self.rows[n_eq : n_eq + n_soft]
         self.inequality = self.rows[n_eq + n_soft :]
         self.target = np.zeros(n_eq + n_soft)
+        self.n_physics = n_eq
         self.empty = np.zeros(n_eq, dtype=bool)
         self.soft_weight = np.zeros(n_soft)
         self.diagonal, self.linear = np.zeros(n), np.zeros(n)

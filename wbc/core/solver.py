@@ -5,9 +5,10 @@ the structure of `Problem` it is one small symmetric system, and checking the re
 multipliers of the right sign) proves that it is the exact solution. `ActiveSet` does that. Whenever the check fails
 after a few corrections of the set, ProxQP solves the problem from scratch and finds the new set.
 
-The ladder: active set; persistent ProxQP, warm-started by its last result; a fresh ProxQP without a guess; DAQP, an
-exact active-set method; nothing. No solution is used unless its primal residual, computed here, is small: ProxQP has
-been seen to report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
+The ladder: active set; persistent ProxQP, warm-started by the last result; a fresh ProxQP without a guess; DAQP, an
+exact active-set method; if asked for, DAQP on a relaxed problem; nothing. No solution is used unless its primal
+residual, computed here, is small: ProxQP has been seen to report PROXQP_SOLVED with a residual of 890
+(WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ class Status(enum.Enum):
     """By a fresh ProxQP without a guess."""
     FALLBACK = "fallback"
     """By DAQP."""
+    RELAXED = "relaxed"
+    """By DAQP, with hard tasks and contact motion as costs: they could not all be kept."""
     INFEASIBLE = "infeasible"
     """Not at all: hard constraints contradict each other, or every solver gave up."""
     REFUSED = "refused"
@@ -47,7 +50,7 @@ class Status(enum.Enum):
     @property
     def ok(self) -> bool:
         """True if there is a solution."""
-        return self in (Status.SOLVED, Status.RECOVERED, Status.FALLBACK)
+        return self in (Status.SOLVED, Status.RECOVERED, Status.FALLBACK, Status.RELAXED)
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,8 @@ class SolverSettings:
             two outer iterations, with 1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows.
         active_set_changes: How often a tick may correct the active set before ProxQP takes over; 0 leaves every tick
             to ProxQP.
+        relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be kept; such
+            a tick is "infeasible" when None. Dynamics and inequalities are always kept.
     """
 
     tolerance: float = 1e-6
@@ -71,6 +76,7 @@ class SolverSettings:
     max_inner_iterations: int = 50
     equality_penalty: float = 1e-7
     active_set_changes: int = 4
+    relaxation: float | None = None
 
     def __post_init__(self) -> None:
         for name in (
@@ -81,6 +87,8 @@ class SolverSettings:
             "equality_penalty",
         ):
             positive(f"solver setting '{name}'", getattr(self, name))
+        if self.relaxation is not None:
+            positive("solver setting 'relaxation'", self.relaxation)
         if self.active_set_changes < 0:
             raise InputError(
                 f"solver setting 'active_set_changes' must be ≥ 0, got {self.active_set_changes}"
@@ -237,7 +245,7 @@ class QpSolver:
         self._guess = (np.zeros(problem.diagonal.size), np.zeros(problem.n_eq), np.zeros(problem.lower.size))
         self.x, self.values, self.multipliers = self._fast.x, self._fast.values, self._fast.multipliers
         self.iterations = 0
-        self.counts = {"active set": 0, "ProxQP": 0, "fresh ProxQP": 0, "DAQP": 0, "failed": 0}
+        self.counts = {"active set": 0, "ProxQP": 0, "fresh ProxQP": 0, "DAQP": 0, "relaxed": 0, "failed": 0}
 
     def solve(self) -> Status:
         """Solve, and keep the results. Nothing is raised: the status says what happened."""
@@ -285,6 +293,11 @@ class QpSolver:
             logger.warning("ProxQP failed (%s); DAQP succeeded", qp.results.info.status)
             self.counts["DAQP"] += 1
             return Status.FALLBACK
+        if self.settings.relaxation is not None and p.n_physics < p.n_eq:
+            solution = self._daqp(hessian, gradient, self.settings.relaxation)
+            if solution is not None and self._accept(*solution, n_eq=p.n_physics):
+                self.counts["relaxed"] += 1
+                return Status.RELAXED
         self.counts["failed"] += 1
         return Status.INFEASIBLE
 
@@ -325,15 +338,18 @@ class QpSolver:
         self.x[:], self.values[:], self.multipliers[:] = x, values, multipliers
         return False
 
-    def _accept(self, x: Array, z: Array) -> bool:
+    def _accept(self, x: Array, z: Array, n_eq: int | None = None) -> bool:
         """Take an answer if it is feasible and no multiplier pushes off a bound that is far away.
+
+        Only the first n_eq equalities have to be kept; all of them when None.
 
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
         """
         p, tolerance = self.problem, self.settings.residual_tolerance
         values = np.dot(p.rows, x)
-        error = values[: p.n_eq] - p.target[: p.n_eq]
+        n_eq = p.n_eq if n_eq is None else n_eq
+        error = values[:n_eq] - p.target[:n_eq]
         bounded = values[p.n_eq + p.n_soft :]
         above, below = p.upper - bounded, bounded - p.lower
         if not (np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance):
@@ -361,11 +377,22 @@ class QpSolver:
         settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
         return qp
 
-    def _daqp(self, hessian: Array, gradient: Array) -> tuple[Array, Array] | None:
-        """Solve with DAQP through qpsolvers, which writes two-sided rows as two one-sided ones; x and multipliers."""
+    def _daqp(
+        self, hessian: Array, gradient: Array, relaxation: float | None = None
+    ) -> tuple[Array, Array] | None:
+        """Solve with DAQP through qpsolvers, which writes two-sided rows as two one-sided ones; x and multipliers.
+
+        With a relaxation, all equalities but the physics become costs of that weight.
+        """
         p = self.problem
+        problem = standard_form(p, hessian, gradient)
+        if relaxation is not None:
+            rows, target = p.equality[p.n_physics :], p.equality_target[p.n_physics :]
+            problem.P = hessian + relaxation * np.dot(rows.T, rows)
+            problem.q = gradient - relaxation * np.dot(target, rows)
+            problem.A, problem.b = p.equality[: p.n_physics].copy(), p.equality_target[: p.n_physics].copy()
         try:
-            solution = qpsolvers.solve_problem(standard_form(p, hessian, gradient), solver="daqp")
+            solution = qpsolvers.solve_problem(problem, solver="daqp")
         except (qpsolvers.QPError, ValueError, ArithmeticError) as error:
             logger.warning("DAQP failed: %s", error)
             return None

@@ -27,6 +27,7 @@ from wbc.core.observer import Observer
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.core.solution import Solution
+from wbc.core.solver import SolverSettings
 from wbc.tasks.com import CoMTask
 from wbc.tasks.frame import OrientationTask, PoseTask
 from wbc.tasks.posture import PostureTask
@@ -158,7 +159,8 @@ class WalkingControl:
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=com)
         self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
-        self.controller = Controller(robot, dt)
+        # On steep ground a leg may be too short for where its foot should be: do what can be done.
+        self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self._add_tasks(s.tasks)
         self.control: PositionControl | TorqueControl
         if self._torque:
