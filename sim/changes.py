@@ -1,0 +1,225 @@
+"""Settings inside settings, changed by name: `gains.dcm_p`, or `dcm_p` alone where that is the only one.
+
+What can be changed is what frozen dataclasses have as fields, so a setting that is added somewhere can be changed
+from the command line, a file or a study without being written down again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import Any, TypeVar
+
+from wbc.core.errors import InputError, unknown_name
+
+T = TypeVar("T")
+
+Scalar = bool | int | float | str | None
+Value = Scalar | tuple[Scalar, ...]
+Changes = tuple[tuple[str, Value], ...]
+"""Names and values in alphabetical order: hashable, and the same whatever the order in which they were given."""
+
+
+def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes:
+    """Put names and values into their normal form.
+
+    Args:
+        values: Names and values; lists become tuples.
+
+    Raises:
+        InputError: A name that is not text or is given twice, or a value that is not plain.
+    """
+    pairs = list(values.items() if isinstance(values, Mapping) else values)
+    names = [pair[0] for pair in pairs]
+    for name in names:
+        if not isinstance(name, str):
+            raise InputError(f"the name of a setting must be text, got {name!r}")
+        if names.count(name) > 1:
+            raise InputError(f"setting '{name}' is given twice")
+    return tuple(sorted((name, _plain(name, value)) for name, value in pairs))
+
+
+def _plain(name: str, value: Any) -> Value:
+    if isinstance(value, (list, tuple)) and all(_is_scalar(item) for item in value):
+        return tuple(value)
+    if not _is_scalar(value):
+        raise InputError(
+            f"setting '{name}' must be a number, a truth value, text, null or a list of these, got {value!r}"
+        )
+    return typing.cast(Scalar, value)
+
+
+def _is_scalar(value: Any) -> bool:
+    return value is None or isinstance(value, (bool, int, float, str))
+
+
+def read_changes(texts: Iterable[str]) -> dict[str, Value]:
+    """Turn name=value texts into names and values.
+
+    Args:
+        texts: Each as name=value; numbers, true, false, none, text, or several of them with commas between.
+
+    Raises:
+        InputError: Not of that form, or a name twice.
+    """
+    changes: dict[str, Value] = {}
+    for text in texts:
+        name, separator, value = text.partition("=")
+        name = name.strip().replace("-", "_")
+        if not separator or not name or not value.strip():
+            raise InputError(f"a setting is given as name=value, got '{text}'")
+        if name in changes:
+            raise InputError(f"setting '{name}' is given twice")
+        parts = [_read(part.strip()) for part in value.split(",")]
+        changes[name] = parts[0] if len(parts) == 1 else tuple(parts)
+    return changes
+
+
+def _read(text: str) -> Scalar:
+    words: dict[str, Scalar] = {"true": True, "false": False, "none": None, "null": None}
+    if text.lower() in words:
+        return words[text.lower()]
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def setting_names(settings: Any) -> tuple[str, ...]:
+    """Full names of everything that can be changed in a dataclass and the dataclasses inside it."""
+    return tuple(path for path, _ in _leaves(settings))
+
+
+def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        if dataclasses.is_dataclass(value):
+            if _may_be_none(type(settings), field.name):
+                yield prefix + field.name, value
+            yield from _leaves(value, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name, value
+
+
+def full_name(settings: Any, name: str) -> str:
+    """Full name of a setting of which the last part, or the last parts, are given.
+
+    Args:
+        settings: A dataclass.
+        name: Such as "dcm_p", "gains.dcm_p".
+
+    Raises:
+        UnknownNameError: No setting is called so; the nearest are named.
+        InputError: Several are; they are named.
+    """
+    names = setting_names(settings)
+    if name in names:
+        return name
+    found = [path for path in names if path.endswith("." + name)]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise InputError(f"setting '{name}' could be {' or '.join(found)}; give more of its name")
+    unknown_name("setting", name, {*names, *(path.rpartition(".")[2] for path in names)})
+
+
+def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
+    """Settings with some values replaced.
+
+    Args:
+        settings: A frozen dataclass, with dataclasses inside.
+        changes: Names, full or as far as they are unique, and values. What can be switched off takes None, and
+            True where it is off.
+
+    Returns:
+        New settings, checked as all settings of their class are.
+
+    Raises:
+        UnknownNameError: No such setting.
+        InputError: A name that several settings have, a value of the wrong kind or out of range.
+    """
+    for path, value in _in_order(settings, changes):
+        settings = _replaced(settings, path.split("."), value, path)
+    return settings
+
+
+def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
+    """The same changes with full names, in alphabetical order and with values as the settings have them then.
+
+    Equal changes are then equal, hash equal and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0, 5.0).
+
+    Raises:
+        InputError: As `changed`, or a setting that is changed under two names.
+    """
+    pairs = _in_order(settings, changes)
+    new = changed(settings, changes)
+    return as_changes((path, _value(new, path, value)) for path, value in pairs)
+
+
+def _in_order(settings: Any, changes: Mapping[str, Any] | Changes) -> list[tuple[str, Any]]:
+    """Full names and values; what is switched on comes first and what is switched off last."""
+    pairs = list(changes.items() if isinstance(changes, Mapping) else changes)
+    pairs.sort(key=lambda pair: (pair[1] is None) - (pair[1] is True))
+    found: list[tuple[str, Any]] = []
+    for name, value in pairs:
+        path = full_name(settings, name)
+        found.append((path, value))
+        if value is True and "." in path:  # its settings can be changed now
+            settings = _replaced(settings, path.split("."), value, path)
+    return found
+
+
+def _value(settings: Any, path: str, given: Any) -> Any:
+    for name in path.split("."):
+        settings = getattr(settings, name, None)
+    plain = isinstance(settings, tuple) or _is_scalar(settings)
+    return settings if plain else given
+
+
+def _replaced(settings: T, path: list[str], value: Any, whole: str) -> T:
+    name, *rest = path
+    old = getattr(settings, name)
+    new = _replaced(old, rest, value, whole) if rest else _checked(settings, name, old, value, whole)
+    return dataclasses.replace(settings, **{name: new})  # type: ignore[type-var]
+
+
+def _checked(settings: Any, name: str, old: Any, value: Any, whole: str) -> Any:
+    """A value of the kind that the setting has."""
+    if value is None:
+        if not _may_be_none(type(settings), name):
+            raise InputError(f"setting '{whole}' cannot be none")
+        return None
+    inside = _inside(type(settings), name)
+    if inside is not None and value is True:
+        return old if old is not None else inside()
+    if inside is not None:
+        raise InputError(f"setting '{whole}' has settings of its own; change those, or give true or none")
+    if isinstance(old, bool) and not isinstance(value, bool):
+        raise InputError(f"setting '{whole}' must be true or false, got {value!r}")
+    if isinstance(old, (int, float)) and not isinstance(old, bool) and isinstance(value, (bool, str, tuple)):
+        raise InputError(f"setting '{whole}' must be a number, got {value!r}")
+    if isinstance(old, str) and not isinstance(value, str):
+        raise InputError(f"setting '{whole}' must be text, got {value!r}")
+    return float(value) if isinstance(old, float) and isinstance(value, int) else value
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return typing.get_type_hints(kind)
+
+
+def _inside(kind: type, name: str) -> type[Any] | None:
+    """Class of the settings inside a setting, None if it has none."""
+    hint = _hints(kind)[name]
+    choices = typing.get_args(hint) or (hint,)
+    return next((c for c in choices if isinstance(c, type) and dataclasses.is_dataclass(c)), None)
+
+
+def _may_be_none(kind: type, name: str) -> bool:
+    hint = _hints(kind)[name]
+    return typing.get_origin(hint) in (typing.Union, types.UnionType) and type(None) in typing.get_args(hint)

@@ -1,0 +1,51 @@
+"""Which code has made a result: package, sources and the libraries whose numbers are in it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import wbc
+from wbc._version import __version__
+
+PARTS = ("core", "feet", "robots", "sim", "tasks", "walking")
+"""Parts of the package that can change the result of a trial; the command line and the pictures cannot."""
+
+SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
+"""Files that count."""
+
+LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
+"""Libraries that compute."""
+
+
+@cache
+def code_version() -> str:
+    """Hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
+    root = Path(wbc.__file__).parent
+    digest = hashlib.sha256()
+    for part in PARTS:
+        folder = root / part
+        for path in sorted(
+            p for p in folder.rglob("*") if p.suffix in SUFFIXES and "__pycache__" not in p.parts
+        ):
+            digest.update(f"{part}/{path.relative_to(folder).as_posix()}\0".encode())
+            digest.update(path.read_bytes())
+            digest.update(b"\0")
+    return digest.hexdigest()[:12]
+
+
+@cache
+def provenance() -> Mapping[str, Any]:
+    """Package version, code version and versions of the libraries, as plain values."""
+    return {"wbc": __version__, "code": code_version(), "libraries": {n: _version(n) for n in LIBRARIES}}
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:  # a build from source that left no metadata
+        return "unknown"

@@ -1,0 +1,514 @@
+"""Studies: which trials answer a question, and the table that they make.
+
+A study has cells (grounds, say) and arms (soles, say); every arm is tried in every cell with the same seeds, so that
+arms can be compared in pairs. It is data: the ones below are made by functions, others are read from JSON::
+
+    {"name": "soles on stones", "kind": "walk", "base": {"plan": {"distance": 3.0}},
+     "cells": {"stones 20 mm": {"terrain": "stones", "amplitude": 0.02}},
+     "arms": {"flat": {"foot": "flat"}, "soft 5": {"foot": "soft", "stiffness": 5.0}},
+     "seeds": {"first": 100, "count": 20}, "reference": "flat"}
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from wbc.core.errors import InputError, choose, unknown_name
+from wbc.sim.comparison import Estimate, mean_interval, paired_difference
+from wbc.sim.journal import Entry, trial_key
+from wbc.sim.provenance import provenance
+from wbc.sim.trials import Trial, trial_from_json
+
+FRESH_SEED = 100
+"""First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
+
+METRICS = {"walk": "steps_done", "push_limit": "impulse"}
+"""What a table of a kind of trial is about unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row of a study.
+
+    Attributes:
+        name: Name.
+        values: Parts of the specs.
+        arms: Arms that are tried here; all when None.
+    """
+
+    name: str
+    values: Mapping[str, Any]
+    arms: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class StudyTrial:
+    """One trial of a study, and where it belongs."""
+
+    cell: str
+    arm: str
+    seed: int
+    spec: Trial
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Which trials answer a question.
+
+    Attributes:
+        name: Name.
+        about: What the question is.
+        kind: Kind of its trials.
+        base: Parts of a spec that all trials share.
+        cells: Rows.
+        arms: Columns: name → parts of the specs.
+        seeds: Seeds that every arm is tried with in every cell.
+        metric: What the table is about: part of a result, such as "steps_done" or "zmp_error.mean".
+        reference: Arm that the others are compared with; the first one when None.
+    """
+
+    name: str
+    about: str = ""
+    kind: str = "walk"
+    base: Mapping[str, Any] = field(default_factory=dict)
+    cells: tuple[Cell, ...]
+    arms: Mapping[str, Mapping[str, Any]]
+    seeds: tuple[int, ...]
+    metric: str | None = None
+    reference: str | None = None
+
+    def __post_init__(self) -> None:
+        choose("kind of trial", self.kind, METRICS)
+        if not self.cells or not self.arms or not self.seeds:
+            raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
+        names = [cell.name for cell in self.cells]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"study '{self.name}' has the cell '{name}' twice")
+        for cell in self.cells:
+            for arm in cell.arms or ():
+                choose(f"arm of the study '{self.name}'", arm, self.arms)
+        if self.reference is not None:
+            choose(f"arm of the study '{self.name}'", self.reference, self.arms)
+
+    def trials(self) -> Iterator[StudyTrial]:
+        """All trials, seed by seed, so that a sweep that is stopped has tried all arms on the same grounds.
+
+        Raises:
+            InputError: A spec that cannot be run; the message says in which cell and arm.
+        """
+        for seed in self.seeds:
+            for cell in self.cells:
+                for arm in cell.arms or self.arms:
+                    data = merged(self.base, cell.values, self.arms[arm], {"seed": seed, "kind": self.kind})
+                    try:
+                        spec = trial_from_json(data)
+                    except (InputError, TypeError) as error:
+                        raise InputError(f"study '{self.name}', {cell.name}, {arm}: {error}") from error
+                    yield StudyTrial(cell.name, arm, seed, spec)
+
+    def narrowed(
+        self, cells: Iterable[str] = (), arms: Iterable[str] = (), seeds: int | None = None
+    ) -> Study:
+        """A part of the study.
+
+        Args:
+            cells: Names of cells, or beginnings of names; all when none is given.
+            arms: Names of arms; all when none is given.
+            seeds: Number of seeds, the first ones; all when None.
+
+        Raises:
+            UnknownNameError: No such cell or arm.
+        """
+        wanted, columns = list(cells), list(arms)
+        for name in wanted:
+            if not any(cell.name.startswith(name) for cell in self.cells):
+                unknown_name(f"cell of the study '{self.name}'", name, [cell.name for cell in self.cells])
+        for arm in columns:
+            choose(f"arm of the study '{self.name}'", arm, self.arms)
+        if seeds is not None and not 1 <= seeds <= len(self.seeds):
+            raise InputError(f"seeds must be from 1 to the {len(self.seeds)} of the study, got {seeds}")
+        kept = []
+        for cell in self.cells:
+            mine = tuple(arm for arm in cell.arms or self.arms if not columns or arm in columns)
+            if mine and (not wanted or any(cell.name.startswith(name) for name in wanted)):
+                kept.append(replace(cell, arms=mine))
+        chosen = {name: values for name, values in self.arms.items() if not columns or name in columns}
+        reference = self.reference if self.reference in chosen else None
+        return replace(self, cells=tuple(kept), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
+
+    def to_json(self) -> dict[str, Any]:
+        """The study as plain values."""
+        return {
+            "name": self.name,
+            "about": self.about,
+            "kind": self.kind,
+            "base": dict(self.base),
+            "cells": {
+                cell.name: {**cell.values, **({} if cell.arms is None else {"arms": list(cell.arms)})}
+                for cell in self.cells
+            },
+            "arms": {name: dict(values) for name, values in self.arms.items()},
+            "seeds": list(self.seeds),
+            "metric": self.metric,
+            "reference": self.reference,
+        }
+
+    @staticmethod
+    def from_json(data: Mapping[str, Any]) -> Study:
+        """The study that `to_json` wrote.
+
+        Raises:
+            UnknownNameError: A key that a study does not have.
+            InputError: Something is missing or of another form.
+        """
+        known = ("name", "about", "kind", "base", "cells", "arms", "seeds", "metric", "reference")
+        for key in data:
+            if key not in known:
+                unknown_name("part of a study", key, known)
+        missing = [key for key in ("name", "cells", "arms", "seeds") if key not in data]
+        if missing:
+            raise InputError(f"a study needs name, cells, arms and seeds; {' and '.join(missing)} missing")
+        for key in ("base", "cells", "arms"):
+            if not isinstance(data.get(key, {}), Mapping):
+                raise InputError(f"{key} of a study must be an object of names and values")
+        cells = []
+        for name, values in data["cells"].items():
+            parts = dict(values)
+            arms = parts.pop("arms", None)
+            cells.append(Cell(name, parts, None if arms is None else tuple(arms)))
+        rest = {key: data[key] for key in ("about", "kind", "base", "metric", "reference") if key in data}
+        return Study(
+            name=data["name"], cells=tuple(cells), arms=data["arms"], seeds=_seeds(data["seeds"]), **rest
+        )
+
+
+def _seeds(given: Any) -> tuple[int, ...]:
+    if isinstance(given, Mapping):
+        if set(given) != {"first", "count"}:
+            raise InputError(f"seeds of a study are a list, or first and count, got {dict(given)}")
+        return tuple(range(given["first"], given["first"] + given["count"]))
+    if not isinstance(given, (list, tuple)):
+        raise InputError(f"seeds of a study are a list, or first and count, got {given!r}")
+    return tuple(given)
+
+
+def merged(*parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Parts of a spec put together: later values take the place of earlier ones, objects are put together."""
+    result: dict[str, Any] = {}
+    for part in parts:
+        for key, value in part.items():
+            old = result.get(key)
+            both = isinstance(old, Mapping) and isinstance(value, Mapping)
+            result[key] = merged(old, value) if both else value  # type: ignore[arg-type]
+    return result
+
+
+# What came out
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """What one arm did in one cell.
+
+    Attributes:
+        cell: Name.
+        arm: Name.
+        estimate: Of the metric.
+        difference: To the reference arm, pair by pair; None of the reference itself.
+        statuses: Status of the trials → number; "missing" have not been run.
+        outcomes: How walks ended → number.
+        fall_reasons: Why robots fell → number.
+        directions: Where falls began to go → number.
+    """
+
+    cell: str
+    arm: str
+    estimate: Estimate
+    difference: Estimate | None
+    statuses: dict[str, int]
+    outcomes: dict[str, int]
+    fall_reasons: dict[str, int]
+    directions: dict[str, int]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "cell": self.cell,
+            "arm": self.arm,
+            **self.estimate.to_json(),
+            "difference": None if self.difference is None else self.difference.to_json(),
+            "statuses": self.statuses,
+            "outcomes": self.outcomes,
+            "fall_reasons": self.fall_reasons,
+            "directions": self.directions,
+        }
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """The table of a study.
+
+    Attributes:
+        study: The study.
+        metric: What it is about.
+        completed_only: Only walks that were completed count.
+        reference: Arm that the others are compared with.
+        cells: Row by row.
+    """
+
+    study: Study
+    metric: str
+    completed_only: bool
+    reference: str
+    cells: tuple[TableCell, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "study": self.study.name,
+            "metric": self.metric,
+            "completed_only": self.completed_only,
+            "confidence": 0.95,
+            "reference": self.reference,
+            "cells": [cell.to_json() for cell in self.cells],
+        }
+
+    def markdown(self) -> str:
+        """Three tables: means, paired differences, and how walks ended."""
+        arms = list(self.study.arms)
+        rows = [cell.name for cell in self.study.cells]
+        found = {(cell.cell, cell.arm): cell for cell in self.cells}
+        which = ", completed walks alone" if self.completed_only else ""
+        parts = [f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(rows, arms, found, _mean_text)]
+        if len(arms) > 1:
+            title = f"Difference to '{self.reference}' on the same seeds: mean [95 % interval]"
+            others = [arm for arm in arms if arm != self.reference]
+            parts.append(title + "\n\n" + _grid(rows, others, found, _difference_text))
+        if any(cell.outcomes for cell in self.cells):
+            parts.append("How they ended\n\n" + _grid(rows, arms, found, _ending_text))
+        return "\n\n".join(parts)
+
+
+def _grid(rows: list[str], columns: list[str], cells: Mapping[tuple[str, str], TableCell], text: Any) -> str:
+    lines = ["| | " + " | ".join(columns) + " |", "|---|" + "---|" * len(columns)]
+    for row in rows:
+        values = [text(cells[row, column]) if (row, column) in cells else "" for column in columns]
+        lines.append(f"| {row} | " + " | ".join(values) + " |")
+    return "\n".join(lines)
+
+
+def _mean_text(cell: TableCell) -> str:
+    return f"{cell.estimate.text()} ({cell.estimate.n})"
+
+
+def _difference_text(cell: TableCell) -> str:
+    return "" if cell.difference is None else f"{cell.difference.text()} ({cell.difference.n})"
+
+
+def _ending_text(cell: TableCell) -> str:
+    total = sum(cell.outcomes.values())
+    parts = [f"{cell.outcomes.get('completed', 0)} of {total} completed"]
+    parts += [f"{n} {reason}" for reason, n in sorted(cell.fall_reasons.items(), key=lambda item: -item[1])]
+    parts += [f"{n} {direction}" for direction, n in sorted(cell.directions.items(), key=lambda i: -i[1])]
+    parts += [f"{cell.outcomes[name]} {name}" for name in ("unfinished",) if cell.outcomes.get(name)]
+    bad = ("diverged", "timeout", "crashed", "missing")
+    parts += [f"{cell.statuses[name]} {name}" for name in bad if cell.statuses.get(name)]
+    return ", ".join(parts)
+
+
+def study_table(
+    study: Study,
+    entries: Mapping[str, Entry],
+    *,
+    metric: str | None = None,
+    completed_only: bool = False,
+    any_code: bool = False,
+) -> StudyTable:
+    """Make the table of a study.
+
+    Trials that diverged, crashed or took too long are counted, and enter no mean.
+
+    Args:
+        study: The study.
+        entries: Those of a journal, by key.
+        metric: Part of the results; the study's own when None.
+        completed_only: Leave out walks that were not completed, and their pairs.
+        any_code: Take results of other versions of the code, too; else only those of the present one.
+
+    Raises:
+        InputError: A metric that no result has.
+    """
+    name = metric or study.metric or METRICS[study.kind]
+    reference = study.reference or next(iter(study.arms))
+    others = {trial_key(entry.spec, {}): entry for entry in entries.values()} if any_code else {}
+    version = provenance()
+    values: dict[tuple[str, str], dict[int, float]] = {}
+    counts: dict[tuple[str, str], tuple[Counter[str], ...]] = {}
+    for trial in study.trials():
+        place = (trial.cell, trial.arm)
+        statuses, outcomes, reasons, directions = counts.setdefault(
+            place, (Counter(), Counter(), Counter(), Counter())
+        )
+        mine = values.setdefault(place, {})
+        plain = trial.spec.to_json()
+        entry = entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
+        statuses["missing" if entry is None else entry.status] += 1
+        if entry is None or entry.status != "done" or entry.result is None:
+            continue
+        outcome = entry.result.get("outcome")
+        if outcome is not None:
+            outcomes[outcome] += 1
+            if entry.result.get("fall_reason"):
+                reasons[entry.result["fall_reason"]] += 1
+            if entry.result.get("fall"):
+                directions[entry.result["fall"]["direction"]] += 1
+        if completed_only and outcome != "completed":
+            continue
+        value = _part(entry.result, name)
+        if value is not None:
+            mine[trial.seed] = value
+    cells = []
+    for (cell, arm), mine in values.items():
+        base = values.get((cell, reference), {})
+        difference = None if arm == reference else paired_difference(mine, base)
+        statuses, outcomes, reasons, directions = counts[cell, arm]
+        cells.append(
+            TableCell(
+                cell,
+                arm,
+                mean_interval(list(mine.values())),
+                difference,
+                dict(statuses),
+                dict(outcomes),
+                dict(reasons),
+                dict(directions),
+            )
+        )
+    return StudyTable(study, name, completed_only, reference, tuple(cells))
+
+
+def _part(result: Mapping[str, Any], name: str) -> float | None:
+    """A number out of a result; None where it was not measured."""
+    value: Any = result
+    for key in name.split("."):
+        if not isinstance(value, Mapping) or key not in value:
+            known = [f"{a}.{b}" for a, v in result.items() if isinstance(v, Mapping) for b in v]
+            unknown_name("part of a result", name, [*result, *known])
+        value = value[key]
+    if value is None:
+        return None
+    if isinstance(value, (bool, int, float)):
+        return float(value)
+    raise InputError(f"'{name}' of a result is no number but {value!r}")
+
+
+# Studies that belong to the project
+
+
+def soles() -> dict[str, dict[str, Any]]:
+    """The soles that are compared: the robot's own, a rigid one of the soft footprint, soft ones by stiffness.
+
+    Stiffnesses in Nm/rad: from 0.5 to 80, which the paper takes for very compliant and for rigid (Frizza et al., 2022,
+    table I), with the 5 of its fixed sole and the 42 of its figure 4 between.
+    """
+    fixed: dict[str, dict[str, Any]] = {"flat": {"foot": "flat"}, "rigid": {"foot": "rigid"}}
+    soft = {f"soft {k:g}": {"foot": "soft", "stiffness": k} for k in (0.5, 5.0, 20.0, 42.0, 80.0)}
+    return fixed | soft
+
+
+def flat_floor(seeds: int = 10) -> Study:
+    """Walks of 3 m on a flat floor, every sole: is every walk completed, and how exact is it?"""
+    return Study(
+        name="flat_floor",
+        about="3 m on a flat floor with sensor noise: completed walks and errors",
+        base={"terrain": "flat", "noise": "realistic", "plan": {"distance": 3.0}},
+        cells=(
+            Cell("hrp4_class", {"robot": "hrp4_class"}),
+            Cell("talos", {"robot": "talos"}, ("flat", "soft 5")),
+        ),
+        arms=soles(),
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="flat",
+    )
+
+
+ROUGH: dict[str, dict[str, Any]] = {
+    "stones": {"terrain": "stones"},
+    "cylinder obstacles": {"terrain": "cylinder_obstacles"},
+    "cobble stones": {"terrain": "cobble_stones"},
+    "random w = 0.01": {"terrain": "random", "terrain_params": {"cutoff": 0.01}},
+    "random w = 0.1": {"terrain": "random", "terrain_params": {"cutoff": 0.1}},
+}
+"""Rough grounds of the main table."""
+
+
+def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
+    """Walks of 3 m over rough ground, every sole with the same gait and gains: how many of 22 steps?"""
+    return Study(
+        name="rough_ground" if gains == "default" else f"rough_ground_{gains}",
+        about="3 m over rough ground, the same gait and gains for all soles",
+        base={"noise": "realistic", "plan": {"distance": 3.0}, "gains": gains},
+        cells=tuple(
+            Cell(f"{name}, {1e3 * amplitude:.0f} mm", {**values, "amplitude": amplitude})
+            for name, values in ROUGH.items()
+            for amplitude in (0.01, 0.02, 0.03, 0.04)
+        ),
+        arms=soles(),
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="flat",
+    )
+
+
+PUSHED_STEP = 5
+"""Step that is pushed: an even walk by then, and as many steps after it to show what the push did."""
+
+
+def push_recovery(seeds: int = 1) -> Study:
+    """Largest push on the torso while walking: four phases of a step, eight directions, with and without adjustment.
+
+    The pushed step is one of the left foot, so that 90° pushes towards the swing foot's side.
+    """
+    cells = []
+    for phase in (0.0, 0.25, 0.5, 0.75):
+        for eighth in range(8):
+            push = {"step": PUSHED_STEP, "phase": phase, "direction": round(math.pi / 4.0 * eighth, 12)}
+            cells.append(Cell(f"phase {phase:.2f}, {45 * eighth}°", {"pushes": [push]}))
+    return Study(
+        name="push_recovery",
+        about="largest impulse per kg that a walk on flat soles recovers from; 0° is forward, 90° left",
+        kind="push_limit",
+        base={
+            "terrain": "flat",
+            "noise": "realistic",
+            "plan": {"distance": 1.45},
+            "highest": 0.8,
+            "resolution": 0.02,
+        },
+        cells=tuple(cells),
+        arms={"with step adjustment": {}, "without": {"changes": {"walk.adjustment": None}}},
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="without",
+    )
+
+
+STUDIES = {
+    "flat_floor": flat_floor,
+    "rough_ground": rough_ground,
+    "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
+    "push_recovery": push_recovery,
+}
+"""Studies by name."""
+
+
+def study_by_name(name: str) -> Study:
+    """One of `STUDIES`.
+
+    Raises:
+        UnknownNameError: No such study.
+    """
+    return STUDIES[choose("study", name, STUDIES)]()

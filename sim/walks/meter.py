@@ -1,0 +1,205 @@
+"""Takes a walk's measure, tick by tick."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.robot import GRAVITY
+from wbc.core.signals import Measurement
+from wbc.sim.plant import Plant
+from wbc.sim.rig.results import hull
+from wbc.sim.walks.result import Fall, Spread, Touchdowns
+from wbc.walking.control import WalkingControl
+from wbc.walking.footsteps import SIDES
+from wbc.walking.phases import Event, Phase
+
+EXCURSION = 0.06
+"""DCM error at which a fall is taken to begin, m: the threshold of a first study of 108 falls."""
+
+IMPACT_TIME = 0.1
+"""How long after a touch-down its impact is looked for, s."""
+
+MEMORY_TIME = 5.0
+"""How far back the onset of a fall is looked for, s."""
+
+LEAST_FORCE = 1.0
+"""Contacts with less than this carry nothing, N."""
+
+
+class _Moment(NamedTuple):
+    """What the onset of a fall may need, kept for a while."""
+
+    time: float
+    step: int
+    phase: str
+    share: float
+    forward: float
+    outward: float
+    roll: float
+    pitch: float
+
+
+class WalkMeter:
+    """The figures of one walk."""
+
+    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+        """Begin with nothing.
+
+        Args:
+            plant: The plant.
+            walking: The controller.
+        """
+        self._plant, self._walking = plant, walking
+        self._zmp: list[float] = []
+        self._com: list[float] = []
+        self._dcm: list[float] = []
+        self._roll: list[float] = []
+        self._pitch: list[float] = []
+        self._area: list[float] = []
+        self._events: Counter[Event] = Counter()
+        self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
+        self._torque = np.zeros(plant.robot.na)
+        self._impact: float | None = None
+        self._impact_until = -math.inf
+        self._landed = 0
+        self._middle = -1  # step whose middle has been looked at
+        kind = mujoco.mjtObj.mjOBJ_SITE
+        self._sites = [mujoco.mj_name2id(plant.model, kind, foot.wrench_site) for foot in plant.feet]
+
+    def update(self, measurement: Measurement) -> None:
+        """Take in a tick, before the plant moves on."""
+        reference, output = self._walking.reference, self._walking.output
+        if reference is None or output is None:  # no tick has been good yet
+            return
+        measured, wanted = output.measured_zmp, reference.pendulum.zmp
+        distance = math.hypot(wanted[0] - measured[0], wanted[1] - measured[1])
+        if math.isfinite(distance):  # there is none in the air
+            self._zmp.append(distance)
+        com, dcm = output.errors.com, output.errors.dcm
+        self._com.append(math.hypot(com[0], com[1]))
+        self._dcm.append(math.hypot(dcm[0], dcm[1]))
+        self._notice_events(reference.events, measurement)
+        self._look_at_stance(dcm)
+
+    def after_step(self) -> None:
+        """Take in what the plant did with the command."""
+        np.maximum(self._torque, np.abs(self._plant.joint_torque), out=self._torque)
+
+    def _notice_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
+        phases, now = self._walking.walk.phases, measurement.time
+        for event in events:
+            self._events[event] += 1
+            if event in TOUCHED:
+                self._impact_until = now + IMPACT_TIME
+                self._landed = SIDES.index(phases.plan.steps[phases.step - 1].side)
+        if now <= self._impact_until:
+            force = float(measurement.sole_wrench[self._landed, 2])
+            self._impact = max(force, -math.inf if self._impact is None else self._impact)
+
+    def _look_at_stance(self, dcm_error: Array) -> None:
+        """Tilt of the stance sole and the DCM seen from it; its contacts once a step."""
+        phases, plant = self._walking.walk.phases, self._plant
+        single = phases.phase is Phase.SINGLE
+        steps = phases.plan.steps
+        index = min(phases.step, len(steps) - 1)
+        stance = 1 - SIDES.index(steps[index].side) if steps else 0
+        rotation = plant.data.site_xmat[self._sites[stance]].reshape(3, 3)
+        roll = math.atan2(rotation[2, 1], rotation[2, 2])
+        pitch = -math.asin(min(1.0, max(-1.0, float(rotation[2, 0]))))
+        yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+        c, s = math.cos(yaw), math.sin(yaw)
+        x, y = -float(dcm_error[0]), -float(dcm_error[1])
+        left = c * y - s * x
+        share = min(1.0, phases.elapsed / phases.duration) if phases.duration > 0.0 else 0.0
+        self._moments.append(
+            _Moment(
+                plant.time,
+                phases.step + 1,
+                phases.phase.value,
+                share,
+                c * x + s * y,
+                left if stance == 0 else -left,
+                roll,
+                pitch,
+            )
+        )
+        if not single:
+            return
+        self._roll.append(abs(roll))
+        self._pitch.append(abs(pitch))
+        if share >= 0.5 and self._middle != phases.step:
+            self._middle = phases.step
+            truth = plant.truth()
+            mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > LEAST_FORCE)
+            points = (truth.contact_position[mine] - plant.data.site_xpos[self._sites[stance]]) @ rotation
+            self._area.append(hull(points[:, :2])[1])
+
+    def fall(self, reason: str) -> Fall:
+        """How a fall that has just been noticed began."""
+        moments = list(self._moments)
+        onset = moments[-1]
+        for moment in reversed(moments):
+            if math.hypot(moment.forward, moment.outward) < EXCURSION:
+                break
+            onset = moment
+        if abs(onset.outward) >= abs(onset.forward):
+            direction = "outward" if onset.outward > 0.0 else "inward"
+        else:
+            direction = "forward" if onset.forward > 0.0 else "backward"
+        return Fall(
+            reason,
+            self._plant.time,
+            onset.time,
+            onset.step,
+            onset.phase,
+            onset.share,
+            onset.forward,
+            onset.outward,
+            direction,
+            onset.roll,
+            onset.pitch,
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """The fields of a `WalkResult` that are measured here."""
+        limits = np.asarray(self._plant.description.torque_limit)
+        ratios = self._torque / limits
+        worst = int(np.argmax(ratios))
+        count = self._events
+        return {
+            "zmp_error": spread(self._zmp),
+            "com_error": spread(self._com),
+            "dcm_error": spread(self._dcm),
+            "dcm_error_max": max(self._dcm, default=None),
+            "peak_torque_ratio": float(ratios[worst]),
+            "peak_torque_joint": self._plant.robot.joint_names[worst],
+            "touchdowns": Touchdowns(
+                count[Event.EARLY_TOUCH_DOWN],
+                count[Event.TOUCH_DOWN],
+                count[Event.LATE_TOUCH_DOWN],
+                count[Event.NO_TOUCH_DOWN],
+                count[Event.FORCED_LIFT_OFF],
+            ),
+            "impact": None if self._impact is None else self._impact / (self._plant.robot.mass * GRAVITY),
+            "sole_roll": spread(self._roll),
+            "sole_pitch": spread(self._pitch),
+            "contact_area": spread(self._area),
+        }
+
+
+TOUCHED = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN)
+"""Events after which a foot carries; a foot that found no ground has no impact."""
+
+
+def spread(values: list[float]) -> Spread:
+    """Mean and standard deviation."""
+    if not values:
+        return Spread(None, None)
+    array = np.array(values)
+    return Spread(float(array.mean()), float(array.std()))

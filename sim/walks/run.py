@@ -1,0 +1,247 @@
+"""A simulated walk: a pure function from a spec to a result.
+
+result = run_walk(WalkSpec(foot="soft", stiffness=5.0, terrain="stones", amplitude=0.02, seed=7))
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from wbc.core.errors import MeasurementError
+from wbc.core.observer import Observer
+from wbc.sim.plant import Plant
+from wbc.sim.walks.hooks import WalkHook, WalkTick
+from wbc.sim.walks.meter import WalkMeter
+from wbc.sim.walks.push import WalkPush
+from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity
+from wbc.sim.walks.spec import WalkSpec, moved, time_limit
+from wbc.walking.control import WalkingControl
+from wbc.walking.falls import FallReason, FallSettings
+from wbc.walking.phases import Event
+
+
+def run_walk(spec: WalkSpec, *, hooks: Sequence[WalkHook] = ()) -> WalkResult:
+    """Walk, and say what became of it.
+
+    Args:
+        spec: Which robot walks where, and how.
+        hooks: Look on; they do not change the result.
+
+    Returns:
+        The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
+    """
+    return WalkTrial(spec).run(hooks)
+
+
+class WalkTrial:
+    """One walk that is about to begin: plant and controller, connected.
+
+    Attributes:
+        spec: What it is.
+        plant: The plant.
+        walking: The controller.
+    """
+
+    def __init__(self, spec: WalkSpec) -> None:
+        """Build plant and controller.
+
+        Args:
+            spec: What it is.
+        """
+        self._begin = time.perf_counter()
+        self.spec = spec
+        prepared = self._prepared = spec.prepared()
+        with threadpool_limits(1):
+            self.plant = Plant(
+                prepared.own,
+                foot=prepared.foot,
+                terrain=spec.ground(),
+                timestep=spec.timestep,
+                control_period=spec.period,
+                noise=spec.noise,
+                seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
+                physics=prepared.settings.physics,
+            )
+            if any(spec.start):
+                start = moved(self.plant.robot.half_sitting, spec.start)
+                self.plant.reset(self.plant.on_ground(start))
+            robot = prepared.robot()
+            observer = Observer(robot, prepared.settings.observer, adopt=spec.mode == "torque")
+            observer.reset(prepared.configuration)
+            robot.update(prepared.configuration, np.zeros(robot.nv))
+            self.walking = WalkingControl(
+                robot, prepared.plan, spec.period, prepared.settings, observer=observer
+            )
+        self._meter = WalkMeter(self.plant, self.walking)
+        self._fallen = TrueFall(self.plant, prepared.settings.falls)
+        self._pushes = list(spec.pushes)
+        self._lift_off = dict.fromkeys((push.step for push in self._pushes), math.inf)
+
+    def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
+        """Walk to the end, a fall or the limit of time; once only.
+
+        Args:
+            hooks: Look on.
+        """
+        with threadpool_limits(1):  # sums that several threads make depend on their number
+            return self._run(hooks)
+
+    def _run(self, hooks: Sequence[WalkHook]) -> WalkResult:
+        plant, walking, meter = self.plant, self.walking, self._meter
+        limit = time_limit(self._prepared)
+        ticks: list[float] = []
+        physics = 0.0
+        fall: Fall | None = None
+        diverged: str | None = None
+        for hook in hooks:
+            hook.start(self)
+        begin = time.perf_counter()
+        looking_on = 0.0
+        while not walking.finished and plant.time < limit:
+            try:
+                measurement = plant.measure()
+            except MeasurementError as error:
+                diverged = str(error)
+                break
+            start = time.perf_counter()
+            command = walking.command(measurement)
+            end = time.perf_counter()
+            ticks.append(end - start)
+            meter.update(measurement)
+            if hooks:
+                tick = WalkTick(plant, walking, measurement, command)
+                start = time.perf_counter()
+                for hook in hooks:
+                    hook.tick(tick)
+                looking_on += time.perf_counter() - start
+            self._push()
+            start = time.perf_counter()
+            plant.step(command)
+            physics += time.perf_counter() - start
+            meter.after_step()
+            diverged = plant.diverged
+            reason = walking.fallen or (None if diverged else self._fallen.look())
+            if reason is FallReason.DIVERGED and diverged is None:
+                diverged = f"estimated speeds beyond any robot's before {plant.time:.4f} s"
+            if diverged is not None:
+                break
+            if reason is not None:
+                fall = meter.fall(reason.name.lower())
+                break
+        loop = time.perf_counter() - begin - looking_on
+        clock = WallClock(
+            wall_s=time.perf_counter() - self._begin,
+            real_time_factor=plant.time / loop if loop > 0.0 else math.inf,
+            tick_us={
+                "median": 1e6 * float(np.median(ticks)) if ticks else math.nan,
+                "p99": 1e6 * float(np.percentile(ticks, 99)) if ticks else math.nan,
+            },
+            physics_share=physics / loop if loop > 0.0 else math.nan,
+        )
+        result = self._result(fall, diverged, clock)
+        for hook in hooks:
+            hook.end(result)
+        return result
+
+    def _result(self, fall: Fall | None, diverged: str | None, clock: WallClock) -> WalkResult:
+        walking = self.walking
+        if diverged is not None:
+            outcome = "diverged"
+        elif fall is not None:
+            outcome = "fell"
+        else:
+            outcome = "completed" if walking.finished else "unfinished"
+        return WalkResult(
+            **identity(self.spec),
+            outcome=outcome,
+            steps_planned=len(self._prepared.plan),
+            steps_done=walking.steps_done,
+            fell=fall is not None,
+            fall_reason=None if fall is None else fall.reason,
+            fall=fall,
+            diverged=diverged,
+            seconds=self.plant.time,
+            **self._travel(),
+            **self._meter.figures(),
+            failures=walking.control.failures,
+            notes=self._prepared.notes,
+            clock=clock,
+        )
+
+    def _travel(self) -> dict[str, Any]:
+        """Where the true pelvis has come to."""
+        q = self.plant.data.qpos
+        if not np.isfinite(q[:7]).all():
+            return {"distance": math.nan, "drift": math.nan, "yaw_error": math.nan}
+        x, y, yaw = self.spec.start
+        c, s = math.cos(yaw), math.sin(yaw)
+        start = moved(self.plant.robot.half_sitting, self.spec.start)
+        dx, dy = float(q[0] - start[0]), float(q[1] - start[1])
+        w, i, j, k = q[3:7].tolist()
+        heading = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+        reference = self.walking.reference
+        believed = yaw if reference is None else reference.heading
+        return {
+            "distance": c * dx + s * dy,
+            "drift": c * dy - s * dx,
+            "yaw_error": math.remainder(heading - believed, 2.0 * math.pi),
+        }
+
+    def _push(self) -> None:
+        """Start the pushes whose time has come."""
+        if not self._pushes:
+            return
+        reference, now, gait = self.walking.reference, self.plant.time, self._prepared.plan.gait
+        if reference is not None and any(e in LIFTED for e in reference.events):
+            self._lift_off[reference.step + 1] = now
+        cycle = gait.single_support + gait.double_support
+        for push in list(self._pushes):
+            due = push.time
+            if due is None:
+                due = self._lift_off[push.step] + push.phase * cycle
+            if now >= due - 1e-9:
+                self._pushes.remove(push)
+                self._apply(push)
+
+    def _apply(self, push: WalkPush) -> None:
+        force = push.impulse * self.plant.robot.mass / push.duration
+        along = np.array([math.cos(push.direction), math.sin(push.direction), 0.0])
+        self.plant.push(push.body, force * along, push.duration)
+
+
+LIFTED = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
+"""Events with which a step begins."""
+
+
+class TrueFall:
+    """The controller's fall test on the true state: whoever lies on the floor has fallen, whatever he believes."""
+
+    def __init__(self, plant: Plant, settings: FallSettings) -> None:
+        """Take the robot as it stands as upright.
+
+        Args:
+            plant: The plant, robot standing.
+            settings: Limits of height and tilt.
+        """
+        self._plant = plant
+        self._upright = math.cos(settings.tilt)
+        self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
+        self._least = self._height() - settings.drop
+
+    def look(self) -> FallReason | None:
+        """Why the robot has fallen; None if it has not."""
+        w, i, j, k = self._plant.data.qpos[3:7].tolist()
+        if 1.0 - 2.0 * (i * i + j * j) < self._upright * (w * w + i * i + j * j + k * k):
+            return FallReason.TILT
+        return FallReason.HEIGHT if self._height() < self._least else None
+
+    def _height(self) -> float:
+        """Height of the pelvis over the lower sole, m."""
+        data = self._plant.data
+        return float(data.qpos[2]) - min(float(data.site_xpos[site][2]) for site in self._sites)

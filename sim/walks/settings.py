@@ -1,0 +1,84 @@
+"""Everything about a simulated walk that has a default: the walk's own settings, the observer's, the physics'."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from wbc.core.errors import InputError, choose
+from wbc.core.observer import ObserverSettings
+from wbc.sim.changes import Changes, changed, full_name, normal_changes
+from wbc.sim.settings import PhysicsSettings
+from wbc.walking.control import Mode, WalkingSettings
+from wbc.walking.distribution import DistributionSettings
+from wbc.walking.gains import StabilizerGains
+from wbc.walking.phases import PhaseSettings
+from wbc.walking.walk import WalkSettings
+
+PRESETS = ("default", "legacy")
+"""Names of settings: what walks best on all soles, and mc_rtc's plain law."""
+
+ELSEWHERE = {"mode": "mode", "physics.timestep": "timestep"}
+"""Settings that are options of their own: name of the setting → name of the option."""
+
+
+@dataclass(frozen=True)
+class TrialSettings(WalkingSettings):
+    """Settings of a walk in the simulator: those of `WalkingSettings`, and what is around the controller.
+
+    Attributes:
+        observer: Of the base estimator.
+        physics: Of the simulator.
+    """
+
+    observer: ObserverSettings = field(default_factory=ObserverSettings)
+    physics: PhysicsSettings = field(default_factory=PhysicsSettings)
+
+    @staticmethod
+    def preset(name: str) -> TrialSettings:
+        """Settings by name.
+
+        "legacy" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift
+        when their time has come whatever they carry, and no step adjustment. Early and late touch-downs are noticed
+        as in "default": a walk over unknown ground has to know when it stands.
+
+        Raises:
+            UnknownNameError: No such preset.
+        """
+        if choose("gains", name, PRESETS) == "default":
+            return TrialSettings()
+        return TrialSettings(
+            feedforward=False,
+            gains=StabilizerGains.legacy(),
+            distribution=DistributionSettings.legacy(),
+            walk=WalkSettings(
+                phases=replace(PhaseSettings(), lift_off=1.0, stance=0.0, max_wait=0.0), adjustment=None
+            ),
+        )
+
+
+def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> TrialSettings:
+    """A preset with changes.
+
+    Raises:
+        UnknownNameError: No such preset or setting.
+        InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
+    """
+    base = TrialSettings.preset(preset)
+    settings = changed(base, checked_changes(preset, changes))
+    physics = replace(settings.physics, timestep=timestep)
+    return replace(settings, mode=mode, physics=physics)
+
+
+def checked_changes(preset: str, changes: Changes) -> Changes:
+    """Changes in their normal form.
+
+    Raises:
+        UnknownNameError: No such preset or setting.
+        InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
+    """
+    base = TrialSettings.preset(preset)
+    for name, _ in changes:
+        option = ELSEWHERE.get(name if "." not in name else full_name(base, name))
+        if option is not None:
+            raise InputError(f"'{name}' is not a setting to be changed but the option '{option}'")
+    return normal_changes(base, changes)
