@@ -26,7 +26,7 @@ SIZE = (1600, 560)
 FORCE_SCALE = 3e-3
 """Length of a force arrow, m/N."""
 
-SPACING = 0.8
+SPACING = 1.0
 """Distance between the robots of a picture, m."""
 
 IMPULSE = 0.28
@@ -139,7 +139,7 @@ def draw(robot: str, frames: Sequence[Frame], path: Path) -> None:
     mujoco.mj_camlight(model, data)
     camera = mujoco.MjvCamera()
     camera.lookat = [0.5 * (len(frames) - 1) * SPACING, 0.0, 0.72]
-    camera.distance, camera.azimuth, camera.elevation = 8.4, 80.0, -8.0
+    camera.distance, camera.azimuth, camera.elevation = 8.8, 84.0, -8.5
     renderer = mujoco.Renderer(model, SIZE[1], SIZE[0])
     try:
         renderer.update_scene(data, camera)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 from rich.progress import track
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
@@ -15,6 +17,8 @@ def push(
     output: OutputOptions = Output(),
 ) -> Report:
     """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
+    if not output.verbose:
+        logging.getLogger("wbc.core").setLevel(logging.CRITICAL)  # robots that fall are expected here
     cells = []
     total = len(options.specs())
     for cell in track(push_table(options), "pushing", total=total, console=progress_console()):
