@@ -247,7 +247,7 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
         (("com/estimated/x", lambda: 1.0), "there is a signal 'com/estimated/x' already"),
         (("a//b", lambda: 1.0), "parts separated by '/'"),
         (("a", 3.0), "needs a function that gives its value"),
-        (("a", lambda: object()), "cannot keep"),
+        (("a", lambda: slice(0)), "cannot keep"),
         (("a", lambda: np.zeros((2, 2))), "one dimension"),
         (("a", lambda: [1.0, 2.0], "m", "", ("x",)), "2 parts, but 1 axes"),
     ],

@@ -8,6 +8,8 @@
             record(plant, control, measurement, command)
             plant.step(command)
 
+    run_walk(spec, hooks=[Recorder("walk.arrow")])      # the same as a hook
+
     log = Log.open("walk.arrow")
     log.time, log["com/estimated/x"], log["com/estimated"], log.units["com/estimated/x"]
 
@@ -31,6 +33,7 @@ x y z w, wrenches fx fy fz mx my mz. What only a simulation knows begins with `t
     base/…                  estimated and commanded base
     com/… dcm/… zmp/…       reference, estimated, measured, desired
     stabilizer/…, walk/…, step/…   what was decided: phase, step, events, next landing
+    stiffness/…             of soles that are set: scan, decision and result, once a step, when the foot lands
     truth/…                 base, joints and their torques, soles, centre of mass, pushes
 
 A batch of 256 ticks is written at a time. A program that is killed loses what came after the last batch; the rest is

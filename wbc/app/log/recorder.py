@@ -15,25 +15,35 @@ import numpy as np
 
 from wbc.app.log.header import make_header
 from wbc.app.log.sources import sources_for
+from wbc.app.log.stiffness import StiffnessSource
 from wbc.app.log.table import XY, XYZ, Columns, Signal
 from wbc.app.log.tick import Control, Source, Tick
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
+from wbc.sim.walks.hooks import WalkHook
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
+    from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
+    from wbc.tasks.stiffness import StiffnessTask
 
 
-class Recorder:
-    """Writes a log, tick by tick; use it in a `with` block.
+class Recorder(WalkHook):
+    """Writes a log, tick by tick; use it in a `with` block, or as a hook: `run_walk(spec, hooks=[record])`.
 
     Attributes:
         path: The file.
     """
 
     def __init__(
-        self, path: str | Path, *, spec: Any = None, title: str = "", seed: int | None = None
+        self,
+        path: str | Path,
+        *,
+        spec: Any = None,
+        title: str = "",
+        seed: int | None = None,
+        stiffness: StiffnessTask | None = None,
     ) -> None:
         """Open the file.
 
@@ -42,13 +52,15 @@ class Recorder:
             spec: What the run is specified by, kept in the log: a dataclass, or plain values.
             title: For people; the robot's name when empty.
             seed: Of the run; the plant's when None.
+            stiffness: Sets the soles: what it has seen and decided is recorded once a step. That of the walk when None.
 
         Raises:
             InputError: It cannot be written.
         """
         self._writer = LogWriter(path)
         self.path = self._writer.path
-        self._about = (spec, title, seed)
+        self._spec, self._title, self._seed = spec, title, seed
+        self._stiffness = stiffness
         self._own: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
         self._sources: list[Source] | None = None
 
@@ -113,15 +125,30 @@ class Recorder:
             source.write(tick, row)
         writer.commit()
 
+    def start(self, trial: WalkTrial) -> None:
+        """Note what is walked."""
+        self._spec = self._spec or trial.spec
+        self._seed = trial.spec.seed if self._seed is None else self._seed
+
+    def tick(self, tick: WalkTick) -> None:
+        """Record one tick."""
+        self(tick.plant, tick.walking, tick.measurement, tick.command)
+
+    def end(self, result: WalkResult) -> None:
+        """End the file."""
+        self.close()
+
     def _begin(self, tick: Tick) -> None:
         """Find out what there is to record."""
         columns = Columns()
         sources = sources_for(columns, tick)
+        stiffness = self._stiffness or getattr(tick.control, "stiffness", None)
+        if stiffness is not None:
+            sources.append(StiffnessSource(columns, stiffness, self._writer.keep))
         for signal, function, axes in self._own.values():
             sources.append(_OwnSignal(self._writer, columns, signal, function, axes, function(tick)))
-        spec, title, seed = self._about
         controller = tick.controller
-        header = make_header(controller.robot, controller.dt, tick.plant, spec, title, seed)
+        header = make_header(controller.robot, controller.dt, tick.plant, self._spec, self._title, self._seed)
         self._writer.begin(columns, header, [source.finish for source in sources])
         self._sources = sources
 

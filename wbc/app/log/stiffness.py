@@ -1,0 +1,66 @@
+"""Signals of soles whose stiffness is set: what a swing foot has seen and decided, written when it lands."""
+# ruff: noqa: D102 - overrides are documented where they are declared
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from wbc.app.log.table import Columns
+from wbc.app.log.tick import Source, Tick
+from wbc.core.errors import Array
+
+if TYPE_CHECKING:
+    from wbc.tasks.stiffness import StiffnessTask
+
+
+class StiffnessSource(Source):
+    """One set of values for each step, in the tick in which its foot is noticed to have landed."""
+
+    def __init__(self, columns: Columns, task: StiffnessTask, keep: Callable[[Array], int]) -> None:
+        """Take the columns.
+
+        Args:
+            columns: Taken from.
+            task: Sets the soles.
+            keep: Keeps a list and returns its number.
+        """
+        self._task, self._columns, self._keep = task, columns, keep
+        self._last: Any = task.steps[-1] if task.steps else None
+        self._first = len(columns.signals)
+        self._side = columns.add("stiffness/side", "1", "foot that has landed", "text")
+        self._numbers = columns.group(
+            "stiffness",
+            ("commanded", "actual", "wanted", "time_before_landing", "computing"),
+            ("Nm/rad", "Nm/rad", "Nm/rad", "s", "s"),
+            "at the landing; time_before_landing and computing are those of the decision",
+        )
+        self._cluster = columns.add("stiffness/cluster", "1", "cluster that was decided for", "whole")
+        self._fallback = columns.add(
+            "stiffness/fallback", "1", "why there was no decision of the policy", "text"
+        )
+        self._features = columns.add("stiffness/features", "1", "what the decision rests on, as JSON", "text")
+        self._x = columns.add(
+            "stiffness/scan/x", "m", "profile: distance along the walking direction", "list"
+        )
+        self._z = columns.add("stiffness/scan/z", "m", "profile: height in the world", "list")
+        self._end = len(columns.signals)
+
+    def write(self, tick: Tick, row: Array) -> None:
+        row[self._first : self._end] = math.nan
+        steps = self._task.steps
+        if not steps or steps[-1] is self._last:
+            return
+        self._last = step = steps[-1]
+        text = self._columns.text
+        row[self._side] = text(step.side)
+        row[self._numbers] = (step.commanded, step.actual, step.wanted, step.decided_before, step.computing)
+        if step.fallback is not None:
+            row[self._fallback] = text(step.fallback)
+        if step.decision is not None:
+            row[self._cluster] = math.nan if step.decision.cluster is None else step.decision.cluster
+            row[self._features] = text(json.dumps(dict(step.decision.features)))
+        if step.profile is not None:
+            row[self._x], row[self._z] = self._keep(step.profile.x), self._keep(step.profile.z)
