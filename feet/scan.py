@@ -241,9 +241,9 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     """
     step = settings.step
     x = cell * step + mean[0]
-    cuts = np.flatnonzero(np.diff(x) > settings.max_gap) + 1
+    cuts = np.flatnonzero(np.diff(x) > settings.max_gap + 1e-9) + 1
     begins, ends = np.append(0, cuts), np.append(cuts, x.size)
-    lengths = x[ends - 1] - x[begins]
+    lengths = cell[ends - 1] - cell[begins]  # in cells: equal pieces are equal, whatever rounding says
     best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
     piece = slice(int(begins[best]), int(ends[best]))
     x, cell = x[piece], cell[piece]

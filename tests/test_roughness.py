@@ -313,6 +313,18 @@ def test_detrending_leaves_nothing_that_a_line_explains() -> None:
         np.testing.assert_allclose(row, line - np.polyval(np.polyfit(t, line, 1), t), atol=1e-14)
 
 
+def test_roughness_is_that_of_the_filtered_profile_about_its_line() -> None:
+    z = rough(60, 9)[0] + 0.2 * grid(60)
+    t = np.arange(60)
+
+    def about_its_line(heights: np.ndarray) -> np.ndarray:
+        return heights - np.polyval(np.polyfit(t, heights, 1), t)
+
+    y = about_its_line(low_pass(about_its_line(z), STEP, 1 / SOFT_LENGTH))
+    r = roughness(grid(60), z)
+    assert (r["Sq"], r["Sz"]) == (pytest.approx(np.sqrt((y**2).mean())), pytest.approx(np.ptp(y)))
+
+
 def test_a_scanned_profile_has_the_roughness_of_its_points() -> None:
     ground = terrain("cobble_stones", seed=3)
     x, z = ground.profile(1.0, 1.35, step=0.0005)

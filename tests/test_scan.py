@@ -133,8 +133,13 @@ def test_gaps_are_bridged_up_to_a_width_and_cut_beyond() -> None:
     hole = np.where((x > 0.1) & (x < 0.2), np.nan, 0.5 * x)
     cut = resample(x, hole)
     assert 0.19 < cut.x[0] <= cut.x[-1] < 0.401, "the longer piece stays"
-    later = resample(np.concatenate([x[:150], x[250:]]), np.concatenate([x[:150], x[250:]]))
-    assert later.x[0] > 0.2, "of equal pieces the later one stays"
+    equal = PROFILE_STEP * np.r_[0:20, 40:60, 80:90]
+    assert resample(equal, equal).x[0] == pytest.approx(40 * PROFILE_STEP), (
+        "of equal pieces the later one stays"
+    )
+    for gap, samples in ((4 * PROFILE_STEP, 43), (4.1 * PROFILE_STEP, 19)):
+        places = np.r_[PROFILE_STEP * np.arange(20), 19 * PROFILE_STEP + gap + PROFILE_STEP * np.arange(20)]
+        assert resample(places, places).x.size == samples, "28 mm are bridged, 28.7 mm are not"
     whole = resample(x, hole, ScanSettings(max_gap=0.5))
     assert whole.length > 0.38
     np.testing.assert_allclose(whole.z, 0.5 * whole.x, atol=1e-12)

@@ -436,6 +436,19 @@ def test_more_grounds_teach_more(table: StiffnessTable) -> None:
         learning_curve(table.rows(slice(0, 18)))
 
 
+def test_a_learning_curve_tests_on_other_grounds(table: StiffnessTable) -> None:
+    Spy.shown = []
+    curve = learning_curve(table, Candidate("spy", Spy, features=("Sq",)), points=3, repetitions=2)
+    groups = table.groups(("ground", "amplitude"))
+    owner = dict(zip(table.values[:, PARAMETERS.index("Sq")].tolist(), groups.tolist(), strict=True))
+    trained = [len({owner[t] for t in train}) for train, _ in Spy.shown]
+    assert trained == [*curve.grounds, *curve.grounds]
+    for train, test in Spy.shown:
+        assert (
+            not {owner[t] for t in train} & {owner[t] for t in test} and len({owner[t] for t in test}) == 15
+        )
+
+
 def test_principal_components_explain_everything(table: StiffnessTable) -> None:
     parts = principal_components(table)
     assert parts.explained.sum() == pytest.approx(1.0) and (np.diff(parts.explained) <= 0).all()

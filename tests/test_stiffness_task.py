@@ -327,6 +327,16 @@ def test_the_model_decides_what_it_would_say_of_the_profile(model: StiffnessMode
         assert least <= record.wanted <= most, name
 
 
+def test_the_model_is_asked_about_the_end_of_the_profile(model: StiffnessModel) -> None:
+    short = replace(model, recipe=ProfileRecipe(window=0.14))
+    rig = Rig(make_task(ModelPolicy(short)), terrain("cobble_stones", amplitude=0.025, seed=4))
+    record = rig.step()
+    assert record.profile is not None and record.decision is not None
+    end = roughness(record.profile.x[-21:], record.profile.z[-21:]).values
+    assert record.decision.distance == short.predict(end).distance
+    assert record.decision.distance != short.predict(profile_roughness(record.profile).values).distance
+
+
 def test_level_ground_is_known_if_it_was_trained_on(model: StiffnessModel) -> None:
     record = Rig(make_task(ModelPolicy(model))).step()
     assert record.fallback is None and record.decision is not None
