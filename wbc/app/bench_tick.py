@@ -121,9 +121,10 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
     robot.update(q, v)
     controller, com = options.controller(robot)
     start_com = np.array(robot.com)
-    durations = np.zeros(options.ticks)
-    parts = np.zeros((options.ticks, 4))
-    failures, com_error, torque_use, active, preempted = 0, 0.0, 0.0, 0, 0
+    durations, parts = np.zeros(options.ticks), np.zeros((options.ticks, 4))
+    com_seen, com_wanted = np.zeros((options.ticks, 3)), np.zeros((options.ticks, 3))
+    torque_seen, active = np.zeros((options.ticks, robot.na)), np.zeros(options.ticks, dtype=int)
+    failures, preempted = 0, 0
     counts: dict[str, int] = {}
     for tick in range(-options.warm_up, options.ticks):
         offset, velocity, acceleration = options.sway((tick + options.warm_up) * dt)
@@ -139,12 +140,10 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         torques, accelerations = solution.torques, solution.accelerations
         stop = perf_counter_ns()
         if tick >= 0:
-            durations[tick] = stop - start
-            parts[tick] = solution.timings
+            durations[tick], parts[tick] = stop - start, solution.timings
+            com_seen[tick], com_wanted[tick], torque_seen[tick] = robot.com, target, torques
+            active[tick] = np.count_nonzero(solution.multipliers)
             failures += not solution.ok
-            com_error = max(com_error, float(np.linalg.norm(robot.com - target)))
-            torque_use = max(torque_use, float(np.abs(torques / robot.torque_limit).max()))
-            active += int(np.count_nonzero(np.abs(solution.multipliers) > 1e-9))
         if not solution.ok:
             accelerations = -v / FALL_BACK
         q = pin.integrate(robot.model, q, v * dt + 0.5 * dt * dt * accelerations)
@@ -162,9 +161,9 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         "ticks": options.ticks,
         "failures": failures,
         "solvers": {name: after[name] - counts.get(name, 0) for name in after},
-        "active_limits": round(active / options.ticks, 3),
-        "com_error_mm": round(1e3 * com_error, 3),
-        "torque_use": round(torque_use, 3),
+        "active_limits": round(float(active.mean()), 3),
+        "com_error_mm": round(1e3 * float(np.linalg.norm(com_seen - com_wanted, axis=1).max()), 3),
+        "torque_use": round(float(np.abs(torque_seen / robot.torque_limit).max()), 3),
         "preempted": _preemptions() - preempted,
         "options": asdict(options),
     }
