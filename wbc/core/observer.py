@@ -91,7 +91,16 @@ class Observer:
         self._v = np.zeros(robot.nv)
         self.load, self.share = np.zeros(n), np.zeros(n)
         self.cop, self.anchor = np.zeros((n, 2)), np.zeros((n, 3))
-        self._anchor_yaw = np.zeros(n)
+        self._anchor_yaw = [0.0] * n
+        self._loads, self._shares = [0.0] * n, [0.0] * n
+        # Live views of Pinocchio's frames, and memory for what is made of them.
+        self._imu_placement = self._data.oMf[self._imu]
+        self._sole_placements = [self._data.oMf[sole] for sole in self._soles]
+        self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
+        self._sole_axes = np.zeros((n, 3, 2))
+        self._arms = np.zeros((n, 3, 1))
+        self._cop_columns = self.cop[:, :, None]
+        self._origin = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
         self.net_wrench = np.zeros(6)
         self._position = np.zeros(3)
         self._time: float | None = None
@@ -100,7 +109,7 @@ class Observer:
     @property
     def in_flight(self) -> bool:
         """True when no foot carries more than the minimum load."""
-        return not self.share.any()
+        return not any(self._shares)
 
     def reset(self, q: Array | None = None, specific_force: Array | None = None) -> None:
         """Forget everything but the gyro bias and start at rest from a configuration.
@@ -125,6 +134,8 @@ class Observer:
             robot.update(tilted, np.zeros(robot.nv))
         self._position = np.array(robot.q[:3])
         self._time = None
+        n = len(self._soles)
+        self._loads, self._shares = [0.0] * n, [0.0] * n
         self.load[:] = 0.0
         self.share[:] = 0.0
         self.cop[:] = 0.0
@@ -157,48 +168,51 @@ class Observer:
         self._q[7:] = measurement.joint_position
         self._v[BASE_DOF:] = measurement.joint_velocity
         pin.forwardKinematics(model, data, self._q, self._v)
-        pin.updateFramePlacement(model, data, self._imu)
-        for sole in self._soles:
-            pin.updateFramePlacement(model, data, sole)
-        imu = data.oMf[self._imu]
+        for frame in (self._imu, *self._soles):
+            pin.updateFramePlacement(model, data, frame)
+        imu = self._imu_placement
         imu_rate = pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
         gyro = measurement.angular_velocity
         self.inertial.predict(gyro, measurement.specific_force, dt)
-        base = self.inertial.rotation @ imu.rotation.T
-        spin = self.inertial.rotation @ (gyro - self.inertial.gyro_bias) - base @ imu_rate.angular
-
-        spin_matrix = pin.skew(spin)
+        base = self.inertial.rotation.dot(imu.rotation.T)
+        spin = self.inertial.rotation.dot(gyro - self.inertial.gyro_bias) - base.dot(imu_rate.angular)
 
         self._update_loads(measurement.sole_wrench, dt, base, first)
+        np.matmul(
+            self._sole_axes, self._cop_columns, out=self._arms
+        )  # from sole centres to centres of pressure
+        arms = self._arms[:, :, 0]
         yaw_error = 0.0
         velocity = None
         if not self.in_flight:
             slip = np.zeros(3)  # what the velocity of the anchors would be if the base only turned
             for i, sole in enumerate(self._soles):
-                if self.share[i] == 0.0:
+                share = self._shares[i]
+                if share == 0.0:
                     continue
-                point, point_rate = self._anchor_point(i, sole)
-                slip += self.share[i] * (spin_matrix @ (base @ point) + base @ point_rate)
-                yaw = _yaw(base @ data.oMf[sole].rotation)
-                yaw_error += self.share[i] * _wrap(self._anchor_yaw[i] - yaw)
+                rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
+                point = base.dot(self._sole_placements[i].translation + arms[i])
+                slip += share * (_cross(spin, point) + base.dot(rate.linear + _cross(rate.angular, arms[i])))
+                yaw = _yaw(base, self._sole_axes[i])
+                yaw_error += share * _wrap(self._anchor_yaw[i] - yaw)
             velocity = -slip
-        imu_arm = spin_matrix @ (base @ imu.translation) + base @ imu_rate.linear
+        imu_arm = _cross(spin, base.dot(imu.translation)) + base.dot(imu_rate.linear)
         if first and velocity is not None:
             self.inertial.velocity = velocity + imu_arm
         self.inertial.correct(None if velocity is None else velocity + imu_arm, yaw_error, dt)
 
-        base = self.inertial.rotation @ imu.rotation.T
+        base = self.inertial.rotation.dot(imu.rotation.T)
         base_velocity = self.inertial.velocity - imu_arm
-        self._update_position(base, base_velocity, soles, dt)
+        self._update_position(base, base_velocity, arms, soles, dt)
 
         q, v = self._q, self._v
         q[:3] = self._position
         q[3:7] = pin.Quaternion(base).normalized().coeffs()
-        v[:3] = base.T @ base_velocity
-        v[3:6] = base.T @ spin
+        np.dot(base_velocity, base, out=v[:3])
+        np.dot(spin, base, out=v[3:6])
         self.robot.update(q, v)
-        q[:7] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+        q[:7] = self._origin
         v[:BASE_DOF] = 0.0
         self._update_net_wrench(measurement.sole_wrench)
         return self.robot
@@ -218,72 +232,89 @@ class Observer:
     def _update_loads(self, wrenches: Array, dt: float, base: Array, first: bool) -> None:
         """Loads, shares and centres of pressure; an anchor moves over the sole with the latter."""
         s = self.settings
-        force = np.maximum(wrenches[:, 2], 0.0)
-        self.load += (1.0 if first else _gain(dt, s.load_time_constant)) * (force - self.load)
-        above = np.maximum(self.load - s.min_load, 0.0)
-        total = float(above.sum())
-        self.share = above / total if total > 0.0 else np.zeros_like(above)
+        gain = 1.0 if first else _gain(dt, s.load_time_constant)
+        total = 0.0
+        for i, row in enumerate(wrenches[:, 2].tolist()):
+            load = self._loads[i] = self._loads[i] + gain * (max(row, 0.0) - self._loads[i])
+            self._shares[i] = max(load - s.min_load, 0.0)
+            total += self._shares[i]
+        if total > 0.0:
+            self._shares = [share / total for share in self._shares]
+        self.load[:] = self._loads
+        self.share[:] = self._shares
+        for axes, placement in zip(self._sole_axes, self._sole_placements, strict=True):
+            axes[:] = placement.rotation[:, :2]
         if not s.anchor_at_cop:
             return
         gain = 1.0 if first else _gain(dt, s.cop_time_constant)
-        for i, sole in enumerate(self._soles):
+        for i, (_, _, force, roll, pitch, _) in enumerate(wrenches.tolist()):
             x = y = 0.0
-            if force[i] > s.min_load:
-                (length, width), f = self._half[i], force[i]
-                x = min(max(-wrenches[i, 4] / f, -length), length)
-                y = min(max(wrenches[i, 3] / f, -width), width)
+            if force > s.min_load:
+                length, width = self._half[i]
+                x = min(max(-pitch / force, -length), length)
+                y = min(max(roll / force, -width), width)
             step = gain * (np.array((x, y)) - self.cop[i])
             self.cop[i] += step
-            self.anchor[i] += base @ (self._data.oMf[sole].rotation[:, :2] @ step)
-
-    def _anchor_point(self, i: int, sole: int) -> tuple[Array, Array]:
-        """Point of a sole at its centre of pressure, and its velocity, with the base at the origin."""
-        placement = self._data.oMf[sole]
-        rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
-        arm = placement.rotation[:, :2] @ self.cop[i]
-        return placement.translation + arm, rate.linear + pin.skew(rate.angular) @ arm
+            self.anchor[i] += base.dot(self._sole_axes[i].dot(step))
 
     def _update_position(
-        self, base: Array, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float
+        self,
+        base: Array,
+        base_velocity: Array,
+        arms: Array,
+        soles: Sequence[pin.SE3 | None] | None,
+        dt: float,
     ) -> None:
         """Hang the base on the anchors; anchors that carry little follow the base."""
-        s = self.settings
-        placements = [self._data.oMf[sole] for sole in self._soles]
-        arms = [
-            base @ (X.translation + X.rotation[:, :2] @ c) for X, c in zip(placements, self.cop, strict=True)
-        ]
-        yaws = [_yaw(base @ X.rotation) for X in placements]
+        s, shares = self.settings, self._shares
+        n = len(shares)
+        reach = [base.dot(self._sole_placements[i].translation + arms[i]) for i in range(n)]
+        yaws = [_yaw(base, self._sole_axes[i]) for i in range(n)]
         if soles is not None:
-            if len(soles) != len(self._soles):
-                raise InputError(f"one sole placement for each of {len(self._soles)} soles, got {len(soles)}")
+            if len(soles) != n:
+                raise InputError(f"one sole placement for each of {n} soles, got {len(soles)}")
             gain = _gain(dt, s.reference_time_constant)
             for i, reference in enumerate(soles):
-                if reference is None or self.share[i] == 0.0:
+                if reference is None or shares[i] == 0.0:
                     continue
-                over = base @ (placements[i].rotation[:, :2] @ self.cop[i])
+                over = base.dot(arms[i])
                 self.anchor[i] += gain * (reference.translation + over - self.anchor[i])
                 self._anchor_yaw[i] += gain * _wrap(_yaw(reference.rotation) - self._anchor_yaw[i])
         if self.in_flight:
             self._position = self._position + dt * base_velocity
         else:
-            candidates = self.anchor - np.array(arms)
-            self._position = self.share @ candidates
+            position = np.zeros(3)
+            for i in range(n):
+                if shares[i] != 0.0:
+                    position += shares[i] * (self.anchor[i] - reach[i])
+            self._position = position
         # Feet that disagree settle between themselves; equal gains leave their common place and yaw alone.
-        common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(self.share, self._anchor_yaw, yaws, strict=True))
+        common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(shares, self._anchor_yaw, yaws, strict=True))
         slip = _gain(dt, s.slip_time_constant)
-        for i, arm in enumerate(arms):
-            gain = 1.0 if self.share[i] == 0.0 else slip
-            self.anchor[i] += gain * (self._position + arm - self.anchor[i])
+        for i in range(n):
+            gain = 1.0 if shares[i] == 0.0 else slip
+            self.anchor[i] += gain * (self._position + reach[i] - self.anchor[i])
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
 
     def _update_net_wrench(self, wrenches: Array) -> None:
-        self.net_wrench[:] = 0.0
-        for i, sole in enumerate(self._soles):
-            self.net_wrench += self.robot.placement(sole).act(pin.Force(wrenches[i])).vector
+        net = pin.Force.Zero()
+        for placement, wrench in zip(self._robot_soles, wrenches, strict=True):
+            net += placement.act(pin.Force(wrench))
+        self.net_wrench[:] = net.vector
 
 
-def _yaw(rotation: Array) -> float:
-    return math.atan2(rotation[1, 0], rotation[0, 0])
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product of two vectors; `np.cross` takes ten times as long."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+
+
+def _yaw(rotation: Array, axes: Array | None = None) -> float:
+    """Heading of the x axis of a frame; with `axes`, of the frame whose first axis they hold, turned by `rotation`."""
+    if axes is None:
+        return math.atan2(rotation[1, 0], rotation[0, 0])
+    x = rotation.dot(axes[:, 0])
+    return math.atan2(x[1], x[0])
 
 
 def _wrap(angle: float) -> float:

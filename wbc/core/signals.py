@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,6 +41,15 @@ class Measurement:
         Raises:
             MeasurementError: A signal other than the range and stiffness holds NaN or infinity.
         """
+        squares = (
+            self.joint_position.dot(self.joint_position)
+            + self.joint_velocity.dot(self.joint_velocity)
+            + self.angular_velocity.dot(self.angular_velocity)
+            + self.specific_force.dot(self.specific_force)
+            + self.sole_wrench.ravel().dot(self.sole_wrench.ravel())
+        )
+        if math.isfinite(squares):
+            return
         for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench"):
             if not np.isfinite(getattr(self, name)).all():
                 raise MeasurementError(
