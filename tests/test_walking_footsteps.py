@@ -122,6 +122,12 @@ def test_standing_takes_the_feet_of_the_robot() -> None:
     assert len(plan) == 0 and plan.final == (plan.left, plan.right)
 
 
+def test_a_footstep_can_be_read_off_a_robot_that_has_fallen() -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(-1.4, 0.9, 2.0), np.array([1.0, 2.0, 0.1]))
+    step = Footstep.of("left", world)
+    np.testing.assert_allclose(step.placement.homogeneous, world.homogeneous, atol=1e-12)
+
+
 def test_timings_are_rounded_and_said() -> None:
     gait, notes = Gait(single_support=0.803).on_grid(0.005)
     assert gait.single_support == pytest.approx(0.805) and len(notes) == 1 and "0.803" in notes[0]
@@ -140,6 +146,7 @@ def test_timings_are_rounded_and_said() -> None:
         (walk_path(START, [(0.0, 0.0, -0.4)]), "turns outwards"),
         (replace(START, steps=(Footstep("left", 0.1, 0.0875, 0.5),)), "rises by 0.5"),
         (replace(START, steps=(Footstep("left", 0.0, -0.02),)), "beside the stance foot"),
+        (replace(START, steps=(Footstep("left", 0.0, 0.0875, roll=-0.6),)), "rolls by -0.6"),
         (replace(START, gait=Gait(swing_height=0.5)), "swing_height"),
         (replace(START, right=Footstep("right", 0.0, 0.02)), "overlap at the feet at the start"),
     ],

@@ -49,10 +49,8 @@ class Footstep:
 
     def __post_init__(self) -> None:
         choose("side", self.side, SIDES)
-        for name in ("x", "y", "z", "yaw"):
+        for name in ("x", "y", "z", "yaw", "pitch", "roll"):
             finite_scalar(f"{name} of a footstep", getattr(self, name))
-        for name in ("pitch", "roll"):
-            finite_scalar(f"{name} of a footstep (rad)", getattr(self, name), low=-1.0, high=1.0)
 
     @property
     def position(self) -> Array:

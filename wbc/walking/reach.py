@@ -13,6 +13,10 @@ from wbc.core.robot import BASE_DOF, Robot
 from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
 
 
+MAX_SLOPE = 0.5
+"""Steepest landing that a plan may ask for, rad: beyond it a sole slips at the usual friction of 0.5."""
+
+
 @dataclass(frozen=True)
 class Reach:
     """What steps a robot can take, measured from the stance sole to the landing sole in the stance frame.
@@ -226,6 +230,8 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
         ("stands beside the stance foot by", spacing, reach.min_spacing, reach.max_spacing, "m"),
         ("rises by", up, -reach.max_height, reach.max_height, "m"),
         ("turns outwards by", open_turn, -0.5 * reach.max_yaw, reach.max_yaw, "rad"),
+        ("pitches by", step.pitch, -MAX_SLOPE, MAX_SLOPE, "rad"),
+        ("rolls by", step.roll, -MAX_SLOPE, MAX_SLOPE, "rad"),
     )
     for verb, value, low, high, unit in limits:
         if not low - 1e-9 <= value <= high + 1e-9:
