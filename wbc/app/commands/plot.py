@@ -1,0 +1,114 @@
+"""`wbc plot`: figures from logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from wbc.app.log import Log
+from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlotOptions:
+    """What becomes of the figures.
+
+    Attributes:
+        out: File to write, ending in .png, .svg or .pdf; several figures become the pages of one PDF, or files whose
+            names end in theirs. The name of the log with .png when not given.
+        list: Name the signals of the logs instead of drawing.
+    """
+
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+    list: bool = False
+
+
+@reports
+def plot(
+    *words: Annotated[str, Parameter(help="Logs, then what to draw.", show_default=False)],
+    options: Flat[PlotOptions] = PlotOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Draw figures from one log, or compare several: balance, plan, feet, torque, timing, stiffness, any signals.
+
+    Logs come first. What follows are ready-made figures, or signals: a name, the beginning of names such as
+    `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any, all ready-made figures are
+    drawn.
+    """
+    paths, wanted = _sorted_out(words)
+    logs = [Log.open(path) for path in paths]
+    notes = [f"{log.path} ends early ({log.broken}); {len(log)} ticks are read" for log in logs if log.broken]
+    if options.list:
+        return _listing(logs, notes, output)
+
+    from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select  # noqa: PLC0415 - slow to import
+    from wbc.app.plot.output import check_output  # noqa: PLC0415
+
+    figures, signals = [word for word in wanted if word in FIGURES], [w for w in wanted if w not in FIGURES]
+    target = check_output(options.out or f"{logs[0].path.stem}.png")
+    if signals:
+        _choose(logs, signals, FIGURES, select)
+    if not wanted:
+        for name in FIGURES:
+            lacks = [f"{log.path} {lack}" for log in logs if (lack := missing(name, log)) is not None]
+            if lacks:
+                notes.append(f"no figure '{name}': {lacks[0]}")
+            else:
+                figures.append(name)
+        if not figures:
+            raise InputError(f"nothing can be drawn: {'; '.join(notes)}")
+    drawn = {name: draw(name, logs) for name in figures}
+    if signals:
+        drawn["signals"] = draw_signals(logs, signals)
+    written = save(drawn, target)
+    facts = {
+        "logs": [str(path) for path in paths],
+        "figures": list(drawn),
+        "files": [str(path) for path in written],
+        "notes": notes,
+    }
+    return output.report(facts, "\n".join([*notes, *(str(path) for path in written)]))
+
+
+def _sorted_out(words: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Tell logs from what is to be drawn: what is a file, or has the ending of a log, is a log."""
+    paths = [Path(w) for i, w in enumerate(words) if i == 0 or w.endswith(".arrow") or Path(w).is_file()]
+    if not paths:
+        raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
+    return paths, [word for word in words if Path(word) not in paths]
+
+
+def _choose(logs: Sequence[Log], signals: Sequence[str], figures: Any, select: Any) -> None:
+    """Check the signals before anything is drawn; the message names the figures, too."""
+    try:
+        select(logs, signals)
+    except LookupError as error:
+        raise InputError(f"{error} (ready-made figures: {', '.join(figures)})") from error
+
+
+def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
+    signals = {name: signal for log in logs for name, signal in log.signals.items()}
+    width = max(len(name) for name in signals)
+    lines = [f"{log!r}" for log in logs] + notes
+    lines += [f"{name:<{width}}  {signal.unit:<7} {signal.about}" for name, signal in signals.items()]
+    facts = {
+        "logs": [
+            {"file": str(log.path), "ticks": len(log), "broken": log.broken, "header": _brief(log)}
+            for log in logs
+        ],
+        "signals": [
+            {"name": name, "unit": signal.unit, "about": signal.about, "kind": signal.kind}
+            for name, signal in signals.items()
+        ],
+    }
+    return output.report(facts, "\n".join(lines))
+
+
+def _brief(log: Log) -> dict[str, Any]:
+    """The header without what only a replay needs."""
+    return {key: value for key, value in log.header.items() if key != "plant"}

@@ -1,0 +1,108 @@
+"""Centre of mass, DCM and ZMP: over time, and from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from wbc.app.log import Log
+from wbc.app.plot.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    SIDE_COLOURS,
+    band,
+    grid,
+    labels,
+    legend,
+    new_figure,
+)
+from wbc.app.plot.support import stances, support_box
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LINES = (
+    ("ZMP measured", "zmp/measured", GREEN, "-", 0.8),
+    ("ZMP planned", "zmp/reference", BLACK, ":", 1.0),
+    ("DCM estimated", "dcm/estimated", ORANGE, "-", 1.0),
+    ("DCM planned", "dcm/reference", ORANGE, "--", 0.9),
+    ("CoM estimated", "com/estimated", BLUE, "-", 1.2),
+    ("CoM planned", "com/reference", BLUE, "--", 0.9),
+)
+
+
+def draw_balance(logs: Sequence[Log]) -> Figure:
+    """One column for each log: x, y, and the error of the DCM."""
+    figure = new_figure(max(11.0, 7.0 * len(logs)), 9.5)
+    rows = grid(figure, 3, len(logs), sharex="col", height_ratios=(2.2, 2.2, 1.0))
+    for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
+        _one_balance([row[column] for row in rows], log, name)
+    return figure
+
+
+def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
+    time = log.time
+    low, high = support_box(log)
+    for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
+        band(ax, time, low[:, i], high[:, i], "support")
+        for label, group, colour, style, width in LINES:
+            ax.plot(time, log[group][:, i], style, color=colour, linewidth=width, label=label)
+        ax.set_ylabel(f"{axis} (m)")
+        room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
+        ax.set_ylim(np.nanmin(low[:, i]) - room, np.nanmax(high[:, i]) + room)
+    legend(axes[0], columns=4)
+    axes[0].set_title(name, loc="left", fontsize=10)
+    errors = 1e3 * log["stabilizer/dcm_error"]
+    for i, (axis, colour) in enumerate((("x", BLUE), ("y", ORANGE))):
+        axes[2].plot(time, errors[:, i], color=colour, linewidth=0.8, label=axis)
+    axes[2].set_ylabel("DCM error (mm)")
+    axes[2].set_xlabel("time (s)")
+    legend(axes[2], columns=2)
+
+
+def draw_plan(logs: Sequence[Log]) -> Figure:
+    """One row for each log: footsteps and paths from above."""
+    spans = [_span(log) for log in logs]
+    width = 12.0
+    heights = [min(6.0, max(1.6, 0.86 * width * (s[3] - s[2]) / (s[1] - s[0]))) for s in spans]
+    figure = new_figure(width, sum(heights) + 0.9 * len(logs))
+    rows = grid(figure, len(logs), 1, height_ratios=heights)
+    for (ax,), log, name, span in zip(rows, logs, labels(logs), spans, strict=True):
+        _one_plan(ax, log, name)
+        ax.set(xlim=span[:2], ylim=span[2:], aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    return figure
+
+
+def _span(log: Log) -> tuple[float, float, float, float]:
+    """Least and greatest x and y of what is drawn, with room around it, m."""
+    low, high = support_box(log)
+    (x0, y0), (x1, y1) = np.nanmin(low, axis=0), np.nanmax(high, axis=0)
+    room = 0.04 + 0.02 * max(x1 - x0, y1 - y0)
+    return float(x0 - room), float(x1 + room), float(y0 - room), float(y1 + room)
+
+
+def _one_plan(ax: Axes, log: Log, name: str) -> None:
+    for stance in stances(log):
+        colour = SIDE_COLOURS[stance.side]
+        ax.add_patch(Polygon(stance.corners, facecolor=colour, alpha=0.13, edgecolor="none"))
+        ax.add_patch(Polygon(stance.corners, fill=False, edgecolor=colour, linewidth=0.7, linestyle="--"))
+    truth = "truth/foot/left/position/x" in log
+    if truth:
+        for stance in stances(log, "truth"):
+            colour = SIDE_COLOURS[stance.side]
+            ax.add_patch(Polygon(stance.corners, fill=False, edgecolor=colour, linewidth=1.1))
+    for label, group, colour, style, line in LINES:
+        if label.endswith("measured") or label.endswith("estimated"):
+            points = log[group]
+            ax.plot(points[:, 0], points[:, 1], style, color=colour, linewidth=line, label=label.split()[0])
+    for side, colour in SIDE_COLOURS.items():
+        ax.plot([], [], color=colour, linewidth=1.1, label=f"{side} sole" + (", true" if truth else ""))
+        ax.plot([], [], "--", color=colour, linewidth=0.7, label=f"{side} sole, planned")
+    legend(ax, columns=7)
+    ax.set_title(name, loc="left", fontsize=10)

@@ -1,0 +1,98 @@
+"""The ready-made figures by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from wbc.app.log import Log
+from wbc.app.plot.balance import draw_balance, draw_plan
+from wbc.app.plot.loads import draw_feet, draw_torque
+from wbc.app.plot.stiffness import draw_stiffness
+from wbc.app.plot.timing import draw_timing
+from wbc.core.errors import InputError, choose
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A ready-made figure.
+
+    Attributes:
+        about: What it shows.
+        needs: Signals or groups without which it cannot be drawn.
+        draw: Makes it from logs that have these.
+    """
+
+    about: str
+    needs: tuple[str, ...]
+    draw: Callable[[Sequence[Log]], Figure]
+
+
+_FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/left/contact")
+
+FIGURES = {
+    "balance": Drawing(
+        "centre of mass, DCM and ZMP in both axes, with the support region and the DCM's error",
+        ("com/reference", "dcm/reference", "zmp/measured", *_FEET),
+        draw_balance,
+    ),
+    "plan": Drawing(
+        "footsteps from above, planned and real, with the paths of centre of mass, DCM and ZMP",
+        ("com/reference", "zmp/measured", *_FEET),
+        draw_plan,
+    ),
+    "feet": Drawing(
+        "forces and ankle moments of the feet, measured and desired",
+        ("foot/left/wrench_measured", "foot/right/wrench_measured"),
+        draw_feet,
+    ),
+    "torque": Drawing("joint torques over their limits", ("truth/joint/torque_ratio",), draw_torque),
+    "timing": Drawing("time that the controller's ticks took", ("tick",), draw_timing),
+    "stiffness": Drawing(
+        "stiffness of the soles, commanded and actual, and the ground scanned in each step",
+        ("foot/left/stiffness", "foot/right/stiffness"),
+        draw_stiffness,
+    ),
+}
+"""Every ready-made figure."""
+
+
+def missing(name: str, log: Log) -> str | None:
+    """Say what a log lacks for a figure; None if it can be drawn.
+
+    Raises:
+        UnknownNameError: No such figure.
+    """
+    drawing = FIGURES[choose("figure", name, FIGURES)]
+    groups = {signal.rpartition("/")[0] for signal in log}
+    lacking = [need for need in drawing.needs if need not in log and need not in groups]
+    if lacking:
+        return f"has no {lacking[0]}"
+    if len(log) < 2:
+        return f"has {len(log)} ticks"
+    if name == "stiffness" and not (log["foot/left/stiffness"] > 0.0).any():
+        return "is of soles without a stiffness to set"
+    return None
+
+
+def draw(name: str, logs: Sequence[Log]) -> Figure:
+    """Draw a ready-made figure.
+
+    Args:
+        name: One of `FIGURES`.
+        logs: One or several, side by side or one over the other.
+
+    Raises:
+        UnknownNameError: No such figure.
+        InputError: No logs, or one that has not got what it takes.
+    """
+    choose("figure", name, FIGURES)
+    if not logs:
+        raise InputError("a figure needs at least one log")
+    for log in logs:
+        lack = missing(name, log)
+        if lack is not None:
+            raise InputError(f"figure '{name}' cannot be drawn: {log.path} {lack}")
+    return FIGURES[name].draw(logs)

@@ -1,0 +1,65 @@
+"""Writes figures to files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from wbc.core.errors import InputError
+
+FORMATS = (".png", ".svg", ".pdf")
+DPI = 130
+
+
+def check_output(path: str | Path) -> Path:
+    """Return where figures are to be written.
+
+    Raises:
+        InputError: Not the ending of a picture, no such folder, or not writable.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in FORMATS:
+        raise InputError(f"a figure's name must end in one of {', '.join(FORMATS)}, got '{target.name}'")
+    if not target.parent.is_dir():
+        raise InputError(f"no folder {target.parent} to write {target.name} into")
+    if target.is_dir():
+        raise InputError(f"cannot write {target}: it is a folder")
+    there = target.exists()
+    try:
+        with target.open("ab"):
+            pass
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror}") from error
+    if not there:
+        target.unlink()
+    return target
+
+
+def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
+    """Write figures: several into the pages of one PDF, or into files whose names end in theirs.
+
+    Args:
+        figures: Name → figure.
+        path: File to write; its ending says in which format.
+
+    Returns:
+        Files written.
+
+    Raises:
+        InputError: A path that cannot be written.
+    """
+    target = check_output(path)
+    if target.suffix.lower() == ".pdf":
+        with PdfPages(target) as pages:
+            for figure in figures.values():
+                pages.savefig(figure)
+        return [target]
+    written = []
+    for name, figure in figures.items():
+        place = target if len(figures) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
+        figure.savefig(place, dpi=DPI)
+        written.append(place)
+    return written

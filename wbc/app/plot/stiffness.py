@@ -1,0 +1,88 @@
+"""Stiffness of the soles, and the ground that was scanned before each decision."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from wbc.app.log import Log
+from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, new_figure
+from wbc.app.plot.support import SIDES
+from wbc.core.errors import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw_stiffness(logs: Sequence[Log]) -> Figure:
+    """One column for each log: stiffness over time, range readings, and the scanned ground along the walk."""
+    figure = new_figure(max(9.0, 7.0 * len(logs)), 8.0)
+    rows = grid(figure, 3, len(logs))
+    for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
+        stiffness, distance, ground = (row[column] for row in rows)
+        _one_stiffness(stiffness, log)
+        stiffness.set_title(name, loc="left", fontsize=10)
+        for side in SIDES:
+            distance.plot(
+                log.time, 1e3 * log[f"foot/{side}/range"], color=SIDE_COLOURS[side], linewidth=0.9, label=side
+            )
+        distance.set(ylabel="range under the toe (mm)", xlabel="time (s)")
+        distance.sharex(stiffness)
+        _one_ground(ground, log)
+    return figure
+
+
+def _one_stiffness(ax: Axes, log: Log) -> None:
+    for side in SIDES:
+        colour = SIDE_COLOURS[side]
+        ax.plot(log.time, log[f"foot/{side}/stiffness"], color=colour, linewidth=1.2, label=f"{side} actual")
+        ax.plot(
+            log.time,
+            log[f"foot/{side}/stiffness_command"],
+            "--",
+            color=colour,
+            linewidth=1.0,
+            label=f"{side} commanded",
+        )
+    ax.set_ylabel("stiffness (Nm/rad)")
+    ax.set_ylim(bottom=0.0)
+    legend(ax, columns=4)
+
+
+def _one_ground(ax: Axes, log: Log) -> None:
+    """Profiles of all steps where they lie along the walk, each marked with the stiffness that it led to."""
+    steps = scans(log)
+    if not steps:
+        ax.text(0.5, 0.5, "no scanned profiles in this log", ha="center", transform=ax.transAxes, color="0.4")
+        return
+    for side, x, z, stiffness in steps:
+        ax.plot(x, 1e3 * z, color=SIDE_COLOURS[side], linewidth=1.3)
+        ax.annotate(
+            f"{stiffness:.0f}",
+            (float(x.mean()), 1e3 * float(z.max())),
+            xytext=(0, 3),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7,
+            color=SIDE_COLOURS[side],
+        )
+    for side in SIDES:
+        ax.plot([], [], color=SIDE_COLOURS[side], label=f"{side}, stiffness in Nm/rad")
+    ax.set(xlabel="along the walk (m)", ylabel="scanned ground (mm)")
+    legend(ax, columns=2)
+
+
+def scans(log: Log) -> list[tuple[str, Array, Array, float]]:
+    """Side, x (m), z (m) and commanded stiffness (Nm/rad) of each step with a profile."""
+    if "stiffness/scan/x" not in log:
+        return []
+    sides, commanded = log.texts("stiffness/side"), log["stiffness/commanded"]
+    pairs = zip(log.lists("stiffness/scan/x"), log.lists("stiffness/scan/z"), strict=True)
+    return [
+        (str(sides[i]), x, z, float(commanded[i]))
+        for i, (x, z) in enumerate(pairs)
+        if x is not None and z is not None and np.size(x)
+    ]

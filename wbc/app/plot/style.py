@@ -1,0 +1,85 @@
+"""What all figures share: colours, sizes, labels with units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wbc.app.log import Log
+from wbc.core.errors import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
+PINK, SKY, AMBER, BLACK = "#CC79A7", "#56B4E9", "#E69F00", "#222222"
+COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER, BLACK)
+"""Told apart by the colour-blind: M. Okabe, K. Ito, "Color Universal Design", 2008; vermillion is called orange here,
+yellow is left out, being too light for a line."""
+
+SIDE_COLOURS = {"left": BLUE, "right": ORANGE}
+STYLES = ("-", "--", ":", "-.")
+SUPPORT = "0.88"
+"""Grey of support regions."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Make a figure that needs no display; sizes in inches."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def grid(figure: Figure, rows: int, columns: int, **options: Any) -> list[list[Axes]]:
+    """Return rows × columns axes, as lists even when there is one."""
+    made = figure.subplots(rows, columns, squeeze=False, **options)
+    for axes in made.ravel():
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color="0.93", linewidth=0.6)
+        axes.set_axisbelow(True)
+    return [list(row) for row in made]
+
+
+def labels(logs: Sequence[Log]) -> list[str]:
+    """Short names that tell the logs apart: their titles, or their files."""
+    titles = [str(log.header.get("title", "")) for log in logs]
+    if len(set(titles)) == len(titles) and all(titles):
+        return titles
+    names = [log.path.stem for log in logs]
+    return names if len(set(names)) == len(names) else [str(log.path) for log in logs]
+
+
+def legend(axes: Axes, columns: int = 3, **options: Any) -> None:
+    """Put a legend above the axes, where it hides nothing."""
+    handles, _ = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=min(columns, len(handles)),
+            fontsize=8,
+            frameon=False,
+            borderaxespad=0.1,
+            handlelength=1.6,
+            columnspacing=1.2,
+            **options,
+        )
+
+
+def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
+    """Shade a region over time."""
+    axes.fill_between(time, low, high, step="post", color=SUPPORT, linewidth=0.0, label=label)
+
+
+def limit_to(axes: Axes, *values: Array, margin: float = 0.08) -> None:
+    """Let the vertical axis span these values, whatever else is drawn."""
+    joined = np.concatenate([np.ravel(v) for v in values])
+    joined = joined[np.isfinite(joined)]
+    if joined.size:
+        low, high = float(joined.min()), float(joined.max())
+        room = margin * max(high - low, 1e-9)
+        axes.set_ylim(low - room, high + room)
