@@ -12,9 +12,8 @@ from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
 
-
 MAX_SLOPE = 0.5
-"""Steepest landing that a plan may ask for, rad: beyond it a sole slips at the usual friction of 0.5."""
+"""Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
 
 
 @dataclass(frozen=True)
