@@ -31,6 +31,7 @@ from wbc.core.solver import SolverSettings
 from wbc.tasks.com import CoMTask
 from wbc.tasks.frame import OrientationTask, PoseTask
 from wbc.tasks.posture import PostureTask
+from wbc.tasks.stiffness import StiffnessTask
 from wbc.tasks.wrench import WrenchTask
 from wbc.walking.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
@@ -119,6 +120,7 @@ class WalkingControl:
         settings: Settings.
         reference: References of this tick; None before the first one.
         output: What the stabilizer said in this tick; None before the first one.
+        stiffness: Sets the soles while they swing; None leaves them alone.
         falls: Tells whether the robot has fallen, and why.
         time: Since the start, s.
     """
@@ -131,6 +133,7 @@ class WalkingControl:
         settings: WalkingSettings | None = None,
         *,
         observer: Observer | None = None,
+        stiffness: StiffnessTask | None = None,
         extent: tuple[float, float, float, float] | None = None,
     ) -> None:
         """Make everything ready for a robot that stands at the start of a plan; the walk begins with the first tick.
@@ -141,6 +144,7 @@ class WalkingControl:
             dt: Control period, s.
             settings: Settings; the defaults when None.
             observer: Estimates the robot's state; a new one when None.
+            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
 
         Raises:
@@ -170,6 +174,7 @@ class WalkingControl:
             self.control = PositionControl(
                 self.controller, observer, prepare=self._prepare, feedforward=feedforward
             )
+        self.stiffness = stiffness
         self.falls = FallDetector(s.falls)
         self.reference: WalkReference | None = None
         self.output: StabilizerOutput | None = None
@@ -261,7 +266,13 @@ class WalkingControl:
         self.time += self.dt
         command = self.control.command(measurement)
         self._watch()
-        return command
+        if self.stiffness is None:
+            return command
+        phases = self.walk.phases
+        progress = min(phases.elapsed / max(phases.duration, self.dt), 1.0)
+        left = max(phases.duration - phases.elapsed, 0.0)
+        soles = self.stiffness.update(phases.swing, progress, left, self.control.observer.robot, measurement)
+        return replace(command, sole_stiffness=soles)
 
     # The tick
 
