@@ -33,6 +33,7 @@ from wbc.tasks.frame import OrientationTask, PoseTask
 from wbc.tasks.posture import PostureTask
 from wbc.tasks.stiffness import StiffnessTask
 from wbc.tasks.wrench import WrenchTask
+from wbc.walking.carrying import CarryingArea, CarryingSettings
 from wbc.walking.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
@@ -92,6 +93,8 @@ class WalkingSettings:
         distribution: Of the desired wrench over the feet.
         tasks: Of the tasks.
         falls: When the robot counts as fallen.
+        carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
+            believes in the whole sole.
     """
 
     mode: Mode = "position"
@@ -102,6 +105,7 @@ class WalkingSettings:
     distribution: DistributionSettings = field(default_factory=DistributionSettings)
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
+    carrying: CarryingSettings | None = None
 
     def __post_init__(self) -> None:
         choose("mode", self.mode, ("position", "torque"))
@@ -165,6 +169,9 @@ class WalkingControl:
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
+        self._carrying: list[CarryingArea] = []
+        if s.carrying is not None:
+            self._carrying = [CarryingArea(size, s.carrying) for size in self._sizes]
         self._add_tasks(s.tasks)
         self.control: PositionControl | TorqueControl
         if self._torque:
@@ -287,6 +294,11 @@ class WalkingControl:
         if reference.contact != self._in_contact:
             self._switch_contacts(reference)
         soles = [estimate.data.oMf[i] for i in self._sole_ids]
+        for side, area in enumerate(self._carrying):
+            if reference.contact[side]:
+                rate = pin.getFrameVelocity(estimate.model, estimate.data, self._sole_ids[side], pin.LOCAL)
+                rectangle = area.update(wrenches[side], rate.angular, self.dt)
+                self.stabilizer.distribution.rectangles[side] = rectangle
         self.output = output = self.stabilizer.update(
             reference.pendulum, com, velocity, wrenches, soles, reference.contact, reference.heading, self.dt
         )
@@ -300,6 +312,8 @@ class WalkingControl:
                 contact.active = reference.contact[side]
                 self._swings[side].weight = 0.0 if contact.active else self.settings.tasks.swing_weight
                 self.stabilizer.feet.reset(side)
+                if self._carrying:
+                    self._carrying[side].reset()
         self._in_contact = reference.contact
         self._update_area()
 
