@@ -31,6 +31,9 @@ from wbc.walking.footsteps import SIDES, Footstep
 from wbc.walking.reach import Reach
 from wbc.walking.schedule import SoleSizes, ZmpTarget
 
+SAME_TIME = 0.05
+"""Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
+
 
 @dataclass(frozen=True)
 class AdjustmentSettings:
@@ -150,14 +153,18 @@ class StepAdjuster:
         if remaining <= s.freeze:
             return keep
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
+        under = (target or ZmpTarget()).under(replace(stance, x=0.0, y=0.0, yaw=0.0))
+        half = np.maximum(self._half[SIDES.index(stance.side)] - s.margin, 1e-3)
+        shift_low, shift_high = np.minimum(0.0, -half - under), np.maximum(0.0, half - under)
+        grow = math.exp(omega * (remaining + transfer))
+        if self._idle(dcm, planned, (c, sn), grow, shift_low, shift_high):
+            return keep
         to_world = np.array([[c, -sn], [sn, c]])
         origin = np.array([stance.x, stance.y])
         now, plan_now, plan_then = (
             (np.asarray(x[:2]) - origin) @ to_world for x in (dcm, planned, at_landing)
         )
         landing = (np.array([step.x, step.y]) - origin) @ to_world
-        under = (target or ZmpTarget()).under(replace(stance, x=0.0, y=0.0, yaw=0.0))
-        grow = math.exp(omega * (remaining + transfer))
         zmp = (plan_now * grow - plan_then) / (grow - 1.0)
         offset = plan_then - landing
 
@@ -168,19 +175,44 @@ class StepAdjuster:
         p.target[:2] = zmp
         p.linear[:] = p.diagonal * (*landing, 0.0, 0.0, 1.0, *offset)
         low, high = self._bounds(landing, step.side, s.max_shift)
-        half = np.maximum(self._half[SIDES.index(stance.side)] - s.margin, 1e-3)
         least = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
-        p.lower[:] = (*low, *np.minimum(0.0, -half - under), min(1.0, least))
-        p.upper[:] = (*high, *np.maximum(0.0, half - under), math.exp(omega * s.longest))
+        p.lower[:] = (*low, *shift_low, min(1.0, least))
+        p.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
         if not self._solver.solve().ok:
             return keep
         x = self._solver.x
-        if float(np.hypot(*(x[:2] - landing))) <= s.threshold and abs(x[4] - 1.0) < 0.05:
+        if float(np.hypot(*(x[:2] - landing))) <= s.threshold and abs(x[4] - 1.0) < SAME_TIME:
             return keep
         place = origin + to_world @ x[:2]
         time = remaining + math.log(max(x[4], 1e-6)) / omega
         missed = to_world @ (x[5:] - offset)
         return Adjustment(replace(step, x=float(place[0]), y=float(place[1])), time, missed, True)
+
+    def _idle(
+        self,
+        dcm: Array,
+        planned: Array,
+        heading: tuple[float, float],
+        grow: float,
+        low: Array,
+        high: Array,
+    ) -> bool:
+        """True if the program need not be solved: its answer is the step as planned.
+
+        The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
+        has room for that, it bounds the least cost from above, and with it every change:
+
+            w_u |u − u*|² ≤ w_δ |δ|²,   w_τ (τ/τ* − 1)² ≤ w_δ |δ|².
+        """
+        s, (c, sn) = self.settings, heading
+        ratio = grow / (grow - 1.0)
+        x, y = ratio * float(dcm[0] - planned[0]), ratio * float(dcm[1] - planned[1])
+        x, y = c * x + sn * y, c * y - sn * x
+        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
+            return False
+        # A hundredth is kept for the solver's tolerance.
+        cost = 1.01 * s.shift * (x * x + y * y)
+        return cost <= s.landing * s.threshold**2 and cost <= s.time * SAME_TIME**2
 
     def _bounds(self, landing: Array, side: str, shift: tuple[float, float]) -> tuple[Array, Array]:
         """Box of landings in the stance foot's axes: within reach and not far from the plan."""

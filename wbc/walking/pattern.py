@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.height import HeightProfile
-from wbc.walking.lipm import Pendulum, convergent_after, dcm_after, natural_frequency
+from wbc.walking.lipm import Pendulum, natural_frequency
 from wbc.walking.schedule import Support, ZmpTarget, zmp_reference
 
 
@@ -33,13 +33,19 @@ def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Arr
     Returns:
         DCM at the knots, shape (k, 2), m.
     """
-    dcm = np.empty_like(zmp)
-    dcm[-1] = dcm_end
-    for i in range(len(times) - 2, -1, -1):
-        span = times[i + 1] - times[i]
-        rate = (zmp[i + 1] - zmp[i]) / span
-        dcm[i] = dcm_after(dcm[i + 1], zmp[i + 1], rate, omega, -span)
-    return dcm
+    knots: list[float] = np.asarray(times, dtype=float).tolist()
+    points: list[list[float]] = np.asarray(zmp, dtype=float).tolist()
+    x, y = np.asarray(dcm_end, dtype=float).tolist()
+    dcm = [(x, y)]
+    for i in range(len(knots) - 2, -1, -1):
+        span = knots[i + 1] - knots[i]
+        decay = math.exp(-omega * span)
+        (x0, y0), (x1, y1) = points[i], points[i + 1]
+        lead_x, lead_y = (x1 - x0) / span / omega, (y1 - y0) / span / omega
+        x = x0 + lead_x + decay * (x - x1 - lead_x)
+        y = y0 + lead_y + decay * (y - y1 - lead_y)
+        dcm.append((x, y))
+    return np.array(dcm[::-1])
 
 
 class Pattern:
@@ -88,12 +94,18 @@ class Pattern:
         span = np.diff(self.times)
         self._rate = np.vstack([np.diff(self.zmp, axis=0) / span[:, None], np.zeros((1, 2))])
         self.dcm = dcm_backwards(self.times, self.zmp, self.zmp[-1] if dcm_end is None else dcm_end, omega)
-        self._convergent = np.empty_like(self.zmp)
-        self._convergent[0] = np.asarray(com) - np.asarray(com_velocity) / omega
-        for i in range(len(span)):
-            self._convergent[i + 1] = convergent_after(
-                self._convergent[i], self.zmp[i], self._rate[i], omega, span[i]
+        convergent = [(np.asarray(com) - np.asarray(com_velocity) / omega).tolist()]
+        for dt, (x, y), (rate_x, rate_y) in zip(
+            span.tolist(), self.zmp.tolist(), self._rate.tolist(), strict=False
+        ):
+            decay = math.exp(-omega * dt)
+            lag_x, lag_y = x - rate_x / omega, y - rate_y / omega
+            u, v = convergent[-1]
+            convergent.append(
+                [lag_x + dt * rate_x + decay * (u - lag_x), lag_y + dt * rate_y + decay * (v - lag_y)]
             )
+        # ZMP, its rate, DCM and convergent part at each knot, as plain numbers for `at`.
+        self._pieces: list[list[float]] = np.hstack([self.zmp, self._rate, self.dcm, convergent]).tolist()
 
     @property
     def duration(self) -> float:
@@ -104,24 +116,24 @@ class Pattern:
         """The pendulum at a time from the start of the pattern (s, not negative)."""
         i = max(0, bisect_right(self._knots, time) - 1)
         omega, dt = self.omega, max(0.0, time - self._knots[i])
-        rate, z = self._rate[i], self.zmp[i]
-        zmp = z + dt * rate
+        x0, y0, rate_x, rate_y, dcm_x, dcm_y, convergent_x, convergent_y = self._pieces[i]
+        x, y = x0 + dt * rate_x, y0 + dt * rate_y
         grow = math.exp(omega * dt)
-        lead = rate / omega
-        divergent = zmp + lead + grow * (self.dcm[i] - z - lead)
-        if i == len(self._knots) - 1:  # at rest: nothing may grow out of rounding
-            divergent = self.dcm[i]
-        convergent = zmp - lead + (self._convergent[i] - z + lead) / grow
-        com = 0.5 * (divergent + convergent)
-        velocity = (0.5 * omega) * (divergent - convergent)
-        acceleration = omega**2 * (com - zmp)
+        lead_x, lead_y = rate_x / omega, rate_y / omega
+        if i < len(self._knots) - 1:  # at rest nothing may grow out of rounding
+            dcm_x = x + lead_x + grow * (dcm_x - x0 - lead_x)
+            dcm_y = y + lead_y + grow * (dcm_y - y0 - lead_y)
+        convergent_x = x - lead_x + (convergent_x - x0 + lead_x) / grow
+        convergent_y = y - lead_y + (convergent_y - y0 + lead_y) / grow
+        com_x, com_y = 0.5 * (dcm_x + convergent_x), 0.5 * (dcm_y + convergent_y)
         level, climb, push = self._profile.at(time)
+        half, square = 0.5 * omega, omega * omega
         return Pendulum(
-            np.array([com[0], com[1], level + self.height]),
-            np.array([velocity[0], velocity[1], climb]),
-            np.array([acceleration[0], acceleration[1], push]),
-            np.array([zmp[0], zmp[1], level]),
-            np.array([rate[0], rate[1], climb]),
+            np.array((com_x, com_y, level + self.height)),
+            np.array((half * (dcm_x - convergent_x), half * (dcm_y - convergent_y), climb)),
+            np.array((square * (com_x - x), square * (com_y - y), push)),
+            np.array((x, y, level)),
+            np.array((rate_x, rate_y, climb)),
             omega,
         )
 
