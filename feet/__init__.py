@@ -1,4 +1,4 @@
-"""Feet: rigid, soft and variable-stiffness soles, their actuator and their range sensor.
+"""Feet: soles, their actuator and range sensor, and what ground a swinging foot has seen.
 
 What needs MuJoCo lives in the modules whose names end in `_mjcf` and is imported from there.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from wbc.feet.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.catalog import foot, foot_name, foot_names, register_foot
+from wbc.feet.clusters import Clusters
 from wbc.feet.contact import (
     LOOP_CLOSURE,
     PAPER_SOLE_GROUND,
@@ -16,30 +17,45 @@ from wbc.feet.contact import (
     effective_time_constant,
     solver_parameters,
 )
+from wbc.feet.dataset import StiffnessTable
+from wbc.feet.features import FeatureSet, select_features
 from wbc.feet.foot import Foot
 from wbc.feet.model import FootModel
 from wbc.feet.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.rigid import FlatFoot, RigidFoot
+from wbc.feet.roughness import Roughness, RoughnessSettings
+from wbc.feet.scan import GroundScan, Profile, ScanSettings, toe_sensor
 from wbc.feet.soft import SoftFoot, TransverseBending, VariableStiffnessFoot
 from wbc.feet.sole import FootFit, SoleGeometry
+from wbc.feet.stiffness_model import ModelSettings, StiffnessModel
 
 __all__ = [
     "LOOP_CLOSURE",
     "PAPER_SOLE_GROUND",
     "SOLE_GROUND",
+    "Clusters",
     "ConstraintLaw",
+    "FeatureSet",
     "FlatFoot",
     "Foot",
     "FootFit",
     "FootModel",
+    "GroundScan",
+    "ModelSettings",
+    "Profile",
     "RangeSampler",
     "RangeSensor",
     "RigidFoot",
+    "Roughness",
+    "RoughnessSettings",
+    "ScanSettings",
     "SoftFoot",
     "SoleContact",
     "SoleGeometry",
     "StiffnessActuator",
+    "StiffnessModel",
     "StiffnessState",
+    "StiffnessTable",
     "TransverseBending",
     "VariableStiffnessFoot",
     "effective_time_constant",
@@ -47,5 +63,7 @@ __all__ = [
     "foot_name",
     "foot_names",
     "register_foot",
+    "select_features",
     "solver_parameters",
+    "toe_sensor",
 ]

@@ -37,12 +37,16 @@ class StiffnessActuator:
         low: Least stiffness, Nm/rad.
         high: Greatest stiffness, Nm/rad; infinite for no limit.
 
-    Source: range 0–80 Nm/rad from Table I of the paper. Its simulation changes the stiffness at once at 75 %
-    of the swing (`StiffnessActuator.instantaneous`); rate and lag are chosen here so that the whole range
-    fits into the last quarter of a 0.8 s swing, and stand for no existing actuator.
+    The paper's simulation changes the stiffness at once at 75 % of the swing (`StiffnessActuator.instantaneous`).
+    The defaults cross the whole range in the 0.2 s that are left then of a swing of 0.8 s: 0.1 s of ramp, and
+    0.1 s, five time constants, until what is missing has shrunk to 0.11 Nm/rad. At half the rate the ramp alone
+    takes all of it, and 8 Nm/rad are missing when the foot lands.
+
+    Source: range 0–80 Nm/rad from Table I of the paper; rate and lag are chosen here and stand for no existing
+    actuator.
     """
 
-    rate_limit: float = 400.0
+    rate_limit: float = 800.0
     time_constant: float = 0.02
     low: float = 0.0
     high: float = 80.0

@@ -29,6 +29,11 @@ _SOLE_COLOR = (0.85, 0.55, 0.25, 1.0)
 _ARCH_COLOR = (0.35, 0.38, 0.42, 1.0)
 
 
+def part(side: str, name: str) -> str:
+    """Name of a part of a foot, such as "left/phalanx_3": the slash keeps it apart from the robot's own names."""
+    return f"{side}/{name}"
+
+
 def quaternion_wxyz(rotation: Sequence[float]) -> list[float]:
     """MuJoCo's order of a quaternion given as xyzw."""
     x, y, z, w = rotation
@@ -59,13 +64,11 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
             f"the {side} foot belongs under '{fit.sole.ankle_link}', got the body '{ankle_body.name}'"
         )
     body = ankle_body.add_body(
-        name=f"{side}_foot", pos=fit.sole.translation, quat=quaternion_wxyz(fit.sole.rotation)
+        name=part(side, "foot"), pos=fit.sole.translation, quat=quaternion_wxyz(fit.sole.rotation)
     )
-    site = body.add_site(name=f"{side}_sole", group=CONTACT_GROUP, size=[0.005] * 3)
+    site = body.add_site(name=part(side, "sole"), group=CONTACT_GROUP, size=[0.005] * 3)
     for what, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
-        spec.add_sensor(
-            name=f"{side}_foot_{what}", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name
-        )
+        spec.add_sensor(name=part(side, what), type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
     return body
 
 
@@ -124,7 +127,7 @@ def add_bar(body: mujoco.MjsBody, name: str, start: Point, end: Point, radius: f
 def add_range_site(body: mujoco.MjsBody, side: str, position: Point) -> str:
     """Add the range sensor's site, looking down the sole's normal."""
     x, y, z = position
-    name = f"{side}_range"
+    name = part(side, "range")
     body.add_site(
         name=name,
         pos=[x + RANGE_OFFSET, y + RANGE_OFFSET, z],

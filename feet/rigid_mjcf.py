@@ -10,6 +10,7 @@ from wbc.feet.common_mjcf import (
     add_contact_sphere,
     add_foot_body,
     add_range_site,
+    part,
     set_inertia,
 )
 from wbc.feet.contact import SoleContact
@@ -45,11 +46,11 @@ def build_rigid(
     if plate is not None:
         mass, thickness = plate
         set_inertia(body, box_inertia(mass, (length, width, thickness), (0.0, 0.0, thickness / 2.0)))
-        add_box(body, f"{side}_plate", (0.0, 0.0, thickness / 2.0), (length, width, thickness))
+        add_box(body, part(side, "plate"), (0.0, 0.0, thickness / 2.0), (length, width, thickness))
         ankle = fit.sole.ankle
-        add_bar(body, f"{side}_shank", (ankle[0], ankle[1], thickness), ankle.tolist(), 0.01)
+        add_bar(body, part(side, "shank"), (ankle[0], ankle[1], thickness), ankle.tolist(), 0.01)
     geoms = [
-        add_contact_sphere(body, f"{side}_sole_{i + 1}_{j + 1}", (x, y, contact.radius), contact)
+        add_contact_sphere(body, part(side, f"sole_{i + 1}_{j + 1}"), (x, y, contact.radius), contact)
         for i, x in enumerate(contact.row_positions(length, contact.rows(length)))
         for j, y in enumerate(contact.column_positions(width))
     ]
@@ -58,9 +59,9 @@ def build_rigid(
         side=side,
         fit=fit,
         body=body.name,
-        wrench_site=f"{side}_sole",
-        force_sensor=f"{side}_foot_force",
-        torque_sensor=f"{side}_foot_torque",
+        wrench_site=part(side, "sole"),
+        force_sensor=part(side, "force"),
+        torque_sensor=part(side, "torque"),
         range_site=site,
         range_height=contact.radius,
         contact_geoms=tuple(geoms),

@@ -16,6 +16,7 @@ from wbc.feet.common_mjcf import (
     add_contact_sphere,
     add_foot_body,
     add_range_site,
+    part,
     set_inertia,
 )
 from wbc.feet.contact import solver_parameters
@@ -63,7 +64,7 @@ class SoftFootBuilder:
         set_inertia(self.body, self.layout.backward_arch)
         add_bar(
             self.body,
-            f"{side}_backward_arch",
+            part(side, "backward_arch"),
             self.layout.ankle,
             self.layout.hinges[-1],
             ARCH_THICKNESS / 2.0,
@@ -89,9 +90,9 @@ class SoftFootBuilder:
             side=self.side,
             fit=self.fit,
             body=self.body.name,
-            wrench_site=f"{self.side}_sole",
-            force_sensor=f"{self.side}_foot_force",
-            torque_sensor=f"{self.side}_foot_torque",
+            wrench_site=part(self.side, "sole"),
+            force_sensor=part(self.side, "force"),
+            torque_sensor=part(self.side, "torque"),
             range_site=site,
             range_height=self.foot.hinge_height,
             contact_geoms=geoms,
@@ -107,7 +108,7 @@ class SoftFootBuilder:
         self, i: int, parent: mujoco.MjsBody, parent_origin: Array
     ) -> tuple[mujoco.MjsBody, Array]:
         """Add phalanx i (0 is the toe) with its hinge on the heel side."""
-        foot, name = self.foot, f"{self.side}_phalanx_{i + 1}"
+        foot, name = self.foot, part(self.side, f"phalanx_{i + 1}")
         origin = np.array(self.layout.hinges[i])
         body = parent.add_body(name=name, pos=origin - parent_origin)
         self._pitch.append(
@@ -155,28 +156,30 @@ class SoftFootBuilder:
             for column, y in enumerate(contact.column_positions(foot.width)):
                 segment = next(s for s in segments if s.right - 1e-9 <= y <= s.left + 1e-9)
                 position = np.array([x, y, contact.radius]) - segment.origin
-                name = f"{self.side}_sole_{row + 1}_{column + 1}"
+                name = part(self.side, f"sole_{row + 1}_{column + 1}")
                 names.append(add_contact_sphere(segment.body, name, position, contact))
         return tuple(names)
 
     def _add_frontal_arch(self) -> tuple[str, tuple[str, str] | None]:
         foot, side = self.foot, self.side
         origin, loop_point = np.array(self.layout.arch_hinge), np.array(self.layout.loop_point)
-        arch = self.body.add_body(name=f"{side}_frontal_arch", pos=origin)
-        joint = _add_hinge(arch, f"{side}_arch_pitch", _LATERAL, foot.arch_stiffness, foot.arch_damping, 0.0)
+        arch = self.body.add_body(name=part(side, "frontal_arch"), pos=origin)
+        joint = _add_hinge(
+            arch, part(side, "arch_pitch"), _LATERAL, foot.arch_stiffness, foot.arch_damping, 0.0
+        )
         set_inertia(arch, pin.SE3(np.eye(3), -origin).act(self.layout.frontal_arch))
         tip = loop_point - origin
-        add_bar(arch, f"{side}_frontal_arch_bar", (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
+        add_bar(arch, part(side, "frontal_arch_bar"), (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
         if not foot.loop:
             return joint, None
         # The middle strip is added last and is the one that the arch holds.
         held = self._segments[foot.loop_phalanx - 1][-1]
-        sites = (f"{side}_loop_arch", f"{side}_loop_sole")
+        sites = (part(side, "loop_arch"), part(side, "loop_sole"))
         arch.add_site(name=sites[0], pos=tip, size=[0.004] * 3, group=CONTACT_GROUP)
         held.body.add_site(name=sites[1], pos=loop_point - held.origin, size=[0.004] * 3, group=CONTACT_GROUP)
         parameters = solver_parameters(foot.loop_law)
         self.spec.add_equality(
-            name=f"{side}_loop",
+            name=part(side, "loop"),
             type=mujoco.mjtEq.mjEQ_CONNECT,
             objtype=mujoco.mjtObj.mjOBJ_SITE,
             name1=sites[0],

@@ -78,8 +78,8 @@ class PlantModel:
 
 
 def body_name(link: str) -> str:
-    """Name of a link's body: its own, unless a foot uses that for what it adds."""
-    return f"{link}_link" if link in [f"{side}_foot" for side in SIDES] else link
+    """Name of a link's body: its own; what a foot adds has a slash in its name."""
+    return link
 
 
 def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:

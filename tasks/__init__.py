@@ -9,6 +9,15 @@ from wbc.tasks.impedance import FirstOrderImpedanceTask, ImpedanceTask
 from wbc.tasks.momentum import MomentumTask
 from wbc.tasks.posture import PostureTask
 from wbc.tasks.relative import RelativeFrameTask
+from wbc.tasks.stiffness import StiffnessTask
+from wbc.tasks.stiffness_policy import (
+    FixedPolicy,
+    GroundPolicy,
+    ModelPolicy,
+    StiffnessPolicy,
+    stiffness_policy,
+)
+from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 from wbc.tasks.torque import JointTorqueTask
 from wbc.tasks.wrench import WrenchTask
 
@@ -19,14 +28,22 @@ __all__ = [
     "ComplianceTask",
     "DampingTask",
     "FirstOrderImpedanceTask",
+    "FixedPolicy",
     "FrameTask",
+    "GroundPolicy",
     "ImpedanceTask",
     "JointTorqueTask",
+    "ModelPolicy",
     "MomentumTask",
     "OrientationTask",
     "PoseTask",
     "PositionTask",
     "PostureTask",
     "RelativeFrameTask",
+    "StepStiffness",
+    "StiffnessPolicy",
+    "StiffnessTask",
+    "StiffnessTiming",
     "WrenchTask",
+    "stiffness_policy",
 ]

@@ -229,6 +229,23 @@ def test_two_feet_share_a_model() -> None:
     assert compiled.neq == 2 and compiled.nv == 22 and compiled.nsensor == 2 * (2 + 10)
 
 
+def test_names_of_a_foot_are_none_that_a_robot_would_use() -> None:
+    stand = Stand(foot("soft", encoders=True, transverse=TransverseBending("flaps")), "nothing")
+    kinds = mujoco.mjtObj
+    counts = {
+        kinds.mjOBJ_BODY: stand.model.nbody,
+        kinds.mjOBJ_JOINT: stand.model.njnt,
+        kinds.mjOBJ_GEOM: stand.model.ngeom,
+        kinds.mjOBJ_SITE: stand.model.nsite,
+        kinds.mjOBJ_SENSOR: stand.model.nsensor,
+        kinds.mjOBJ_EQUALITY: stand.model.neq,
+    }
+    rig = {"world", "carriage", "ankle", "forward", "left", "lift", "roll", "pitch"}
+    for kind, count in counts.items():
+        names = {mujoco.mj_id2name(stand.model, kind, i) for i in range(count)} - rig
+        assert all(name.startswith("left/") for name in names), names
+
+
 def test_a_foot_goes_under_its_own_ankle_only() -> None:
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name="knee")
@@ -331,7 +348,7 @@ def test_stiffness_follows_its_actuator_and_is_reported() -> None:
     assert 10.0 < sole.actual < 35.0 + 1e-9
     ids = [stand.model.joint(name).id for name in stand.foot.sole_joints]
     np.testing.assert_array_equal(stand.model.jnt_stiffness[ids], sole.actual)
-    assert stand.model.joint("left_arch_pitch").stiffness[0] == 100.0
+    assert stand.model.joint(stand.foot.arch_joint).stiffness[0] == 100.0
     sole.reset()
     assert sole.actual == 10.0
     with pytest.raises(InputError, match=r"\[0, 80\]"):
@@ -352,25 +369,33 @@ def test_a_rigid_foot_has_no_stiffness_and_a_foreign_model_no_foot() -> None:
 @pytest.mark.parametrize("family", ["stones", "random", "large_floor_tiles", "metal_sheets"])
 def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
     ground = terrain(family, 0.02, seed=3)
-    stand = Stand(foot("soft"), ground, tilting=False)
+    stand = Stand(foot("soft"), ground)
     finder = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP)
     random = np.random.default_rng(0)
     carriage = stand.model.body("carriage").id
     offset = stand.data.site(stand.foot.range_site).xpos - stand.model.body_pos[carriage] - RANGE_OFFSET
     field = ground.surface.field
-    errors = []
+    around = 5e-5 * np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0])).reshape(2, -1)
+    overhangs = family == "large_floor_tiles"  # the sides of tilted tiles, which no height can describe
     for i in range(750):
-        x, y = random.uniform(ground.start, ground.stop), random.uniform(-0.4, 0.4)
-        if field is not None and i % 2:
+        x, y = random.uniform(ground.start + 0.3, ground.stop - 0.3), random.uniform(-0.3, 0.3)
+        tilted = bool(i % 2) and not overhangs
+        if tilted:  # the other half is tilted, as a foot in its swing is
+            stand.data.joint("pitch").qpos[0], stand.data.joint("roll").qpos[0] = random.uniform(-0.4, 0.4, 2)
+        else:
+            stand.data.joint("pitch").qpos[0] = stand.data.joint("roll").qpos[0] = 0.0
+        if field is not None and i % 4 == 0:
             # Exactly on a grid line, where rays are lost: only the site's own offset keeps it away.
             x = field.x0 + random.integers(1, field.z.shape[1] - 1) * field.step[0]
-            y = field.y0 + random.integers(1, field.z.shape[0] - 1) * field.step[1] if i % 4 == 1 else y
-        stand.model.body_pos[carriage] = [x - offset[0], y - offset[1], random.uniform(0.15, 0.5)]
+            y = field.y0 + random.integers(1, field.z.shape[0] - 1) * field.step[1] if i % 8 else y
+        stand.model.body_pos[carriage] = [x - offset[0], y - offset[1], random.uniform(0.2, 0.5)]
         mujoco.mj_kinematics(stand.model, stand.data)
-        site = stand.data.site(stand.foot.range_site).xpos
-        reading = finder.distance(stand.model, stand.data)
-        errors.append(site[2] - reading - float(ground.height(site[0], site[1])))
-    assert np.abs(errors).max() < 1e-4
+        hit = finder.hit_point(stand.data, finder.distance(stand.model, stand.data))
+        # On the side of a stone the height jumps: the ray has hit between what is left and right of it.
+        near = ground.height(hit[0] + around[0], hit[1] + around[1])
+        assert near.min() - 1e-4 < hit[2] < near.max() + 1e-4
+        if not tilted:
+            assert hit[2] == pytest.approx(float(ground.height(hit[0], hit[1])), abs=1e-4)
 
 
 def test_range_looks_past_the_foot_along_the_tilted_sole() -> None:

@@ -476,7 +476,7 @@ def test_wishes_beyond_the_actuator_are_cut() -> None:
 
 
 def test_the_last_quarter_is_enough_for_the_whole_range_at_700_per_second() -> None:
-    """With a lag of 20 ms; the default of 400 Nm/rad/s gets about 50 Nm/rad far, and is asked for no more."""
+    """With a lag of 20 ms; 400 Nm/rad/s get about 50 Nm/rad far, and are asked for no more."""
     for rate, enough in ((700.0, True), (400.0, False)):
         values = iter([80.0, 0.0, 80.0, 2.0, 78.0])
         foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(rate, 0.02))
