@@ -315,6 +315,7 @@ def _dask(address: str, workers: int | None) -> Iterator[Executor]:
         raise InputError(
             "a distributed sweep needs Dask: install the extra 'cluster', wbc[cluster]"
         ) from error
+    logging.getLogger("distributed").setLevel(logging.WARNING)
     with contextlib.ExitStack() as stack:
         if address == "local":
             stack.enter_context(_one_thread())

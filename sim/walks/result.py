@@ -114,8 +114,8 @@ class WalkResult:
         fall: How the fall began; None if it did not fall.
         diverged: Why the simulation could not go on; None as a rule.
         seconds: Simulated time, s.
-        distance: How far the pelvis came along its first heading, m.
-        drift: How far it came to the left, m.
+        distance: How far the feet came along their first heading, m.
+        drift: How far they came to the left, m.
         yaw_error: Heading of the pelvis minus the one that the controller thought to have, rad.
         zmp_error: m.
         com_error: m.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.errors import MeasurementError
+from wbc.core.errors import Array, MeasurementError
 from wbc.core.observer import Observer
 from wbc.sim.plant import Plant
 from wbc.sim.walks.hooks import WalkHook, WalkTick
@@ -80,6 +80,7 @@ class WalkTrial:
             )
         self._meter = WalkMeter(self.plant, self.walking)
         self._fallen = TrueFall(self.plant, prepared.settings.falls)
+        self._origin = self._middle()
         self._pushes = list(spec.pushes)
         self._lift_off = dict.fromkeys((push.step for push in self._pushes), math.inf)
 
@@ -174,15 +175,20 @@ class WalkTrial:
             clock=clock,
         )
 
+    def _middle(self) -> Array:
+        """Middle between the true soles, shape (2,), m."""
+        model, data = self.plant.model, self.plant.data
+        soles = [data.site_xpos[model.site(foot.wrench_site).id, :2] for foot in self.plant.feet]
+        return np.asarray(np.mean(soles, axis=0))
+
     def _travel(self) -> dict[str, Any]:
-        """Where the true pelvis has come to."""
+        """Where the feet have come to, and the heading of the pelvis."""
         q = self.plant.data.qpos
         if not np.isfinite(q[:7]).all():
             return {"distance": math.nan, "drift": math.nan, "yaw_error": math.nan}
-        x, y, yaw = self.spec.start
+        yaw = self.spec.start[2]
         c, s = math.cos(yaw), math.sin(yaw)
-        start = moved(self.plant.robot.half_sitting, self.spec.start)
-        dx, dy = float(q[0] - start[0]), float(q[1] - start[1])
+        dx, dy = (self._middle() - self._origin).tolist()
         w, i, j, k = q[3:7].tolist()
         heading = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
         reference = self.walking.reference

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from wbc.core.errors import InputError, choose
 from wbc.core.observer import ObserverSettings
-from wbc.sim.changes import Changes, changed, full_name, normal_changes
+from wbc.sim.changes import Changes, changed, normal_changes
 from wbc.sim.settings import PhysicsSettings
 from wbc.walking.control import Mode, WalkingSettings
 from wbc.walking.distribution import DistributionSettings
@@ -76,9 +76,8 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
         UnknownNameError: No such preset or setting.
         InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
     """
-    base = TrialSettings.preset(preset)
-    for name, _ in changes:
-        option = ELSEWHERE.get(name if "." not in name else full_name(base, name))
-        if option is not None:
-            raise InputError(f"'{name}' is not a setting to be changed but the option '{option}'")
-    return normal_changes(base, changes)
+    normal = normal_changes(TrialSettings.preset(preset), changes)
+    for path, _ in normal:
+        if path in ELSEWHERE:
+            raise InputError(f"'{path}' is not a setting to be changed but the option '{ELSEWHERE[path]}'")
+    return normal

@@ -1,0 +1,98 @@
+"""`wbc walk` and `wbc study`."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.commands import COMMANDS, GROUPS
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The commands, whether or not the table of commands has them already."""
+    monkeypatch.setitem(GROUPS, "study", "Run many trials and make tables of them.")
+    for words, place in {
+        "walk": "walk:walk",
+        "study list": "study:list_studies",
+        "study show": "study:show",
+        "study run": "study:run",
+        "study table": "study:table",
+    }.items():
+        monkeypatch.setitem(COMMANDS, words, f"wbc.app.commands.{place}")
+
+
+@pytest.mark.usefixtures("command")
+def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["walk", "--distance", "0.05", "--noise", "none", "--set", "dcm_p=4", "--json"]) == RAN
+    first = capsys.readouterr().out
+    (tmp_path / "walk.json").write_text(first)
+    data = json.loads(first)
+    assert data["spec"]["changes"] == {"gains.dcm_p": [4.0, 4.0]} and data["steps_planned"] == 2
+    assert main(["walk", "--spec", str(tmp_path / "walk.json"), "--json"]) == RAN
+    again = json.loads(capsys.readouterr().out)
+    clock = ("wall_s", "real_time_factor", "tick_us", "physics_share")
+    assert {k: v for k, v in data.items() if k not in clock} == {
+        k: v for k, v in again.items() if k not in clock
+    }
+
+
+@pytest.mark.usefixtures("command")
+def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
+    push = "impulse=1.2,direction=90,step=1,phase=0.3"
+    assert main(["walk", "--distance", "0.05", "--push", push]) == RAN
+    assert "FELL" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("command")
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["walk", "--step-length", "0.5"], "within reach"),
+        (["walk", "--set", "dcm_q=1"], "dcm_p"),
+        (["walk", "--spec", "nothing.json"], "cannot be read"),
+        (["walk", "--spec", "nothing.json", "--foot", "soft"], "leave --foot out"),
+        (["walk", "--push", "impuls=0.1"], "impulse"),
+        (["walk", "--param", "foo=2"], "parameter of terrain 'flat'"),
+        (["study", "run", "flat_floor", "--journal", "."], "folder"),
+        (["study", "run", "flat_flor", "--journal", "j"], "flat_floor"),
+        (["study", "table", "flat_floor", "--journal", "nothing.jsonl"], "no journal"),
+        (["study", "show", "flat_floor", "--arm", "hard"], "soft"),
+    ],
+)
+def test_the_command_refuses(
+    words: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert re.search(message, captured.err) and captured.err.count("\n") == 1 and not captured.out
+
+
+@pytest.mark.usefixtures("command")
+def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study, journal = tmp_path / "study.json", tmp_path / "journal.jsonl"
+    data = {
+        "name": "small",
+        "base": {"plan": {"distance": 0.05}},
+        "cells": {"level": {"terrain": "flat"}},
+        "arms": {"flat": {"foot": "flat"}},
+        "seeds": [1, 2],
+    }
+    study.write_text(json.dumps(data))
+    assert main(["study", "run", str(study), "--journal", str(journal), "--seeds", "1", "--json"]) == RAN
+    assert json.loads(capsys.readouterr().out)["counts"] == {"done": 1}
+    assert main(["study", "table", str(study), "--journal", str(journal)]) == RAN
+    assert "2 (1)" in capsys.readouterr().out
+    assert main(["study", "show", "flat_floor", "--cell", "talos"]) == RAN
+    assert set(json.loads(capsys.readouterr().out)["cells"]) == {"talos"}
