@@ -25,11 +25,17 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
         InputError: Not a finite, orthonormal, right-handed matrix (to 1e-6).
     """
     matrix = finite_array(what, value, (3, 3))
-    excess = np.dot(matrix, matrix.T)
-    excess.reshape(-1)[::4] -= 1.0
     (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
-    left_handed = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0
-    if left_handed or excess.max() > 1e-6 or excess.min() < -1e-6:
+    lengths = (a * a + b * b + c * c, d * d + e * e + f * f, g * g + h * h + i * i)
+    products = (a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i)
+    handedness = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if not (
+        handedness > 0.0
+        and min(lengths) >= 1.0 - 1e-6
+        and max(lengths) <= 1.0 + 1e-6
+        and min(products) >= -1e-6
+        and max(products) <= 1e-6
+    ):
         raise InputError(f"{what} must be a rotation matrix, got\n{matrix}")
     return matrix
 
