@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.walking.filters import LeakyIntegral
-from wbc.walking.gains import StabilizerGains
+from wbc.walking.gains import StabilizerGains, pair
 from wbc.walking.swing import FootMotion
 
 
@@ -48,13 +48,13 @@ class FootCorrection:
 
     def apply(self, motion: FootMotion) -> FootMotion:
         """Where the foot should be, given where the walk wants it; accelerations are left alone."""
-        local = pin.exp3(np.array([self.roll, self.pitch, 0.0]))
-        placement = pin.SE3(motion.placement.rotation @ local, motion.placement.translation.copy())
-        placement.translation = placement.translation + np.array([0.0, 0.0, self.height])
+        rotation = motion.placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
+        translation = motion.placement.translation.copy()
+        translation[2] += self.height
         velocity = motion.velocity.copy()
         velocity[2] += self.height_rate
-        velocity[3:] += placement.rotation @ np.array([self.roll_rate, self.pitch_rate, 0.0])
-        return FootMotion(placement, velocity, motion.acceleration)
+        velocity[3:] += rotation.dot(np.array((self.roll_rate, self.pitch_rate, 0.0)))
+        return FootMotion(pin.SE3(rotation, translation), velocity, motion.acceleration)
 
 
 def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:
@@ -68,10 +68,10 @@ def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[f
     Returns:
         Rates about the sole's x and y axes, rad/s, clamped.
     """
-    along, across = np.broadcast_to(gains.cop_admittance, 2)
+    along, across = pair(gains.cop_admittance)
     bound = gains.max_angular_velocity
-    roll = float(across) * float(measured[3] - target[3])
-    pitch = float(along) * float(measured[4] - target[4])
+    roll = across * float(measured[3] - target[3])
+    pitch = along * float(measured[4] - target[4])
     return min(max(roll, -bound), bound), min(max(pitch, -bound), bound)
 
 
@@ -109,22 +109,22 @@ class FootAdmittance:
 
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
-        self._state = np.zeros((2, 3))  # roll, pitch, height
-        self._rate = np.zeros((2, 3))
+        self._state = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]  # roll, pitch, height
+        self._rate = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
     def reset(self, foot: int | None = None) -> None:
         """Put one foot (0 left, 1 right), or both, back to no correction."""
-        which = slice(None) if foot is None else foot
-        self._state[which] = 0.0
-        self._rate[which] = 0.0
+        for i in (0, 1) if foot is None else (foot,):
+            self._state[i] = [0.0, 0.0, 0.0]
+            self._rate[i] = [0.0, 0.0, 0.0]
 
     def hold(self) -> None:
         """Keep the corrections and stop moving them."""
-        self._rate[:] = 0.0
+        self._rate = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
     def correction(self, foot: int) -> FootCorrection:
         """What is added to a foot now."""
-        return FootCorrection(*self._state[foot].tolist(), *self._rate[foot].tolist())
+        return FootCorrection(*self._state[foot], *self._rate[foot])
 
     def update(self, measured: Array, target: Array, contact: tuple[bool, bool], dt: float) -> None:
         """Move on by one period.
@@ -136,30 +136,32 @@ class FootAdmittance:
             dt: Period, s.
         """
         g = self.gains
-        rate = np.zeros((2, 3))
-        for foot in (0, 1):
-            if contact[foot]:
-                rate[foot, :2] = cop_rates(g, measured[foot], target[foot])
-                rate[foot, :2] -= g.rotation_leak * self._state[foot, :2]
+        heights = (self._state[0][2], self._state[1][2])
         if all(contact):
-            heights = (float(self._state[0, 2]), float(self._state[1, 2]))
-            rate[:, 2] = height_rates(
+            climb = height_rates(
                 g,
                 (float(measured[0, 2]), float(measured[1, 2])),
                 (float(target[0, 2]), float(target[1, 2])),
                 heights,
             )
         else:
-            for foot in (0, 1):
-                if contact[foot]:
-                    # An exact decay, however long the period.
-                    kept = math.exp(-g.support_height_leak * dt)
-                    rate[foot, 2] = (kept - 1.0) / dt * self._state[foot, 2]
-        before = self._state.copy()
-        self._state += dt * rate
-        np.clip(self._state[:, :2], -g.max_rotation, g.max_rotation, out=self._state[:, :2])
-        np.clip(self._state[:, 2], -g.max_height, g.max_height, out=self._state[:, 2])
-        self._rate = (self._state - before) / dt
+            # An exact decay, however long the period.
+            decay = (math.exp(-g.support_height_leak * dt) - 1.0) / dt
+            climb = (decay * heights[0], decay * heights[1])
+        bounds = (g.max_rotation, g.max_rotation, g.max_height)
+        for foot in (0, 1):
+            before = self._state[foot]
+            if not contact[foot]:
+                self._rate[foot] = [0.0, 0.0, 0.0]
+                continue
+            roll, pitch = cop_rates(g, measured[foot], target[foot])
+            rates = (roll - g.rotation_leak * before[0], pitch - g.rotation_leak * before[1], climb[foot])
+            after = [
+                min(max(value + dt * rate, -bound), bound)
+                for value, rate, bound in zip(before, rates, bounds, strict=True)
+            ]
+            self._state[foot] = after
+            self._rate[foot] = [(new - old) / dt for new, old in zip(after, before, strict=True)]
 
 
 class ComAdmittance:
@@ -200,8 +202,10 @@ class ComAdmittance:
         velocity = np.zeros(2)
         if zmp_error is not None:
             c, s = math.cos(yaw), math.sin(yaw)
-            to_world = np.array([[c, -s], [s, c]])
-            velocity = -to_world @ np.multiply(self.gains.com_admittance, zmp_error @ to_world)
+            x, y = zmp_error.tolist()
+            along, across = pair(self.gains.com_admittance)
+            forward, sideways = along * (c * x + s * y), across * (c * y - s * x)
+            velocity = np.array((s * sideways - c * forward, -s * forward - c * sideways))
         self.acceleration = (velocity - self.velocity) / dt
         self.velocity = velocity
         self._integral.update(velocity, dt)

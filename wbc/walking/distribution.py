@@ -102,7 +102,7 @@ def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
         right: Right ankle or sole centre, shape (3,), m.
     """
     line = left - right
-    return float(np.clip(np.dot(zmp - right, line) / np.dot(line, line), 0.0, 1.0))
+    return min(max(float((zmp - right).dot(line) / line.dot(line)), 0.0), 1.0)
 
 
 class WrenchDistribution:

@@ -22,7 +22,7 @@ import numpy as np
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
 from wbc.walking.filters import Average, Derivator
-from wbc.walking.gains import StabilizerGains
+from wbc.walking.gains import StabilizerGains, pair
 from wbc.walking.lipm import Pendulum
 
 
@@ -120,18 +120,26 @@ def desired_acceleration(
         Desired acceleration of the CoM in the world, shape (3,), m/s².
     """
     omega, c, s = target.omega, math.cos(yaw), math.sin(yaw)
-    to_world = np.array([[c, -s], [s, c]])
-    feedback = (
-        np.multiply(gains.dcm_p, errors.dcm @ to_world)
-        + np.multiply(gains.dcm_i, errors.average @ to_world)
-        + np.multiply(gains.dcm_d, errors.rate @ to_world)
-        + np.multiply(gains.com_v, errors.com_velocity[:2] @ to_world)
-        - np.multiply(gains.zmp_d, target.zmp_velocity[:2] @ to_world) * omega
+    forward = sideways = 0.0
+    for gain, factor, value in (
+        (gains.dcm_p, 1.0, errors.dcm),
+        (gains.dcm_i, 1.0, errors.average),
+        (gains.dcm_d, 1.0, errors.rate),
+        (gains.com_v, 1.0, errors.com_velocity),
+        (gains.zmp_d, -omega, target.zmp_velocity),
+    ):
+        along, across = pair(gain)
+        x, y = value.tolist()[:2]
+        forward += factor * along * (c * x + s * y)
+        sideways += factor * across * (c * y - s * x)
+    x, y, z = target.com_acceleration.tolist()
+    return np.array(
+        (
+            x + omega * (c * forward - s * sideways),
+            y + omega * (s * forward + c * sideways),
+            z + gains.height_p * float(errors.com[2]) + gains.height_d * float(errors.com_velocity[2]),
+        )
     )
-    acceleration = target.com_acceleration.copy()
-    acceleration[:2] += omega * (to_world @ feedback)
-    acceleration[2] += gains.height_p * errors.com[2] + gains.height_d * errors.com_velocity[2]
-    return acceleration
 
 
 def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
@@ -145,13 +153,16 @@ def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
     Returns:
         [force; moment] at the world origin in world axes, shape (6,), N and Nm.
     """
-    force = positive("mass (kg)", mass) * (acceleration + (0.0, 0.0, GRAVITY))
+    mass = positive("mass (kg)", mass)
     x, y, z = com.tolist()
-    fx, fy, fz = force.tolist()
+    ax, ay, az = acceleration.tolist()
+    fx, fy, fz = mass * ax, mass * ay, mass * (az + GRAVITY)
     return np.array([fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
 
 
 def zmp_of_force(com: Array, acceleration: Array, ground: float) -> Array:
     """Where the force through a CoM meets the level ground, shape (3,), m."""
-    reach = (com[2] - ground) / (acceleration[2] + GRAVITY)
-    return np.array([com[0] - reach * acceleration[0], com[1] - reach * acceleration[1], ground])
+    x, y, z = com.tolist()
+    ax, ay, az = acceleration.tolist()
+    reach = (z - ground) / (az + GRAVITY)
+    return np.array((x - reach * ax, y - reach * ay, ground))

@@ -14,6 +14,12 @@ def share(dt: float, time_constant: float) -> float:
     return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
 
 
+def clamp(value: Array, bound: float) -> None:
+    """Cut each component off at ±bound, in place."""
+    if max(map(abs, value.tolist())) > bound:  # hardly ever, and quicker to see than to clip
+        np.clip(value, -bound, bound, out=value)
+
+
 class LowPass:
     """First-order low-pass, y' = (u − y) / T.
 
@@ -71,7 +77,7 @@ class Average:
     def update(self, error: Array, dt: float) -> Array:
         """Take in one error and return the average, which the next call overwrites."""
         self.value += share(dt, self._time_constant) * (error - self.value)
-        np.clip(self.value, -self._bound, self._bound, out=self.value)
+        clamp(self.value, self._bound)
         return self.value
 
 
@@ -105,7 +111,7 @@ class LeakyIntegral:
             self.value += (1.0 - kept) / self._leak * np.asarray(rate)
         else:
             self.value += dt * np.asarray(rate)
-        np.clip(self.value, -self._bound, self._bound, out=self.value)
+        clamp(self.value, self._bound)
         return self.value
 
 

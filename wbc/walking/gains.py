@@ -30,6 +30,12 @@ LIMITS = {
 """Greatest gains, from mc_rtc's safety thresholds; dcm_d is let up to the range of Frizza et al. (5 instead of 2),
 force_difference to 2e-3 instead of 5e-4 m/(N·s), and the height gains, which mc_rtc has not, to a 20 1/s pole."""
 
+
+def pair(value: Pair | float) -> Pair:
+    """Both directions of a gain that may be given as one number."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
 PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance", "com_admittance")
 
 

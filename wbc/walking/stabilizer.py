@@ -23,6 +23,9 @@ from wbc.walking.gains import StabilizerGains
 from wbc.walking.lipm import Pendulum
 from wbc.walking.zmp import MIN_FORCE, net_wrench, zmp
 
+LEVEL = np.eye(3)
+"""Rotation of a plane that is level."""
+
 
 @dataclass(frozen=True, slots=True)
 class StabilizerOutput:
@@ -179,8 +182,8 @@ class Stabilizer:
         else:
             self.feet.update(filtered, feet.wrenches, contact, dt)
             if all(contact):
-                plane = pin.SE3(np.eye(3), target.zmp)
-                distributed = net_wrench(feet.wrenches, list(soles))
+                plane = pin.SE3(LEVEL, target.zmp)
+                distributed = net_wrench(feet.wrenches, soles)
                 zmp_error = (zmp(distributed, plane) - measured_zmp)[:2]
         self._com.update(zmp_error, yaw, dt)
         return StabilizerOutput(
@@ -199,7 +202,7 @@ class Stabilizer:
 
     def _notice_air(self, wrenches: Array) -> None:
         """Both feet without load: in the air. The first tick of ground starts with an empty memory."""
-        in_air = bool((wrenches[:, 2] < self._gains.min_force).all())
+        in_air = max(wrenches[:, 2].tolist()) < self._gains.min_force
         if self._in_air and not in_air:
             self._feedback.reset()
             self._wrench.reset()
@@ -210,7 +213,7 @@ class Stabilizer:
     ) -> Array:
         """ZMP of the feet in contact, on the level of the target; NaN where there is none."""
         used = [i for i in (0, 1) if contact[i]]
-        total = net_wrench(wrenches[used], [soles[i] for i in used])
+        total = net_wrench([wrenches[i] for i in used], [soles[i] for i in used])
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
-        return zmp(total, pin.SE3(np.eye(3), target.zmp))
+        return zmp(total, pin.SE3(LEVEL, target.zmp))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -52,19 +54,30 @@ def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
 
     Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
     """
-    origin, normal = plane.translation, plane.rotation[:, 2]
-    force = float(normal @ wrench[:3])
+    fx, fy, fz, mx, my, mz = wrench.tolist()
+    x, y, z = plane.translation.tolist()
+    nx, ny, nz = plane.rotation[:, 2].tolist()
+    force = nx * fx + ny * fy + nz * fz
     if not force >= min_force:
         raise NoContactForceError(f"no ZMP: force along the normal {force:.3g} N is below {min_force:g} N")
-    moment = wrench[3:] - pin.skew(origin) @ wrench[:3]
-    return np.array(origin + pin.skew(normal) @ moment / force)
+    # origin + normal × (moment about the origin) / force
+    mx -= y * fz - z * fy
+    my -= z * fx - x * fz
+    mz -= x * fy - y * fx
+    return np.array(
+        (
+            x + (ny * mz - nz * my) / force,
+            y + (nz * mx - nx * mz) / force,
+            z + (nx * my - ny * mx) / force,
+        )
+    )
 
 
-def net_wrench(wrenches: Array, soles: list[pin.SE3]) -> Array:
+def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
     """Sum of contact wrenches at the world origin in world axes.
 
     Args:
-        wrenches: [force; moment] of each contact in its sole frame, shape (n, 6), N and Nm.
+        wrenches: [force; moment] of each contact in its sole frame, n of shape (6,), N and Nm.
         soles: Placement of each sole in the world, n of them.
 
     Returns:
