@@ -90,7 +90,7 @@ class WalkingSettings:
         feedforward: In position control, add the torques of the desired wrenches to the servos.
         walk: Phases, pattern, step adjustment.
         gains: Of the stabilizer.
-        distribution: Of the desired wrench over the feet.
+        distribution: Of the desired wrench over the feet; a CoP asked for at the very edge tips the foot.
         tasks: Of the tasks.
         falls: When the robot counts as fallen.
         carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
@@ -102,7 +102,7 @@ class WalkingSettings:
     feedforward: bool = True
     walk: WalkSettings = field(default_factory=WalkSettings)
     gains: StabilizerGains = field(default_factory=StabilizerGains)
-    distribution: DistributionSettings = field(default_factory=DistributionSettings)
+    distribution: DistributionSettings = field(default_factory=lambda: DistributionSettings(margin=0.008))
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
     carrying: CarryingSettings | None = None
