@@ -84,7 +84,6 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
 
 
 def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
-    """The last one is deaf to its time-out: its process is ended for it."""
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     kinds = ["work", "die", "work"]
     trials = [MadeUpTrial(number, does=does, marks=str(marks)) for number, does in enumerate(kinds)]
