@@ -198,7 +198,8 @@ def _feed_new_pool(pending: Pending, workers: int, timeout: float | None, record
             pool.submit(os.getpid).result()
         except BrokenExecutor as error:
             raise SweepError(
-                "processes for the trials do not start; see the standard error for why"
+                "processes for the trials do not start; the standard error says why "
+                "(a script that starts a sweep needs `if __name__ == '__main__':`)"
             ) from error
         return _feed(pool, pending, timeout, workers, record, ours=True)
 
