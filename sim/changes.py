@@ -22,6 +22,9 @@ Value = Scalar | tuple[Scalar, ...]
 Changes = tuple[tuple[str, Value], ...]
 """Names and values in alphabetical order: hashable, and the same whatever the order in which they were given."""
 
+_OWN = ""
+"""Where a tree of changes has the value of a setting that has settings inside."""
+
 
 def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes:
     """Put names and values into their normal form.
@@ -141,11 +144,16 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
 
     Raises:
         UnknownNameError: No such setting.
-        InputError: A name that several settings have, a value of the wrong kind or out of range.
+        InputError: A name that several settings have, a value of the wrong kind or out of range. Values that change
+            together are checked together, whatever their order.
     """
+    tree: dict[str, Any] = {}
     for path, value in _in_order(settings, changes):
-        settings = _replaced(settings, path.split("."), value, path)
-    return settings
+        branch = tree
+        for name in path.split("."):
+            branch = branch.setdefault(name, {})
+        branch[_OWN] = value
+    return _rebuilt(settings, tree)
 
 
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
@@ -169,8 +177,8 @@ def _in_order(settings: Any, changes: Mapping[str, Any] | Changes) -> list[tuple
     for name, value in pairs:
         path = full_name(settings, name)
         found.append((path, value))
-        if value is True and "." in path:  # its settings can be changed now
-            settings = _replaced(settings, path.split("."), value, path)
+        if value is True:  # settings that are switched on can be changed now
+            settings = _switched_on(settings, path.split("."))
     return found
 
 
@@ -181,11 +189,28 @@ def _value(settings: Any, path: str, given: Any) -> Any:
     return settings if plain else given
 
 
-def _replaced(settings: T, path: list[str], value: Any, whole: str) -> T:
+def _switched_on(settings: T, path: list[str]) -> T:
+    """Settings with those inside them at a path, if there are some that are off."""
     name, *rest = path
     old = getattr(settings, name)
-    new = _replaced(old, rest, value, whole) if rest else _checked(settings, name, old, value, whole)
-    return dataclasses.replace(settings, **{name: new})  # type: ignore[type-var]
+    if rest:
+        return dataclasses.replace(settings, **{name: _switched_on(old, rest)})  # type: ignore[type-var]
+    inside = _inside(type(settings), name)
+    if old is not None or inside is None:
+        return settings
+    return dataclasses.replace(settings, **{name: inside()})  # type: ignore[type-var]
+
+
+def _rebuilt(settings: T, tree: Mapping[str, Any], prefix: str = "") -> T:
+    """Settings with all values of a tree replaced at once."""
+    values = {}
+    for name, branch in tree.items():
+        value, whole = getattr(settings, name), prefix + name
+        inner = {key: branch[key] for key in branch if key != _OWN}
+        if _OWN in branch:
+            value = _checked(settings, name, value, branch[_OWN], whole)
+        values[name] = value if value is None or not inner else _rebuilt(value, inner, whole + ".")
+    return dataclasses.replace(settings, **values)  # type: ignore[type-var]
 
 
 def _checked(settings: Any, name: str, old: Any, value: Any, whole: str) -> Any:

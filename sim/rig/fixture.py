@@ -64,10 +64,7 @@ class Rig:
 
         spec = mujoco.MjSpec()
         test.physics.apply(spec)
-        radius = test.foot.contact.radius
-        add_to_spec(
-            spec, test.ground, rendering=test.rendering, resolution=test.resolution, sole_radius=radius
-        )
+        add_to_spec(spec, test.ground)
         carriage = spec.worldbody.add_body(
             name="carriage",
             pos=[*ankle_place, self.touch_height + test.drop],

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive
 from wbc.feet import Foot, SoleGeometry, foot, foot_name
 from wbc.sim.rig.results import to_json
 from wbc.sim.settings import PhysicsSettings
-from wbc.sim.terrain import Rendering, Terrain, terrain
+from wbc.sim.terrain import Terrain, terrain
 
 OWN_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
 """Sole and ankle height of HRP-4C, whose contact rectangle HRP-4J shares (hrp4c_description, BSD-3)."""
@@ -34,8 +34,6 @@ class FootTest:
         settle: Time from the start until the hold is measured, s.
         hold: Time over which the hold is measured, s.
         physics: Integrator settings.
-        rendering: How the ground is drawn.
-        resolution: Greatest cell of a height field, m; fine enough for ground and sole when None.
 
     Source: 200 N and the drop of 10 mm from the foot's own stability measurements; 2000 Nm/rad is the ankle
     servo of the walking sketch.
@@ -53,8 +51,6 @@ class FootTest:
     settle: float = 1.4
     hold: float = 0.5
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)
-    rendering: Rendering = "auto"
-    resolution: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.foot, Foot):
@@ -72,6 +68,9 @@ class FootTest:
                 f"got {self.settle:g} s and {self.hold:g} s"
             )
         self.foot.fit(self.own_sole)
+        # A height field has to be as fine as this sole's spheres; a coarser one is refused here.
+        if self.ground.sole_radius != self.foot.contact.radius:
+            object.__setattr__(self, "ground", replace(self.ground, sole_radius=self.foot.contact.radius))
 
     def describe(self) -> dict[str, Any]:
         """Say what is tested in JSON-able values: foot with its fit, ground, load and place; names carry the units."""
@@ -86,7 +85,7 @@ class FootTest:
             "terrain": self.ground.name,
             "amplitude_m": self.ground.amplitude,
             "seed": self.ground.seed,
-            "rendering": self.rendering,
+            "rendering": "height_field" if self.ground.is_height_field else "geoms",
             "load_n": self.load,
             "place_m": [self.x, self.y],
             "yaw_rad": self.yaw,

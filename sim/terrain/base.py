@@ -112,6 +112,10 @@ class Family(ABC):
         del amplitude
         return self.smallest_feature
 
+    def rise_at(self, amplitude: float) -> float:
+        """Return how high a foot must be lifted in one step on a ground of this amplitude, m; climbs need less."""
+        return amplitude
+
     @property
     def unidirectional(self) -> bool:
         """True if the ground does not vary across the track."""

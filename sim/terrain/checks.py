@@ -93,13 +93,14 @@ def check_clearance(terrain: Terrain, clearance: float) -> bool:
         True if the foot passes.
 
     Warns:
-        ClearanceWarning: The amplitude is larger than the clearance.
+        ClearanceWarning: What has to be stepped over, the amplitude or one riser, is higher than the clearance.
     """
     height = non_negative("foot clearance (m)", clearance)
-    if terrain.amplitude <= height:
+    rise = terrain.parameters.rise_at(terrain.amplitude)
+    if rise <= height:
         return True
     warnings.warn(
-        f"terrain '{terrain.name}' is {1e3 * terrain.amplitude:.3g} mm high, more than the foot clearance of "
+        f"terrain '{terrain.name}' rises by {1e3 * rise:.3g} mm, more than the foot clearance of "
         f"{1e3 * height:.3g} mm: the swing foot will hit it; lift the foot higher or lower the amplitude",
         ClearanceWarning,
         stacklevel=2,

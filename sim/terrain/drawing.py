@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.core.errors import Array, InputError
+from wbc.feet.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.base import families
-from wbc.sim.terrain.roughness import roughness
 from wbc.sim.terrain.spec import Terrain, terrain
 
 if TYPE_CHECKING:
@@ -37,15 +37,12 @@ def checked_path(path: str | Path) -> Path:
     return target
 
 
-def draw_terrain(ground: Terrain, path: str | Path) -> dict[str, float]:
-    """Draw the map, a profile and the roughness numbers of a terrain.
+def draw_terrain(ground: Terrain, path: str | Path) -> None:
+    """Draw the map, a profile and the roughness parameters of a terrain.
 
     Args:
         ground: What to draw.
         path: Picture to write (.png, .pdf, .svg, .jpg).
-
-    Returns:
-        The roughness numbers of the profile along y = 0, see `roughness`.
 
     Raises:
         InputError: The path cannot be written.
@@ -73,16 +70,13 @@ def draw_terrain(ground: Terrain, path: str | Path) -> dict[str, float]:
         fontsize=9,
     )
     figure.colorbar(image, ax=top, label="z (mm)", shrink=0.8)
-    _, rough = ground.profile()
-    numbers = roughness(rough)
     xs, zs = ground.profile(x0, x1, step=0.001)
     below.fill_between(xs, 1e3 * zs, 1e3 * zs.min() - 3.0, color="0.75")
     below.plot(xs, 1e3 * zs, color="tab:red", lw=1.0)
     below.set(xlim=(x0, x1), xlabel="x (m)", ylabel="z at y = 0 (mm)")
-    values = (f"{name.removesuffix('_m')} {_number(name, value)}" for name, value in numbers.items())
-    below.set_title("profile of the rough part: " + "   ".join(values), fontsize=9)
+    values = map(_number, PARAMETERS, UNITS, ground.roughness().values)
+    below.set_title("roughness along y = 0:  " + "   ".join(values), fontsize=8.5)
     figure.savefig(target, dpi=130)
-    return numbers
 
 
 def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, columns: int = 4) -> int:
@@ -100,7 +94,7 @@ def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, c
         InputError: The path cannot be written.
     """
     target = checked_path(path)
-    shown = list(terrains) if terrains is not None else [_example(name) for name in families()]
+    shown = list(terrains) if terrains is not None else [example(name) for name in families()]
     rows = math.ceil(len(shown) / columns)
     figure = _figure(3.9 * columns, 2.0 * rows)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
@@ -120,8 +114,8 @@ def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, c
     return len(shown)
 
 
-def _example(name: str) -> Terrain:
-    """Make a terrain of the family with its defaults; for images, of a picture of ripples."""
+def example(name: str) -> Terrain:
+    """Make a terrain of the family with its defaults, seed 1; for images, of a picture of ripples."""
     if name != "image":
         return terrain(name, seed=1)
     y, x = np.mgrid[-0.5:0.5:101j, -1.5:1.5:301j]
@@ -160,6 +154,7 @@ def _shade(z: Array) -> Array:
     )
 
 
-def _number(name: str, value: float) -> str:
-    """Write a roughness number: lengths in mm."""
-    return f"{1e3 * value:.2f} mm" if name.endswith("_m") else f"{value:.2f}"
+def _number(name: str, unit: str, value: float) -> str:
+    """Write a roughness parameter: lengths in mm."""
+    scale, written = {"m": (1e3, " mm"), "m2": (1e6, " mm²")}.get(unit, (1.0, ""))
+    return f"{name} {scale * value:.3g}{written}"

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError, unknown_name
-from wbc.sim.terrain.base import families
+from wbc.feet.roughness import PARAMETERS, UNITS
+from wbc.sim.terrain.base import Family, families
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, check_clearance
-from wbc.sim.terrain.drawing import checked_path, draw_terrain
-from wbc.sim.terrain.roughness import roughness
+from wbc.sim.terrain.drawing import checked_path, contact_sheet, draw_terrain, example
 from wbc.sim.terrain.spec import Rendering, Terrain, jsonable, terrain
+from wbc.walking.gait import Gait
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class TerrainOptions:
         rendering: Solids, height field, or auto: solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
         sole_radius: Radius of the spheres under the sole, m.
-        clearance: How high the swing foot is lifted, m; warns if that is too low.
+        clearance: How high the swing foot is lifted, m; a warning says if that is too low.
         plot: Picture of the map and a profile to write.
         cost: Also measure memory and steps per second.
     """
@@ -46,7 +47,7 @@ class TerrainOptions:
     rendering: Rendering = "auto"
     resolution: float | None = None
     sole_radius: float = SOLE_SPHERE_RADIUS
-    clearance: float | None = None
+    clearance: float = Gait.swing_height
     plot: Path | None = None
     cost: bool = False
 
@@ -76,22 +77,20 @@ def describe_terrain(options: TerrainOptions) -> dict[str, Any]:
     """Describe a terrain, and draw or measure it if asked to; everything is checked first.
 
     Returns:
-        JSON-able: `Terrain.describe()`, the roughness of the profile along y = 0, and as asked for `clears` (true if
-        the swing foot passes over the ground), `plot` and `cost`.
+        JSON-able: `Terrain.describe()`, the roughness parameters along y = 0 (`Terrain.roughness`), `clears` (true if
+        the swing foot passes over the ground), and as asked for `plot` and `cost`.
 
     Raises:
         UnknownNameError: No such family or parameter.
         InputError: A value is out of range, or the picture cannot be written.
 
     Warns:
-        ClearanceWarning: The amplitude is larger than the clearance.
+        ClearanceWarning: What has to be stepped over is higher than the clearance.
     """
     ground = options.build()
     target = None if options.plot is None else checked_path(options.plot)
-    extra: dict[str, Any] = {}
-    if options.clearance is not None:
-        extra["clears"] = check_clearance(ground, options.clearance)
-    report = ground.describe() | {"roughness": roughness(ground.profile()[1])} | extra
+    clears = check_clearance(ground, options.clearance)
+    report = ground.describe() | {"roughness": named_roughness(ground), "clears": clears}
     if target is not None:
         draw_terrain(ground, target)
         report["plot"] = str(target)
@@ -102,26 +101,64 @@ def describe_terrain(options: TerrainOptions) -> dict[str, Any]:
     return report
 
 
-def list_terrains() -> list[dict[str, Any]]:
-    """List all families: name, summary, usual amplitude (m) and parameters, JSON-able."""
-    return [
-        {
-            "name": name,
-            "summary": cls.summary(),
-            "amplitude_m": cls.default_amplitude,
-            "parameters": [
-                {
-                    "name": f.name,
-                    "default": jsonable(f.default),
-                    "unit": f.metadata["unit"],
-                    "about": f.metadata["about"],
-                    "choices": list(f.metadata["choices"]),
-                }
-                for f in fields(cls)
-            ],
-        }
-        for name, cls in families().items()
-    ]
+@dataclass(frozen=True)
+class TerrainListOptions:
+    """What to say of all terrains.
+
+    Args:
+        plot: Sheet of thumbnails to write.
+        cost: Also measure memory and steps per second of each; takes about half a minute.
+    """
+
+    plot: Path | None = None
+    cost: bool = False
+
+
+def list_terrains(options: TerrainListOptions | None = None) -> list[dict[str, Any]]:
+    """List all families; draw and measure them if asked to.
+
+    Returns:
+        For each: name, summary, usual amplitude (m), parameters, and as asked for `cost`; JSON-able.
+
+    Raises:
+        InputError: The picture cannot be written.
+    """
+    wanted = options or TerrainListOptions()
+    target = None if wanted.plot is None else checked_path(wanted.plot)
+    listed = [_family_facts(name, cls) for name, cls in families().items()]
+    if target is not None:
+        contact_sheet(target)
+    if wanted.cost:
+        from wbc.sim.terrain.cost import terrain_cost  # noqa: PLC0415 - needs MuJoCo
+
+        for entry in listed:
+            entry["cost"] = terrain_cost(example(entry["name"]))
+    return listed
+
+
+def _family_facts(name: str, cls: type[Family]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "summary": cls.summary(),
+        "amplitude_m": cls.default_amplitude,
+        "parameters": [
+            {
+                "name": f.name,
+                "default": jsonable(f.default),
+                "unit": f.metadata["unit"],
+                "about": f.metadata["about"],
+                "choices": list(f.metadata["choices"]),
+            }
+            for f in fields(cls)
+        ],
+    }
+
+
+def named_roughness(ground: Terrain) -> dict[str, float]:
+    """Roughness parameters of a terrain along y = 0 by name, with their units in the names."""
+    values = ground.roughness().values.tolist()
+    names = [f"{name}_{unit}" if unit else name for name, unit in zip(PARAMETERS, UNITS, strict=True)]
+    return dict(zip(names, values, strict=True))
 
 
 def read_params(name: str, texts: tuple[str, ...]) -> dict[str, Any]:

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, WbcError, choose, finite_scalar, non_negative, positive
+from wbc.feet.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
+from wbc.feet.scan import PROFILE_STEP
 from wbc.sim.terrain.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, needed_resolution, node_limit, usable_resolution
 from wbc.sim.terrain.draws import Draws, check_seed
@@ -26,9 +28,6 @@ if TYPE_CHECKING:
 
 Rendering = Literal["auto", "geoms", "height_field"]
 RENDERINGS: tuple[Rendering, ...] = ("auto", "geoms", "height_field")
-
-PROFILE_STEP = 0.007
-"""Sampling of profiles, m: the public profiles of the paper's authors have 429 samples on 3 m."""
 
 MEASURED_TOLERANCE = 1e-9
 """Largest difference between the amplitude asked for and the one built, m."""
@@ -238,6 +237,17 @@ class Terrain:
         x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + 1e-9) + 1))
         return x, self.height(x, finite_scalar("profile y (m)", y))
 
+    def roughness(self, settings: RoughnessSettings | None = None) -> Roughness:
+        """Roughness of the rough part along y = 0.
+
+        Args:
+            settings: How it is computed; without any filter when None: the ground itself, not what a foot feels of it.
+        """
+        step = min(PROFILE_STEP, self.length / LEAST_SAMPLES)
+        return roughness(
+            *self.profile(step=step), RoughnessSettings(corner=None) if settings is None else settings
+        )
+
     def fingerprint(self, step: float = 0.01) -> str:
         """Hash the heights, rounded to 1 µm, on a grid over the track: equal on every machine, hex digits.
 
@@ -267,6 +277,7 @@ class Terrain:
             "width_m": self.width,
             "strip_m": self.strip,
             "unidirectional": self.parameters.unidirectional,
+            "rise_m": self.parameters.rise_at(self.amplitude),
             "rendering": "geoms" if map_ is None else "height_field",
             "geoms": dict(Counter(type(s).__name__.lower() for s in ground.solids)),
             "nodes": None if map_ is None else list(map_.z.shape),

@@ -82,6 +82,9 @@ class Steps(_Climb):
         """Count the steps of one flight."""
         return max(1, math.ceil(amplitude / self.riser - 1e-9))
 
+    def rise_at(self, amplitude: float) -> float:
+        return amplitude / self.risers(amplitude)
+
     def facts(self, site: Site) -> dict[str, Any]:
         n = self.risers(site.amplitude)
         return {"risers": n, "riser_m": site.amplitude / n}
@@ -129,6 +132,10 @@ class Slope(_Climb):
     @property
     def smallest_feature(self) -> float:
         return self.landing
+
+    def rise_at(self, amplitude: float) -> float:
+        del amplitude
+        return 0.0  # a foot that goes along with the ramp meets nothing
 
     def _run(self, length: float) -> float:
         return (length - self.landing) / 2.0 if self.direction == "up_down" else length
