@@ -8,17 +8,24 @@ come from the configuration class; nothing is written twice.
 GROUPS = {
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
+    "study": "Run many walks, and go on where they stopped.",
 }
 """Commands that have commands of their own."""
 
 COMMANDS = {
     "robots": "wbc.app.commands.robots:robots",
     "stand": "wbc.app.commands.stand:stand",
+    "walk": "wbc.app.commands.walk:walk",
     "push": "wbc.app.commands.push:push",
     "bench tick": "wbc.app.commands.bench:tick",
     "bench solver": "wbc.app.commands.bench:solver",
     "foot press": "wbc.app.commands.foot:press",
     "terrain": "wbc.app.commands.terrain:terrain",
     "terrains": "wbc.app.commands.terrain:terrains",
+    "study list": "wbc.app.commands.study:list_studies",
+    "study show": "wbc.app.commands.study:show",
+    "study run": "wbc.app.commands.study:run",
+    "study table": "wbc.app.commands.study:table",
+    "plot": "wbc.app.commands.plot:plot",
 }
 """Words of a command → where its function is. A module is imported when its command, or the help, needs it."""
