@@ -58,11 +58,14 @@ class BrakingLaw:
         np.maximum(final, 0.0, out=final)
         np.sqrt(final, out=final)
         final -= self._half
-        if final.min() < 0.0:  # the bound is too near to stop before the period ends, or has been crossed
-            i = (final < 0.0).nonzero()
-            d, v = distance[i], velocity[i]
-            turned = v - v * np.abs(v) * (0.5 * self._dt) / np.maximum(d, 1e-12)
-            final[i] = np.where(d > 0.0, turned, d / RECOVERY_TIME)
+        flat = final.reshape(-1)
+        if (
+            flat[flat.argmin()] < 0.0
+        ):  # a bound is too near to stop before the period ends, or has been crossed
+            for i in (flat < 0.0).nonzero()[0].tolist():
+                d, v = distance.item(i), velocity.item(i)
+                turned = v - v * abs(v) * (0.5 * self._dt) / max(d, 1e-12)
+                flat[i] = turned if d > 0.0 else d / RECOVERY_TIME
         return final
 
 
@@ -170,7 +173,7 @@ class JointLimits:
         upper[:] = bound[0]
         np.negative(bound[1], out=lower)
         np.subtract(upper, lower, out=self._gap)
-        if self._gap.min() < 0.0:
+        if self._gap[self._gap.argmin()] < 0.0:
             crossed = self._gap < 0.0
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import enum
 import logging
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,11 @@ logger = logging.getLogger(__name__)
 
 COMPLEMENTARITY = 1e-3
 """Largest product of a multiplier and the distance to its bound that counts as zero, in units of the cost."""
+
+
+def largest(values: Array) -> float:
+    """The same as `values.max()` for one axis, NaN too, in a quarter of the time."""
+    return float(values[values.argmax()])
 
 
 class Status(enum.Enum):
@@ -136,6 +142,7 @@ class ActiveSet:
         self._gram = np.zeros((m, m))
         self._soft_diagonal = slice(p.n_eq * (m + 1), m * m, m + 1)
         self._excess, self._shortfall = np.zeros(p.lower.size), np.zeros(p.lower.size)
+        self._soft_inverse, self._error = np.zeros(p.n_soft), np.zeros(p.n_eq)
 
     def guess(self, multipliers: Array) -> None:
         """Take the active set from multipliers that another solver has found, shape (n_in,)."""
@@ -148,6 +155,8 @@ class ActiveSet:
         p = self._p
         np.divide(1.0, p.diagonal, out=self._inverse)
         np.multiply(self._inverse, p.linear, out=self._base)
+        np.maximum(p.soft_weight, 1e-12, out=self._soft_inverse)
+        np.divide(1.0, self._soft_inverse, out=self._soft_inverse)
         for iteration in range(1, self._changes + 2):
             self.iterations = iteration
             if not self._step():
@@ -169,14 +178,14 @@ class ActiveSet:
             scaled = rows * self._inverse
             gram = np.dot(scaled, rows.T)
             diagonal = gram.reshape(-1)[:: gram.shape[0] + 1]
-            diagonal[p.n_eq : m] += 1.0 / np.maximum(p.soft_weight, 1e-12)
+            diagonal[p.n_eq : m] += self._soft_inverse
         else:
             rows, target, scaled, gram = self._linear_rows, p.target, self._scaled, self._gram
             np.multiply(rows, self._inverse, out=scaled)
             np.dot(scaled, rows.T, out=gram)
-            gram.reshape(-1)[self._soft_diagonal] += 1.0 / np.maximum(p.soft_weight, 1e-12)
+            gram.reshape(-1)[self._soft_diagonal] += self._soft_inverse
         gram.reshape(-1)[: p.n_eq * (gram.shape[0] + 1) : gram.shape[0] + 1] += p.empty
-        if not np.isfinite(target).all():
+        if not math.isfinite(target.dot(target)):
             return False  # a bound that was active has gone
         factor, force, info = dposv(
             gram.T, target - np.dot(rows, self._base), overwrite_a=True, overwrite_b=True
@@ -188,12 +197,12 @@ class ActiveSet:
             np.dot(force, scaled, out=x)
             x += self._base
             np.dot(p.rows, x, out=values)
-            error = p.target[:n_eq] - values[:n_eq]
-            if error.max() <= tolerance and error.min() >= -tolerance:
+            short = np.subtract(p.target[:n_eq], values[:n_eq], out=self._error)
+            if short[short.argmax()] <= tolerance and short[short.argmin()] >= -tolerance:
                 self._force, self.equality_multipliers = force[m:], force[:n_eq]
                 return True
             error = target - np.dot(rows, x)
-            error[n_eq:m] -= force[n_eq:m] / np.maximum(p.soft_weight, 1e-12)
+            error[n_eq:m] -= force[n_eq:m] * self._soft_inverse
             force = force + dpotrs(factor, error)[0]
         return False
 
@@ -203,7 +212,7 @@ class ActiveSet:
         values, excess, shortfall = self.values[self._n_linear :], self._excess, self._shortfall
         np.subtract(values, p.upper, out=excess)
         np.subtract(p.lower, values, out=shortfall)
-        violated = not (excess.max() <= tolerance and shortfall.max() <= tolerance)
+        violated = not (largest(excess) <= tolerance and largest(shortfall) <= tolerance)
         if not active.size:
             if not violated:
                 self.multipliers[:] = 0.0
@@ -252,7 +261,10 @@ class QpSolver:
         p = self.problem
         # NaN and infinity in the state reach the targets and the bounds; comparisons with NaN are false.
         np.subtract(p.upper, p.lower, out=self._excess)
-        if not (np.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear)) and self._excess.min() >= 0.0):
+        excess = self._excess
+        if not (
+            math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear)) and excess[excess.argmin()] >= 0.0
+        ):
             self._persistent = None
             self.counts["failed"] += 1
             return Status.REFUSED
