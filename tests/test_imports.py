@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -50,6 +53,36 @@ def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[st
             later = at_import_time and isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
             if not (types_alone or later):
                 yield from imports(child, at_import_time=at_import_time)
+
+
+IN_PREFIX = {"pinocchio": "pin", "coal": "pin", "proxsuite": "proxsuite"}
+"""Modules that lie where their distributions do not list them; coal is released together with pin, which asks for it."""
+
+
+@pytest.mark.parametrize("at_import_time", [True, False])
+def test_what_is_imported_is_declared(at_import_time: bool) -> None:
+    """Modules come from dependencies; those of an extra are imported inside functions alone."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = [] if at_import_time else [*project["optional-dependencies"].values()]
+    lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
+    declared = {canonical(re.split(r"[\[<>=!~; ]", line, maxsplit=1)[0]) for line in lines}
+    offered = packages_distributions()
+    unknown: dict[str, str] = {}
+    for folder in FOLDERS.values():
+        for file in sources(folder):
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            for module, line in imports(tree, at_import_time=at_import_time):
+                top = module.split(".")[0]
+                if top == "wbc" or top in sys.stdlib_module_names:
+                    continue
+                names = [IN_PREFIX[top]] if top in IN_PREFIX else offered.get(top, [top])
+                if not declared & {canonical(name) for name in names}:
+                    unknown.setdefault(top, f"{file.relative_to(ROOT)}:{line}")
+    assert not unknown, f"imported, but not among the dependencies: {unknown}"
+
+
+def canonical(distribution: str) -> str:
+    return re.sub(r"[-_.]+", "-", distribution).lower()
 
 
 def package_of(module: str) -> str | None:
