@@ -49,7 +49,8 @@ class StabilizerGains:
     Attributes:
         dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP followed at once.
         dcm_i: Gain on the average DCM error, 1/s.
-        dcm_d: Gain on the derivative of the DCM error.
+        dcm_d: Gain on the derivative of the DCM error; it feeds the noise of the measured ZMP back, which on hard soles
+            costs more than the damping gives: DCM errors of 8 against 6 mm on flat floor, 17 against 7 mm at 2 ms.
         com_v: Gain on the CoM velocity error.
         zmp_d: Lead of the ZMP's velocity, s.
         height_p: Stiffness of the CoM height in the desired force, 1/s².
@@ -76,7 +77,7 @@ class StabilizerGains:
 
     dcm_p: Pair | float = 4.0
     dcm_i: Pair | float = 0.0
-    dcm_d: Pair | float = 0.5
+    dcm_d: Pair | float = 0.0
     com_v: Pair | float = 1.0
     zmp_d: Pair | float = 0.0
     height_p: float = 0.0
