@@ -56,7 +56,7 @@ def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[st
 
 
 IN_PREFIX = {"pinocchio": "pin", "coal": "pin", "proxsuite": "proxsuite"}
-"""Modules that lie where their distributions do not list them; coal is released together with pin, which asks for it."""
+"""Modules where their distributions do not list them; coal is released together with pin, which asks for it."""
 
 
 @pytest.mark.parametrize("at_import_time", [True, False])
