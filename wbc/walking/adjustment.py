@@ -20,6 +20,7 @@ IEEE T-RO 36(3), 2020, eq. (9)–(13).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -112,7 +113,8 @@ class StepAdjuster:
         self.settings = settings or AdjustmentSettings()
         self._omega = positive("natural frequency (1/s)", omega)
         self._reach = reach
-        self._half = 0.5 * np.array(sizes)
+        margin = self.settings.margin
+        self._half = [[max(0.5 * size - margin, 1e-3) for size in sole] for sole in sizes]  # less the margin
         # Unknowns: landing, shift of the ZMP, relative time τ/τ*, DCM over the landing; in the stance foot's axes.
         self._problem = p = Problem(0, 0, 7, 2, 1, 5)
         s = self.settings
@@ -153,9 +155,10 @@ class StepAdjuster:
         if remaining <= s.freeze:
             return keep
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
-        under = (target or ZmpTarget()).under(replace(stance, x=0.0, y=0.0, yaw=0.0))
-        half = np.maximum(self._half[SIDES.index(stance.side)] - s.margin, 1e-3)
-        shift_low, shift_high = np.minimum(0.0, -half - under), np.maximum(0.0, half - under)
+        under = (target or ZmpTarget()).in_sole(stance.side)
+        half = self._half[SIDES.index(stance.side)]
+        shift_low = [min(0.0, -size - place) for size, place in zip(half, under, strict=True)]
+        shift_high = [max(0.0, size - place) for size, place in zip(half, under, strict=True)]
         grow = math.exp(omega * (remaining + transfer))
         if self._idle(dcm, planned, (c, sn), grow, shift_low, shift_high):
             return keep
@@ -194,8 +197,8 @@ class StepAdjuster:
         planned: Array,
         heading: tuple[float, float],
         grow: float,
-        low: Array,
-        high: Array,
+        low: Sequence[float],
+        high: Sequence[float],
     ) -> bool:
         """True if the program need not be solved: its answer is the step as planned.
 

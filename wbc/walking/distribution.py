@@ -145,6 +145,7 @@ class WrenchDistribution:
         p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
         p.equality[:, 12:] = np.eye(6)
         self._drawn: list[Rectangle | None] = [None, None]
+        self._bounds: list[tuple[float, float] | None] = [None, None]
         # Newtons: a millinewton is nothing.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
@@ -193,7 +194,7 @@ class WrenchDistribution:
             s.pressure if both else 0.0,
         )
         p.target[:3] = net[:3]
-        p.target[3:6] = net[3:] - pin.skew(zmp) @ net[:3]
+        p.target[3:6] = net[3:] - pin.skew(zmp).dot(net[:3])
         status = self._solver.solve()
         x = self._solver.x
         return FootWrenches(x[:12].reshape(2, 6).copy(), x[12:].copy(), status)
@@ -202,22 +203,20 @@ class WrenchDistribution:
         p, s = self._problem, self.settings
         column, row = 6 * foot, 22 * foot
         rotation = sole.rotation
-        p.equality[:3, column : column + 3] = rotation
-        p.equality[3:6, column : column + 3] = pin.skew(sole.translation - zmp) @ rotation
-        p.equality[3:6, column + 3 : column + 6] = rotation
+        force, moment = slice(column, column + 3), slice(column + 3, column + 6)
+        p.equality[:3, force] = p.equality[3:6, moment] = rotation
+        p.equality[3:6, force] = pin.skew(sole.translation - zmp).dot(rotation)
         rectangle = self.rectangles[foot]
         if rectangle != self._drawn[foot]:
             p.inequality[row : row + 16, column : column + 6] = _cone(rectangle, s.margin, s.friction)
             p.upper[row : row + 16] = 0.0
             self._drawn[foot] = rectangle
-        if contact:
-            p.lower[row + 16 : row + 22] = -np.inf
-            p.upper[row + 16 : row + 22] = np.inf
-            p.lower[row + 18] = min(s.min_force, max_force)
-            p.upper[row + 18] = max_force
-        else:
-            p.lower[row + 16 : row + 22] = 0.0
-            p.upper[row + 16 : row + 22] = 0.0
+        bounds = (min(s.min_force, max_force), max_force) if contact else (0.0, 0.0)
+        if bounds != self._bounds[foot] or not contact:
+            rest = np.inf if contact else 0.0
+            p.lower[row + 16 : row + 22], p.upper[row + 16 : row + 22] = -rest, rest
+            p.lower[row + 18], p.upper[row + 18] = bounds
+            self._bounds[foot] = bounds if contact else None
 
 
 def distribute_by_ratio(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -93,15 +94,13 @@ class FallDetector:
         s = self.settings
         self._away = self._away + dt if dcm_distance > s.dcm else 0.0
         self._failures = 0 if solved else self._failures + 1
-        if not (
-            np.isfinite(q).all() and np.isfinite(v).all() and float(np.abs(v).max(initial=0.0)) < s.speed
-        ):
+        if not (math.isfinite(q.dot(q)) and np.abs(v).max(initial=0.0) < s.speed):  # NaN is below nothing
             self.reason = FallReason.DIVERGED
         elif self._failures >= s.failures:
             self.reason = FallReason.SOLVER
         elif pelvis_drop > s.drop:
             self.reason = FallReason.HEIGHT
-        elif float(torso_up[2]) < np.cos(s.tilt):
+        elif float(torso_up[2]) < math.cos(s.tilt):
             self.reason = FallReason.TILT
         elif self._away > s.dcm_time + 1e-9:
             self.reason = FallReason.DCM

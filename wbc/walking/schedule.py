@@ -86,11 +86,15 @@ class ZmpTarget:
     forward: float = 0.0
     inward: float = 0.0
 
+    def in_sole(self, side: str) -> tuple[float, float]:
+        """The point in the frame of a left or right sole, x and y, m."""
+        return self.forward, -self.inward if side == "left" else self.inward
+
     def under(self, foot: Footstep) -> Array:
         """The point under a foot, in the world, shape (2,), m."""
-        side = -self.inward if foot.side == "left" else self.inward
+        forward, side = self.in_sole(foot.side)
         c, s = math.cos(foot.yaw), math.sin(foot.yaw)
-        return np.array([foot.x + c * self.forward - s * side, foot.y + s * self.forward + c * side])
+        return np.array([foot.x + c * forward - s * side, foot.y + s * forward + c * side])
 
 
 def zmp_reference(supports: Sequence[Support], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
