@@ -84,7 +84,7 @@ class Observer:
         self.inertial = InertialFilter(self.settings.inertial)
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
-        self._half = np.array([[sole.length, sole.width] for sole in robot.soles]).reshape(n, 2) / 2.0
+        self._half = [(0.5 * sole.length, 0.5 * sole.width) for sole in robot.soles]
         self._imu = robot.frame_id(robot.imu_frame)
         self._data = robot.model.createData()  # kinematics with the base at the origin
         self._q = pin.neutral(robot.model)
@@ -253,9 +253,10 @@ class Observer:
                 length, width = self._half[i]
                 x = min(max(-pitch / force, -length), length)
                 y = min(max(roll / force, -width), width)
-            step = gain * (np.array((x, y)) - self.cop[i])
-            self.cop[i] += step
-            self.anchor[i] += base.dot(self._sole_axes[i].dot(step))
+            old_x, old_y = self.cop[i].tolist()
+            dx, dy = gain * (x - old_x), gain * (y - old_y)
+            self.cop[i] = (old_x + dx, old_y + dy)
+            self.anchor[i] += base.dot(self._sole_axes[i].dot(np.array((dx, dy))))
 
     def _update_position(
         self,
@@ -278,7 +279,8 @@ class Observer:
                 if reference is None or shares[i] == 0.0:
                     continue
                 over = base.dot(arms[i])
-                self.anchor[i] += gain * (reference.translation + over - self.anchor[i])
+                over += reference.translation
+                _draw(self.anchor[i], over, gain)
                 self._anchor_yaw[i] += gain * _wrap(_yaw(reference.rotation) - self._anchor_yaw[i])
         if self.in_flight:
             self._position = self._position + dt * base_velocity
@@ -293,7 +295,8 @@ class Observer:
         slip = _gain(dt, s.slip_time_constant)
         for i in range(n):
             gain = 1.0 if shares[i] == 0.0 else slip
-            self.anchor[i] += gain * (self._position + reach[i] - self.anchor[i])
+            reach[i] += self._position
+            _draw(self.anchor[i], reach[i], gain)
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
 
     def _update_net_wrench(self, wrenches: Array) -> None:
@@ -301,6 +304,12 @@ class Observer:
         for placement, wrench in zip(self._robot_soles, wrenches, strict=True):
             net += placement.act(pin.Force(wrench))
         self.net_wrench[:] = net.vector
+
+
+def _draw(point: Array, goal: Array, gain: float) -> None:
+    """Move a point of three coordinates part of the way to a goal, in place."""
+    (x, y, z), (to_x, to_y, to_z) = point.tolist(), goal.tolist()
+    point[:] = (x + gain * (to_x - x), y + gain * (to_y - y), z + gain * (to_z - z))
 
 
 def _cross(a: Array, b: Array) -> Array:
