@@ -99,11 +99,17 @@ class InertialFilter:
         self._last = (np.array(angular_velocity), np.array(specific_force))
         if dt <= 0.0:
             return
-        half = pin.exp3((0.5 * dt) * (0.5 * (gyro + angular_velocity) - self.gyro_bias))
-        middle = self.rotation @ half
-        self.velocity += (0.5 * dt) * (middle @ (force + specific_force))
+        rate = gyro + angular_velocity
+        rate *= 0.5
+        rate -= self.gyro_bias
+        rate *= 0.5 * dt
+        half = pin.exp3(rate)
+        middle = self.rotation.dot(half)
+        push = middle.dot(force + specific_force)
+        push *= 0.5 * dt
+        self.velocity += push
         self.velocity[2] -= dt * GRAVITY
-        self.rotation = middle @ half
+        self.rotation = middle.dot(half)
 
     def correct(self, velocity: Array | None, yaw_error: float, dt: float) -> None:
         """Pull the state towards what the legs say.
@@ -123,6 +129,7 @@ class InertialFilter:
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
         tilt = share / (GRAVITY * s.tilt_time_constant)
         yaw = -math.expm1(-dt / s.yaw_time_constant)
-        turn = np.array([-tilt * innovation[1], tilt * innovation[0], yaw * yaw_error])
-        self.gyro_bias -= self.rotation.T @ (turn / s.bias_time_constant)
-        self.rotation = pin.exp3(turn) @ self.rotation
+        x, y, _ = innovation.tolist()
+        turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))
+        self.gyro_bias -= turn.dot(self.rotation) / s.bias_time_constant
+        self.rotation = pin.exp3(turn).dot(self.rotation)

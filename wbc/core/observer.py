@@ -322,8 +322,8 @@ def _yaw(rotation: Array, axes: Array | None = None) -> float:
     """Heading of the x axis of a frame; with `axes`, of the frame whose first axis they hold, turned by `rotation`."""
     if axes is None:
         return math.atan2(rotation[1, 0], rotation[0, 0])
-    x = rotation.dot(axes[:, 0])
-    return math.atan2(x[1], x[0])
+    x, y, _ = rotation.dot(axes[:, 0]).tolist()
+    return math.atan2(y, x)
 
 
 def _wrap(angle: float) -> float:

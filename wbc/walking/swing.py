@@ -159,8 +159,8 @@ class SwingFoot:
         drift = pin.rpy.computeRpyJacobianTimeDerivative(rpy, values[3:, 1], pin.LOCAL_WORLD_ALIGNED)
         velocity, acceleration = np.empty(6), np.empty(6)
         velocity[:3], acceleration[:3] = values[:3, 1], values[:3, 2]
-        velocity[3:] = jacobian @ values[3:, 1]
-        acceleration[3:] = jacobian @ values[3:, 2] + drift @ values[3:, 1]
+        np.dot(jacobian, values[3:, 1], out=velocity[3:])
+        acceleration[3:] = jacobian.dot(values[3:, 2]) + drift.dot(values[3:, 1])
         return FootMotion(placement, velocity, acceleration)
 
     def _plan(self, now: float) -> None:
