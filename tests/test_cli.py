@@ -17,12 +17,15 @@ from wbc.app import cli, live
 from wbc.app.bench_solver import BenchSolverOptions
 from wbc.app.bench_tick import BenchTickOptions
 from wbc.app.commands import COMMANDS, GROUPS
-from wbc.app.commands.foot import FootPressOptions
+from wbc.app.commands.feet import FeetOptions
+from wbc.app.commands.foot import DropOptions, PitchOptions, PressOptions, SlideOptions
+from wbc.app.commands.foot_study import CurvesOptions, StabilityOptions
 from wbc.app.output import Output, Report, reports
 from wbc.robots import names
 from wbc.sim.push_recovery import PushTableOptions
 from wbc.sim.standing import StandOptions
-from wbc.sim.terrain.report import TerrainOptions
+from wbc.sim.speed import SpeedOptions
+from wbc.sim.terrain.report import TerrainListOptions, TerrainOptions
 
 Captured = pytest.CaptureFixture[str]
 
@@ -32,9 +35,16 @@ CONFIGURATIONS: dict[str, type | None] = {
     "push": PushTableOptions,
     "bench tick": BenchTickOptions,
     "bench solver": BenchSolverOptions,
-    "foot press": FootPressOptions,
+    "bench physics": SpeedOptions,
+    "feet": FeetOptions,
+    "foot press": PressOptions,
+    "foot drop": DropOptions,
+    "foot slide": SlideOptions,
+    "foot pitch": PitchOptions,
+    "foot curves": CurvesOptions,
+    "foot stability": StabilityOptions,
     "terrain": TerrainOptions,
-    "terrains": None,
+    "terrains": TerrainListOptions,
 }
 
 QUICK: dict[str, tuple[list[str], set[str]]] = {
@@ -64,6 +74,22 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {
     ),
     "bench solver": (["--ticks", "40"], {"ticks", "unsolved", "above_tolerance", "slow_ticks", "solve_us"}),
     "foot press": (["--terrain", "stones", "--amplitude", "0.02"], {"foot", "hold", "support", "impact"}),
+    "foot drop": (["--foot", "rigid"], {"foot", "impact"}),
+    "foot slide": (["--foot", "rigid"], {"foot", "creep", "slip_share"}),
+    "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "center_of_pressure"}),
+    "foot curves": (
+        ["--foot", "rigid", "--seeds", "1", "--terrain", "stones", "--loads", "100"],
+        {"means", "deflections", "diverged"},
+    ),
+    "foot stability": (
+        ["--stiffness", "5", "--seeds", "1", "--terrain", "flat", "--timesteps", "0.002"],
+        {"cells", "diverged", "rows"},
+    ),
+    "feet": (["--robot", "g1"], {"feet"}),
+    "bench physics": (
+        ["--foot", "flat", "--terrain", "flat", "--timestep", "0.002", "--seconds", "0.1"],
+        {"rows"},
+    ),
     "terrain": (["stones", "--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
     "terrains": ([], {"terrains"}),
 }

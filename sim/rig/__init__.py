@@ -14,23 +14,27 @@ shape, loop gap, penetration and what is absorbed at impact, each run a pure fun
 from __future__ import annotations
 
 from wbc.sim.rig.actions import drop, pitch, press, slide
-from wbc.sim.rig.plot import plot_curves, plot_press
+from wbc.sim.rig.plot import plot_curves, plot_pitch, plot_press
 from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, Support, to_json
-from wbc.sim.rig.spec import FootTest
+from wbc.sim.rig.spec import OWN_SOLE, FootTest
 from wbc.sim.rig.study import (
+    LOADS,
     STIFFNESSES,
     Deflection,
     StabilityRow,
     StiffnessRow,
     bumps,
     force_deflection,
+    over_bar,
     stability,
-    stability_table,
     steps_per_second,
     stiffness_curves,
 )
+from wbc.sim.rig.tables import deflection_table, stability_table, stiffness_means, stiffness_table
 
 __all__ = [
+    "LOADS",
+    "OWN_SOLE",
     "STIFFNESSES",
     "Deflection",
     "FootTest",
@@ -43,10 +47,13 @@ __all__ = [
     "StiffnessRow",
     "Support",
     "bumps",
+    "deflection_table",
     "drop",
     "force_deflection",
+    "over_bar",
     "pitch",
     "plot_curves",
+    "plot_pitch",
     "plot_press",
     "press",
     "slide",
@@ -54,5 +61,7 @@ __all__ = [
     "stability_table",
     "steps_per_second",
     "stiffness_curves",
+    "stiffness_means",
+    "stiffness_table",
     "to_json",
 ]

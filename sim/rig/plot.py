@@ -13,7 +13,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.rig.results import Hold, PressResult, Support
+from wbc.sim.rig.results import Hold, PitchResult, PressResult, Support
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.rig.study import Deflection, StiffnessRow
 
@@ -42,12 +42,13 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
     side.sharex(top)
     _draw_side(side, test, result.hold)
     image = _draw_top(top, test, result.hold, result.support)
-    figure.colorbar(image, cax=figure.add_axes((0.885, 0.15, 0.02, 0.34)), label="ground (mm)")
+    bar = figure.colorbar(image, cax=figure.add_axes((0.885, 0.15, 0.02, 0.34)), label="ground (mm)")
+    heights = np.asarray(image.get_array())
+    bar.ax.set_ylim(float(heights.min()) - 1e-3, float(heights.max()) + 1e-3)
     figure.legend(loc="lower center", ncols=6, fontsize=7)
     hold = result.hold
     side.set_title(
-        f"{type(test.foot).__name__} on {test.ground.name} ({1e3 * test.ground.amplitude:.0f} mm, seed "
-        f"{test.ground.seed}), {hold.force_mean:.0f} N on {hold.contacts} contacts, contact area "
+        f"{_named(test)}, {hold.force_mean:.0f} N on {hold.contacts} contacts, contact area "
         f"{1e4 * hold.contact_area:.0f} cm²" + _support_text(result.support),
         fontsize=9,
     )
@@ -74,9 +75,9 @@ def plot_curves(
         (height, "ankle_height", "ankle height (mm)", 1e3),
     ):
         _draw_curve(axes, rows, name, scale, floor)
-        axes.set_xlabel("sole stiffness k (Nm/rad)")
+        axes.set_xlabel(f"sole stiffness k (Nm/rad); 0 is drawn at {floor:g}")
         axes.set_ylabel(label)
-    area.legend(fontsize=8)
+    figure.legend(*area.get_legend_handles_labels(), loc="outside upper center", ncols=6, fontsize=8)
     for curve in deflections:
         label = "rigid" if math.isinf(curve.stiffness) else f"k = {curve.stiffness:g}"
         force.plot(1e3 * np.array(curve.deflection), curve.load, "o-", ms=3, label=label)
@@ -85,6 +86,42 @@ def plot_curves(
     if deflections:
         force.legend(fontsize=8)
     figure.savefig(str(path), dpi=150)
+
+
+def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
+    """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle.
+
+    Args:
+        test: What was pitched.
+        result: What came out.
+        path: Picture file; its ending chooses the format.
+
+    Raises:
+        InputError: The result has nothing to draw because the simulation diverged.
+    """
+    if result.diverged:
+        raise InputError("nothing to draw: the simulation diverged")
+    figure = _figure(9.0, 3.4)
+    figure.set_layout_engine("constrained")
+    angle = np.degrees(result.pitch)
+    panels = (
+        (result.center_of_pressure, 1e3, "centre of pressure, x (mm)"),
+        (result.moment, 1.0, "ankle moment (Nm)"),
+        (result.ankle_height, 1e3, "ankle height (mm)"),
+    )
+    for axes, (values, scale, label) in zip(figure.subplots(1, 3), panels, strict=True):
+        axes.plot(angle, scale * np.array(values), color=_SOLE)
+        axes.set_xlabel("pitch, toe down (°)")
+        axes.set_ylabel(label)
+    figure.suptitle(f"{_named(test)}, pitched with {test.load:g} N on the ankle", fontsize=9)
+    figure.savefig(str(path), dpi=150)
+
+
+def _named(test: FootTest) -> str:
+    ground = test.ground
+    return (
+        f"{type(test.foot).__name__} on {ground.name} ({1e3 * ground.amplitude:.0f} mm, seed {ground.seed})"
+    )
 
 
 def _figure(width: float, height: float) -> Figure:
@@ -137,9 +174,9 @@ def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: Support | None) -
     fitted = test.foot.fit(test.own_sole).sole
     half = (fitted.length / 2.0 + MARGIN, fitted.width / 2.0 + MARGIN)
     x, y = np.arange(-half[0], half[0], _GRID), np.arange(-half[1], half[1], _GRID)
-    image = axes.pcolormesh(
-        1e3 * x, 1e3 * y, 1e3 * _ground(test, hold, x[None, :], y[:, None]), cmap="Greys_r", shading="nearest"
-    )
+    z = 1e3 * _ground(test, hold, x[None, :], y[:, None])
+    low = z.min() - 2.0 * np.ptp(z) - 1.0  # pale, so that what is drawn over it can be seen
+    image = axes.pcolormesh(1e3 * x, 1e3 * y, z, cmap="Greys_r", vmin=low, shading="nearest")
     corners = 500.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * (fitted.length, fitted.width)
     axes.plot(*corners.T, color=_SOLE, lw=1.2, label="sole")
     if support is not None and len(support.polygon) > 2:

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from statistics import median
 
 from wbc.core.errors import InputError, non_negative, positive
 from wbc.feet import Foot, SoftFoot
@@ -18,6 +17,13 @@ from wbc.sim.terrain import Terrain, terrain
 STIFFNESSES = (0.0, 0.5, 5.0, 20.0, 42.0, 80.0)
 """Stiffnesses over the paper's range 0–80 Nm/rad (Table I); 42 is the one of its Fig. 4."""
 
+BAR_PLACE = -0.028
+"""Where a bar lies under the foot, m ahead of the sole centre: midway between the heel hinge and the loop point of the
+soft foot, where its sole can bend most."""
+
+LOADS = (25.0, 50.0, 100.0, 150.0, 200.0, 300.0, 400.0, 500.0, 600.0)
+"""Loads of a force–deflection curve, N: up to 1.5 times the weight of a robot of 40 kg."""
+
 
 def bumps(seeds: Iterable[int] = range(5), amplitude: float = 0.03) -> tuple[Terrain, ...]:
     """Grounds that vary along the track alone (random) and both ways (stones), one of each per seed.
@@ -27,6 +33,19 @@ def bumps(seeds: Iterable[int] = range(5), amplitude: float = 0.03) -> tuple[Ter
         amplitude: Highest minus lowest point, m.
     """
     return tuple(terrain(name, amplitude, seed) for seed in seeds for name in ("random", "stones"))
+
+
+def over_bar(test: FootTest, height: float = 0.03) -> FootTest:
+    """The same test over a round-topped bar across the track, under the middle of the soft foot's arch.
+
+    Args:
+        test: Foot, load and place.
+        height: Of the bar, m.
+    """
+    ground = terrain("cylinder_obstacles", height, yaw=0.0)
+    peak = max((shape.peak for shape in ground.shapes), key=lambda peak: float(peak[2]))
+    place = float(peak[0]) - (ground.start + ground.stop) / 2.0 - BAR_PLACE
+    return replace(test, ground=ground, x=place, y=0.0, yaw=0.0)
 
 
 def with_stiffness(foot: Foot, stiffness: float) -> Foot:
@@ -88,15 +107,13 @@ def stability(
         grounds: `bumps()` when None.
         timesteps: s.
     """
-    for timestep in timesteps:
-        physics = replace(test.physics, timestep=timestep)
+    # Everything is made before anything runs, so that a value out of range is refused at once.
+    designs = [(stiffness, with_stiffness(test.foot, stiffness)) for stiffness in stiffnesses]
+    for physics in [replace(test.physics, timestep=timestep) for timestep in timesteps]:
         for ground in bumps() if grounds is None else grounds:
-            for stiffness in stiffnesses:
-                cell = replace(
-                    test, foot=with_stiffness(test.foot, stiffness), ground=ground, physics=physics
-                )
-                result = press(cell)
-                row = StabilityRow(ground.name, ground.seed, stiffness, timestep, result.diverged)
+            for stiffness, design in designs:
+                result = press(replace(test, foot=design, ground=ground, physics=physics))
+                row = StabilityRow(ground.name, ground.seed, stiffness, physics.timestep, result.diverged)
                 if result.hold is not None:
                     names = (
                         "balance_error",
@@ -150,10 +167,12 @@ def stiffness_curves(
         stiffnesses: Nm/rad; ignored for a rigid foot.
         grounds: `bumps()` when None.
     """
+    designs = [(math.inf, test.foot)]
+    if isinstance(test.foot, SoftFoot):
+        designs = [(stiffness, with_stiffness(test.foot, stiffness)) for stiffness in stiffnesses]
     for ground in bumps() if grounds is None else grounds:
-        for stiffness in stiffnesses if isinstance(test.foot, SoftFoot) else (math.inf,):
-            foot = with_stiffness(test.foot, stiffness) if isinstance(test.foot, SoftFoot) else test.foot
-            result = press(replace(test, foot=foot, ground=ground))
+        for stiffness, design in designs:
+            result = press(replace(test, foot=design, ground=ground))
             if result.impact is None or result.hold is None or result.support is None:
                 continue
             yield StiffnessRow(
@@ -188,7 +207,9 @@ class Deflection:
     diverged: bool
 
 
-def force_deflection(test: FootTest, *, loads: Sequence[float], settle: float = 1.0) -> Deflection:
+def force_deflection(
+    test: FootTest, *, loads: Sequence[float] = LOADS[1:], settle: float = 1.0
+) -> Deflection:
     """Load a foot step by step and follow the ankle down.
 
     On bumps the ankle tilts as well, so part of the way down is rocking: a rigid foot shows how much.
@@ -249,39 +270,3 @@ def steps_per_second(
     if rig.diverged:
         raise InputError("the simulation diverged: choose a smaller physics step")
     return ticks * tick / elapsed
-
-
-def stability_table(rows: Iterable[StabilityRow]) -> str:
-    """Markdown table of a stability study, one line per physics step and stiffness."""
-    groups: dict[tuple[float, float], list[StabilityRow]] = {}
-    for row in rows:
-        groups.setdefault((row.timestep, row.stiffness), []).append(row)
-    lines = [
-        "| dt (ms) | k (Nm/rad) | cells | diverged | worst mean force error (%) | force std median / max (N) "
-        "| loop gap hold / peak (mm) | penetration hold / peak (mm) | jitter median (rad/s) |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for (timestep, stiffness), cells in groups.items():
-        good = [row for row in cells if not row.diverged]
-        worst = {
-            name: max((abs(getattr(row, name)) for row in good), default=math.nan)
-            for name in (
-                "balance_error",
-                "force_std",
-                "loop_gap",
-                "loop_gap_peak",
-                "penetration",
-                "penetration_peak",
-            )
-        }
-        middle = {
-            name: median(getattr(row, name) for row in good) if good else math.nan
-            for name in ("force_std", "jitter")
-        }
-        lines.append(
-            f"| {1e3 * timestep:g} | {stiffness:g} | {len(cells)} | {len(cells) - len(good)} "
-            f"| {1e2 * worst['balance_error']:.2f} | {middle['force_std']:.4f} / {worst['force_std']:.1f} "
-            f"| {1e3 * worst['loop_gap']:.2f} / {1e3 * worst['loop_gap_peak']:.2f} "
-            f"| {1e3 * worst['penetration']:.2f} / {1e3 * worst['penetration_peak']:.2f} | {middle['jitter']:.5f} |"
-        )
-    return "\n".join(lines)

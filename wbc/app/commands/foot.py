@@ -1,115 +1,168 @@
-"""`wbc foot press`: one foot pressed onto a ground."""
+"""`wbc foot press`, `drop`, `slide` and `pitch`: one foot on a test rig."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.core.errors import InputError
-from wbc.feet.catalog import foot as foot_by_name
-from wbc.sim.rig import FootTest, PressResult, plot_press, to_json
-from wbc.sim.rig import press as run_press
-from wbc.sim.settings import PhysicsSettings
-from wbc.sim.terrain import terrain as make_terrain
+from wbc.app.rig_options import RigOptions
+from wbc.sim import rig as bench
+from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult, to_json
 from wbc.sim.terrain.drawing import checked_path
-from wbc.sim.terrain.report import read_params
 
 
 @dataclass(frozen=True, kw_only=True)
-class FootPressOptions:
-    """Which foot is pressed onto what.
+class PressOptions:
+    """How a foot is pressed.
 
     Attributes:
-        foot: Foot: flat, rigid, soft or variable.
-        stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
-        terrain: Family of grounds, one of those that `wbc terrains` lists.
-        amplitude: Highest minus lowest point of the ground, m; the family's own when not given.
-        seed: Fixes every random draw of the ground.
-        param: Parameters of the ground, each as name=value.
-        load: Weight on the ankle, N.
-        x: Place of the sole centre ahead of the middle of the rough part, m.
-        y: Place of the sole centre left of the track's middle, m.
-        yaw: Heading of the foot, degrees.
         drop: Height over the ground from which the foot is let fall, m.
-        ankle_stiffness: Of the servo that holds the ankle level, Nm/rad; 0 leaves roll and pitch free.
-        timestep: Physics step, s.
         plot: Picture to write.
     """
 
-    foot: str = "soft"
-    stiffness: float | None = None
-    terrain: str = "flat"
-    amplitude: float | None = None
-    seed: int = 0
-    param: tuple[str, ...] = ()
-    load: float = FootTest.load
-    x: float = FootTest.x
-    y: float = FootTest.y
-    yaw: float = math.degrees(FootTest.yaw)
     drop: float = FootTest.drop
-    ankle_stiffness: float = FootTest.ankle_stiffness
-    timestep: float = PhysicsSettings.timestep
     plot: Path | None = None
 
-    def test(self) -> FootTest:
-        """The test that is asked for.
 
-        Raises:
-            UnknownNameError: No such foot, ground or parameter.
-            InputError: A value out of range, or a stiffness for a foot that has none.
-        """
-        if self.stiffness is not None and self.foot in ("flat", "rigid"):
-            raise InputError(f"a {self.foot} foot has no stiffness; leave --stiffness out")
-        parameters = {} if self.stiffness is None else {"stiffness": self.stiffness}
-        return FootTest(
-            foot=foot_by_name(self.foot, **parameters),
-            ground=make_terrain(
-                self.terrain, self.amplitude, self.seed, **read_params(self.terrain, self.param)
-            ),
-            load=self.load,
-            x=self.x,
-            y=self.y,
-            yaw=math.radians(self.yaw),
-            drop=self.drop,
-            ankle_stiffness=self.ankle_stiffness,
-            physics=PhysicsSettings(timestep=self.timestep),
-        )
+@dataclass(frozen=True, kw_only=True)
+class DropOptions:
+    """How a foot is dropped.
+
+    Attributes:
+        height: Of the sole over the highest point under it, m.
+        plot: Picture to write of the foot at rest.
+    """
+
+    height: float = 0.05
+    plot: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlideOptions:
+    """How a foot is pushed along.
+
+    Attributes:
+        shear_share: Shear over weight while creep is measured.
+        ramp: Growth of shear over weight per second afterwards, 1/s.
+    """
+
+    shear_share: float = 0.3
+    ramp: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PitchOptions:
+    """How a foot is pitched.
+
+    Attributes:
+        angle: Largest pitch that the ankle is asked for, degrees.
+        rate: Speed, degrees/s.
+        plot: Picture to write.
+    """
+
+    angle: float = 5.0
+    rate: float = 10.0
+    plot: Path | None = None
 
 
 @reports
 def press(
-    options: Flat[FootPressOptions] = FootPressOptions(),
+    rig: Flat[RigOptions] = RigOptions(),
     *,
+    options: Flat[PressOptions] = PressOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Drop one foot onto a ground, let it settle under a load and look at it: forces, contacts, support, sole."""
-    test = options.test()
+    test = rig.test(options.drop)
+    return _pressed(test, bench.press, options.plot, output)
+
+
+@reports
+def drop(
+    rig: Flat[RigOptions] = RigOptions(),
+    *,
+    options: Flat[DropOptions] = DropOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Drop one foot from higher up: what its sole takes of a hard landing."""
+    test = rig.test()
+    return _pressed(test, lambda t: bench.drop(t, height=options.height), options.plot, output)
+
+
+@reports
+def slide(
+    rig: Flat[RigOptions] = RigOptions(),
+    *,
+    options: Flat[SlideOptions] = SlideOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Push one loaded foot forward: how it creeps under a shear, and at which shear it slides."""
+    test = rig.test()
+    result = bench.slide(test, shear_share=options.shear_share, ramp=options.ramp)
+    return output.report(facts(test, result), "\n".join([headline(test), *_slide_lines(result)]))
+
+
+@reports
+def pitch(
+    rig: Flat[RigOptions] = RigOptions(),
+    *,
+    options: Flat[PitchOptions] = PitchOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Pitch the ankle of one loaded foot toe down, toe up and back: how the centre of pressure follows."""
+    test = rig.test()
     target = None if options.plot is None else checked_path(options.plot)
-    result = run_press(test)
-    facts = {
-        "foot": options.foot,
-        "terrain": test.ground.name,
-        "amplitude": test.ground.amplitude,
-        "seed": test.ground.seed,
-        "load": test.load,
-        **to_json(result),
-    }
+    result = bench.pitch(test, amplitude=math.radians(options.angle), rate=math.radians(options.rate))
+    data = facts(test, result)
     if target is not None and not result.diverged:
-        plot_press(test, result, target)
-        facts["plot"] = str(target)
-    return output.report(facts, _text(options, test, result))
+        bench.plot_pitch(test, result, target)
+        data["plot"] = str(target)
+    return output.report(data, "\n".join([headline(test), *_pitch_lines(result)]))
 
 
-def _text(options: FootPressOptions, test: FootTest, result: PressResult) -> str:
-    ground = f"{test.ground.name}, {1e3 * test.ground.amplitude:.0f} mm, seed {test.ground.seed}"
-    lines = [f"{options.foot} foot on {ground}, load {test.load:g} N"]
+def facts(test: FootTest, result: Any) -> dict[str, Any]:
+    """Test and result as plain values."""
+    return {**test.describe(), **to_json(result)}
+
+
+def headline(test: FootTest) -> str:
+    """What is tested, in a line or two."""
+    said, ground = test.describe(), test.ground
+    on = (
+        f"{ground.name}, {1e3 * ground.amplitude:.0f} mm, seed {ground.seed}"
+        if ground.amplitude
+        else "flat ground"
+    )
+    length, width = (1e3 * size for size in said["footprint_m"])
+    stiffness = f" of {test.foot.stiffness:g} Nm/rad" if hasattr(test.foot, "stiffness") else ""
+    return (
+        f"{said['foot']} foot{stiffness} on {on}, {test.load:g} N on the ankle\n"
+        f"  foot      {length:.0f} x {width:.0f} mm, {said['added_mass_kg']:.2f} kg more and "
+        f"{1e3 * said['height_change_m']:.0f} mm higher than the ankle's own sole"
+    )
+
+
+def _pressed(test: FootTest, action: Any, plot: Path | None, output: Output) -> Report:
+    target = None if plot is None else checked_path(plot)
+    result: PressResult = action(test)
+    data = facts(test, result)
+    if target is not None and not result.diverged:
+        bench.plot_press(test, result, target)
+        data["plot"] = str(target)
+    return output.report(data, "\n".join([headline(test), *_press_lines(result)]))
+
+
+def _press_lines(result: PressResult) -> list[str]:
     if result.hold is None or result.impact is None:
-        return f"{lines[0]}: the simulation DIVERGED"
+        return [_DIVERGED]
     hold, impact, support = result.hold, result.impact, result.support
-    lines += [
-        f"  landing   {impact.speed:.2f} m/s, peak {impact.peak_force:.0f} N, {100 * impact.absorbed:.0f} % absorbed",
+    lines = [
+        f"  landing   {impact.speed:.2f} m/s, peak {impact.peak_force:.0f} N, {100 * impact.absorbed:.1f} % of "
+        f"{impact.drop_energy:.2f} J absorbed, {impact.sole_energy:.2f} J of it in the sole and "
+        f"{impact.arch_energy:.2f} J in the arch",
         f"  force     {hold.force_mean:.1f} N, {100 * hold.balance_error:+.3f} % off the weight, "
         f"± {hold.force_std:.2g} N",
         f"  contacts  {hold.contacts} points around {1e4 * hold.contact_area:.1f} cm², "
@@ -130,4 +183,31 @@ def _text(options: FootPressOptions, test: FootTest, result: PressResult) -> str
     lines.append(
         f"  depth     {1e3 * hold.penetration:.3f} mm penetration, {1e3 * hold.penetration_peak:.3f} mm at landing"
     )
-    return "\n".join(lines)
+    return lines
+
+
+def _slide_lines(result: SlideResult) -> list[str]:
+    if result.diverged:
+        return [_DIVERGED]
+    slips = "does not slide" if math.isnan(result.slip_share) else f"slides at {result.slip_share:.2f} of it"
+    return [
+        f"  creep     {1e6 * result.creep:.1f} µm/s under a shear of {result.shear_share:g} of the weight",
+        f"  friction  {slips}",
+    ]
+
+
+def _pitch_lines(result: PitchResult) -> list[str]:
+    if result.diverged:
+        return [_DIVERGED]
+    lines = []
+    for name, pick in (("toe down", max), ("toe up", min)):
+        i = result.pitch.index(pick(result.pitch))
+        lines.append(
+            f"  {name:<9} {math.degrees(result.pitch[i]):+.1f}°: centre of pressure at "
+            f"{1e3 * result.center_of_pressure[i]:.0f} mm, moment {result.moment[i]:.1f} Nm, ankle "
+            f"{1e3 * result.ankle_height[i]:.1f} mm high"
+        )
+    return lines
+
+
+_DIVERGED = "  the simulation DIVERGED"

@@ -1,0 +1,122 @@
+"""Tables of foot studies, for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from wbc.sim.rig.study import Deflection, StabilityRow, StiffnessRow
+
+MEANS = ("contacts", "contact_area", "support_area", "ankle_height", "absorbed", "peak_force")
+"""What is averaged over grounds."""
+
+
+def stability_table(rows: Iterable[StabilityRow]) -> str:
+    """Markdown table of a stability study, one line per physics step and stiffness."""
+    groups: dict[tuple[float, float], list[StabilityRow]] = {}
+    for row in rows:
+        groups.setdefault((row.timestep, row.stiffness), []).append(row)
+    lines = [
+        "| dt (ms) | k (Nm/rad) | cells | diverged | worst mean force error (%) | force std median / max (N) "
+        "| loop gap hold / peak (mm) | penetration hold / peak (mm) | jitter median (rad/s) |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for (timestep, stiffness), cells in groups.items():
+        good = [row for row in cells if not row.diverged]
+        worst = {
+            name: max((abs(getattr(row, name)) for row in good), default=math.nan)
+            for name in (
+                "balance_error",
+                "force_std",
+                "loop_gap",
+                "loop_gap_peak",
+                "penetration",
+                "penetration_peak",
+            )
+        }
+        middle = {
+            name: median(getattr(row, name) for row in good) if good else math.nan
+            for name in ("force_std", "jitter")
+        }
+        lines.append(
+            f"| {1e3 * timestep:g} | {stiffness:g} | {len(cells)} | {len(cells) - len(good)} "
+            f"| {1e2 * worst['balance_error']:.2f} | {middle['force_std']:.4f} / {worst['force_std']:.1f} "
+            f"| {1e3 * worst['loop_gap']:.2f} / {1e3 * worst['loop_gap_peak']:.2f} "
+            f"| {1e3 * worst['penetration']:.2f} / {1e3 * worst['penetration_peak']:.2f} | {middle['jitter']:.5f} |"
+        )
+    return "\n".join(lines)
+
+
+def stiffness_means(rows: Iterable[StiffnessRow]) -> list[dict[str, Any]]:
+    """Means over the grounds of each family.
+
+    Returns:
+        For each family and stiffness: `ground`, `stiffness` (infinite for a rigid foot), `grounds` (their number), and
+        for each of `MEANS` a pair of mean and standard error (NaN for one ground).
+    """
+    groups: dict[tuple[str, float], list[StiffnessRow]] = {}
+    for row in rows:
+        groups.setdefault((row.ground, row.stiffness), []).append(row)
+    means = []
+    for (ground, stiffness), cells in sorted(groups.items()):
+        entry: dict[str, Any] = {"ground": ground, "stiffness": stiffness, "grounds": len(cells)}
+        for name in MEANS:
+            values = np.array([getattr(row, name) for row in cells], dtype=float)
+            error = values.std(ddof=1) / math.sqrt(values.size) if values.size > 1 else math.nan
+            entry[name] = (float(values.mean()), float(error))
+        means.append(entry)
+    return means
+
+
+def stiffness_table(rows: Iterable[StiffnessRow]) -> str:
+    """Markdown table of how a foot stands over stiffness: mean ± standard error over grounds."""
+    lines = [
+        "| ground | k (Nm/rad) | grounds | contacts | contact area (cm²) | support area (cm²) | ankle height (mm) "
+        "| absorbed (%) | peak force (N) |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in stiffness_means(rows):
+        cells = [
+            _mean(row[name], scale, digits)
+            for name, scale, digits in (
+                ("contacts", 1.0, 1),
+                ("contact_area", 1e4, 1),
+                ("support_area", 1e4, 1),
+                ("ankle_height", 1e3, 1),
+                ("absorbed", 1e2, 1),
+                ("peak_force", 1.0, 0),
+            )
+        ]
+        lines.append(
+            f"| {row['ground']} | {_stiffness(row['stiffness'])} | {row['grounds']} | {' | '.join(cells)} |"
+        )
+    return "\n".join(lines)
+
+
+def deflection_table(curves: Iterable[Deflection]) -> str:
+    """Markdown table of force–deflection curves: how far the ankle has come down, one line per stiffness."""
+    drawn = list(curves)
+    loads = max((curve.load for curve in drawn), key=len, default=())
+    lines = [
+        "| k (Nm/rad) | " + " | ".join(f"{load:.0f} N" for load in loads) + " |",
+        "|---" * (1 + len(loads)) + "|",
+    ]
+    for curve in drawn:
+        cells = [f"{1e3 * value:.1f}" for value in curve.deflection]
+        cells += ["diverged"] * (len(loads) - len(cells))
+        lines.append(f"| {_stiffness(curve.stiffness)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _mean(pair: tuple[float, float], scale: float, digits: int) -> str:
+    mean, error = pair
+    text = f"{scale * mean:.{digits}f}"
+    return text if math.isnan(error) else f"{text} ± {scale * error:.{digits}f}"
+
+
+def _stiffness(stiffness: float) -> str:
+    return "rigid" if math.isinf(stiffness) else f"{stiffness:g}"

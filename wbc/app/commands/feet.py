@@ -1,0 +1,114 @@
+"""`wbc feet`: what feet there are, and how they sit under a robot's ankles."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError
+from wbc.feet import Foot, foot, foot_names
+from wbc.robots import load, names
+from wbc.sim.changes import setting_names
+from wbc.sim.model import sole_geometries
+from wbc.sim.rig import to_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeetOptions:
+    """Under whose ankles.
+
+    Attributes:
+        robot: Only this robot; all that `wbc robots` lists when not given.
+    """
+
+    robot: str | None = None
+
+
+@reports
+def feet(options: Flat[FeetOptions] = FeetOptions(), *, output: OutputOptions = Output()) -> Report:
+    """List the feet: how they fit every robot, what mass and height they add, and their parameters."""
+    robots = list(names()) if options.robot is None else [options.robot]
+    soles = {name: sole_geometries(load(name).robot())[0] for name in robots}
+    listed = []
+    for name in foot_names():
+        design = foot(name)
+        fits: dict[str, dict[str, Any]] = {}
+        for robot, sole in soles.items():
+            try:
+                fit = design.fit(sole)
+            except InputError as error:
+                fits[robot] = {"error": str(error)}
+                continue
+            fits[robot] = {
+                "footprint_m": [fit.sole.length, fit.sole.width],
+                "ankle_in_sole_m": fit.sole.ankle.tolist(),
+                "added_mass_kg": fit.mass,
+                "height_change_m": fit.height_change,
+            }
+        listed.append(
+            {"name": name, "summary": _summary(type(design)), "fits": fits, "parameters": parameters(design)}
+        )
+    return output.report({"feet": listed}, "\n".join(_lines(listed)))
+
+
+def parameters(design: Foot) -> list[dict[str, Any]]:
+    """Everything about a foot that can be changed: name, default and meaning, with its unit."""
+    found = []
+    for path in setting_names(design):
+        owner: Any = design
+        *groups, name = path.split(".")
+        for group in groups:
+            owner = getattr(owner, group)
+        found.append(
+            {
+                "name": path,
+                "default": to_json(getattr(owner, name)),
+                "about": attribute_docs(type(owner)).get(name, ""),
+            }
+        )
+    return found
+
+
+def attribute_docs(kind: type) -> dict[str, str]:
+    """What the documentation of a dataclass, and of the classes it derives from, says of each field."""
+    found: dict[str, str] = {}
+    for cls in reversed(kind.__mro__):
+        if not dataclasses.is_dataclass(cls):
+            continue
+        _, _, section = (inspect.cleandoc(cls.__doc__ or "")).partition("\nAttributes:\n")
+        section = re.split(r"\n(?=\S)", section)[0]
+        for name, text in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", section, flags=re.MULTILINE):
+            found[name] = " ".join(text.split())
+    return found
+
+
+def _summary(kind: type) -> str:
+    return (inspect.getdoc(kind) or "").splitlines()[0]
+
+
+def _lines(listed: list[dict[str, Any]]) -> list[str]:
+    lines = []
+    shared: dict[str, str] = {}
+    for entry in listed:
+        lines.append(f"{entry['name']}: {entry['summary']}")
+        for robot, fit in entry["fits"].items():
+            if "error" in fit:
+                lines.append(f"    {robot:<12} {fit['error']}")
+                continue
+            (length, width), (behind, _, height) = fit["footprint_m"], fit["ankle_in_sole_m"]
+            lines.append(
+                f"    {robot:<12} {1e3 * length:.0f} x {1e3 * width:.0f} mm, ankle {-1e3 * behind:.0f} mm behind its "
+                f"centre and {1e3 * height:.0f} mm up; {fit['added_mass_kg']:.2f} kg more, "
+                f"{1e3 * fit['height_change_m']:.0f} mm higher"
+            )
+        for each in entry["parameters"]:
+            line = f"    {each['name']} = {each['default']}  {each['about']}"
+            if each["name"].startswith("contact."):
+                shared[each["name"]] = line
+            else:
+                lines.append(line)
+    return [*lines, "How all of them touch the ground:", *shared.values()]

@@ -1,0 +1,35 @@
+"""`wbc bench physics`: how fast the simulation of a standing robot is."""
+
+from __future__ import annotations
+
+from rich.progress import Progress
+
+from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.sim.speed import SpeedOptions, standing_speeds
+
+
+@reports
+def physics(
+    options: Flat[SpeedOptions] = SpeedOptions(),
+    *,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Steps per second of a robot that its servos keep standing, with each sole on each ground."""
+    rows = []
+    total = len(options.timestep) * len(options.terrain) * len(options.foot)
+    with Progress(console=progress_console()) as bar:
+        task = bar.add_task("standing", total=total)
+        for row in standing_speeds(options):
+            rows.append(row)
+            bar.advance(task)
+    lines = [
+        "| step (ms) | ground | foot | dof | contacts | steps/s | x real time | plant, x real time | stood |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {1e3 * row.timestep:g} | {row.terrain} {1e3 * row.amplitude:g} mm | {row.foot} | {row.nv} "
+        f"| {row.contacts:.0f} | {row.steps_per_s:.0f} | {row.real_time_factor:.1f} "
+        f"| {row.plant_real_time_factor:.1f} | {'yes' if row.upright else 'NO'} |"
+        for row in rows
+    ]
+    return output.report({"rows": [row.to_json() for row in rows]}, "\n".join(lines))
