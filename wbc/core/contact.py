@@ -82,7 +82,7 @@ class Contact(ABC):
         free: Mask of the axes that are not held, shape (dim,).
         free_force: True if the force along free axes may be anything within the cone; else it is zero.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
-        wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,).
+        wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,), above zero.
         stiffness: Pull back to where the contact was made, 1/s².
         damping: Damping of contact velocity, 1/s.
         ramp: Time over which the normal force may come and must go, s.
@@ -128,9 +128,9 @@ class Contact(ABC):
             else non_negative(f"damping of '{name}' (1/s)", damping)
         )
         weight = finite_array(f"wrench weight of contact '{name}'", wrench_weight)
-        if (weight < 0.0).any() or weight.shape not in ((), (self.dim,)):
+        if (weight <= 0.0).any() or weight.shape not in ((), (self.dim,)):
             raise InputError(
-                f"wrench weight of contact '{name}' must be ≥ 0, scalar or ({self.dim},), got {weight}"
+                f"wrench weight of contact '{name}' must be above zero, scalar or ({self.dim},), got {weight}"
             )
         self.wrench_weight = np.array(np.broadcast_to(weight, (self.dim,)))
         self.free = np.zeros(self.dim, dtype=bool)

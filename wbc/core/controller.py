@@ -21,7 +21,7 @@ from typing import TypeVar, overload
 import numpy as np
 
 from wbc.core.contact import Contact
-from wbc.core.errors import Array, InputError, non_negative, positive, unknown_name
+from wbc.core.errors import Array, InputError, positive, unknown_name
 from wbc.core.limits import JointLimits, RowLimit, TorqueLimits
 from wbc.core.problem import Problem
 from wbc.core.robot import BASE_DOF, Robot
@@ -78,15 +78,16 @@ class Controller:
         Args:
             robot: The robot; its state is read, never written, by `solve`.
             dt: Control period, s.
-            regularisation: Cost per squared acceleration of every variable; shown in the status table.
+            regularisation: Cost per squared acceleration of every coordinate, above zero: it makes the answer unique,
+                and is shown in the status table.
             settings: Of the solver.
 
         Raises:
-            InputError: A period that is not positive, or a negative regularisation.
+            InputError: A period or regularisation that is not positive.
         """
         self.robot = robot
         self.dt = positive("control period (s)", dt)
-        self._regularisation = non_negative("regularisation", regularisation)
+        self._regularisation = positive("regularisation", regularisation)
         self._settings = settings or SolverSettings()
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []
