@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from wbc.core.errors import InputError
+from wbc.app.files import check_target
 
 FORMATS = (".png", ".svg", ".pdf")
 DPI = 130
@@ -20,22 +20,7 @@ def check_output(path: str | Path) -> Path:
     Raises:
         InputError: Not the ending of a picture, no such folder, or not writable.
     """
-    target = Path(path)
-    if target.suffix.lower() not in FORMATS:
-        raise InputError(f"a figure's name must end in one of {', '.join(FORMATS)}, got '{target.name}'")
-    if not target.parent.is_dir():
-        raise InputError(f"no folder {target.parent} to write {target.name} into")
-    if target.is_dir():
-        raise InputError(f"cannot write {target}: it is a folder")
-    there = target.exists()
-    try:
-        with target.open("ab"):
-            pass
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}") from error
-    if not there:
-        target.unlink()
-    return target
+    return check_target("a figure", path, FORMATS)
 
 
 def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:

@@ -1,0 +1,104 @@
+"""`wbc view`: a recorded run once more."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.progress import Progress
+
+from wbc.app.log import Log
+from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.core.errors import InputError, positive
+
+FILMS = (".mp4", ".gif")
+EXPORTS = (".html", *FILMS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """Where the replay goes to, and how it is made.
+
+    Attributes:
+        out: File to write instead of serving a page: .html (one page that opens offline), .mp4 or .gif.
+        host: Address to listen at; the default is reached from this machine alone, 0.0.0.0 from everywhere.
+        port: Port of the page; the first free one from 7000 on when not given.
+        rate: Pictures a second; a GIF has at most 20.
+        speed: Seconds of the run in a second of the film.
+        size: Width and height of the film, pixels.
+    """
+
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+    host: str = "127.0.0.1"
+    port: int | None = None
+    rate: float = 30.0
+    speed: float = 1.0
+    size: tuple[int, int] = (960, 720)
+
+    def __post_init__(self) -> None:
+        positive("rate (pictures a second)", self.rate)
+        positive("speed", self.speed)
+        if self.out is not None and self.out.suffix.lower() not in EXPORTS:
+            raise InputError(
+                f"a replay's name must end in one of {', '.join(EXPORTS)}, got '{self.out.name}'"
+            )
+
+
+@reports
+def view(
+    log: Annotated[Path, Parameter(help="Log to replay, as --record has written it.")],
+    /,
+    *,
+    options: Flat[ViewOptions] = ViewOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Replay a log in the browser with a time slider, or write it as a page or a film."""
+    from wbc.app.replay import Replay, check_film, check_page, render_video, replay_page  # noqa: PLC0415 - slow
+    from wbc.app.replay.serve import Server  # noqa: PLC0415
+
+    opened = Log.open(log)
+    if opened.broken:
+        print(f"{log} ends early ({opened.broken}); {len(opened)} ticks are shown", file=sys.stderr)
+    out, server = options.out, None
+    film = out is not None and out.suffix.lower() in FILMS
+    if out is None:
+        server = Server(options.host, options.port)
+    elif film:
+        check_film(out)
+    else:
+        check_page(out)
+    replay = Replay(opened)
+    with _bar("filming" if film else "preparing") as progress:
+        if out is not None and film:
+            pictures = render_video(
+                replay, out, rate=options.rate, speed=options.speed, size=options.size, progress=progress
+            )
+        else:
+            pictures = len(replay.ticks(options.rate))
+            page = replay_page(replay, rate=options.rate, progress=progress)
+    if server is not None:
+        server.serve(page)
+    elif out is not None and not film:
+        out.write_text(page, encoding="utf-8")
+    facts = {
+        "log": str(log),
+        "seconds": float(opened.time[-1]),
+        "pictures": pictures,
+        "file": None if out is None else str(out),
+        "url": None if server is None else server.url,
+        "broken": opened.broken,
+    }
+    return output.report(facts, f"{out}: {pictures} pictures" if out is not None else "replay ended")
+
+
+@contextmanager
+def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Show how much is done, and how long the rest takes."""
+    with Progress(console=progress_console(), transient=True) as bar:
+        task = bar.add_task(what)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,258 @@
+"""Films of a replay: MP4 or GIF, drawn offscreen by MuJoCo."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from wbc.app.files import check_target
+from wbc.app.replay.overlays import DCM_COLOUR
+from wbc.app.replay.replay import Replay
+from wbc.app.replay.stage import Stage
+from wbc.app.replay.texts import caption
+from wbc.app.view_scene import ARROW_COLOURS, COM_COLOUR, ZMP_COLOUR, Snapshot
+from wbc.core.errors import Array, InputError, WbcError
+
+Picture = NDArray[np.uint8]
+
+FILMS = (".mp4", ".gif")
+GL_HELP = (
+    "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
+    "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
+)
+FFMPEG_HELP = (
+    "MP4 needs ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg), or pip install 'wbc[video]'; "
+    "GIF needs neither"
+)
+GIF_RATE = 20.0
+"""Players round the time between two pictures of a GIF to hundredths of a second."""
+
+FOLLOW_TIME = 0.5
+"""Time constant with which the camera follows the robot, s."""
+
+
+class RenderError(WbcError):
+    """Pictures cannot be drawn or written on this machine."""
+
+
+def check_film(path: str | Path) -> Path:
+    """Return where a film is to be written, and see that it can be made here.
+
+    Raises:
+        InputError: Not the ending of a film, no such folder, or not writable.
+        RenderError: No ffmpeg for MP4, or no offscreen rendering; the message says what to install.
+    """
+    target = check_target("a film", path, FILMS)
+    if target.suffix.lower() == ".mp4":
+        find_ffmpeg()
+    with _drawing_context(64, 64):
+        pass
+    return target
+
+
+def find_ffmpeg() -> str:
+    """Return the ffmpeg of the system, else the one of the package imageio-ffmpeg.
+
+    Raises:
+        RenderError: There is none.
+    """
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        import imageio_ffmpeg  # type: ignore[import-untyped]  # noqa: PLC0415 - of the extra "video"
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ImportError, RuntimeError) as error:
+        raise RenderError(FFMPEG_HELP) from error
+
+
+def render_video(
+    replay: Replay,
+    path: str | Path,
+    *,
+    rate: float = 30.0,
+    speed: float = 1.0,
+    size: tuple[int, int] = (960, 720),
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
+    """Film a replay.
+
+    Args:
+        replay: What to show.
+        path: File to write, .mp4 or .gif.
+        rate: Pictures a second; a GIF takes at most 20.
+        speed: Seconds of the run in a second of the film.
+        size: Width and height, pixels; even numbers.
+        progress: Called with the number of pictures made, and of all, after each.
+
+    Returns:
+        Number of pictures.
+
+    Raises:
+        InputError: A path that cannot be written, or a value out of range.
+        RenderError: Not possible on this machine; the message says what to install.
+    """
+    target = check_film(path)
+    width, height = size
+    if min(size) < 16 or width % 2 or height % 2:
+        raise InputError(f"size of a film must be two even numbers of at least 16, got {width} x {height}")
+    if target.suffix.lower() == ".gif":
+        rate = min(rate, GIF_RATE)
+    ticks = replay.ticks(rate, speed)
+    write = _write_gif if target.suffix.lower() == ".gif" else _write_mp4
+    write(target, _pictures(replay, ticks, rate, size, progress), rate, size)
+    return len(ticks)
+
+
+def _pictures(
+    replay: Replay,
+    ticks: list[int],
+    rate: float,
+    size: tuple[int, int],
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[Picture]:
+    """Draw one picture after the other."""
+    width, height = size
+    stage, writing = Stage(replay, width, height), _Writing(replay, height)
+    camera = mujoco.MjvCamera()
+    camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.size, 130.0, -12.0
+    places = replay.log["truth/base/position"]
+    camera.lookat[:] = (*places[ticks[0], :2], replay.scene.floor + 0.85 * replay.scene.size)
+    share = 1.0 - np.exp(-1.0 / (rate * FOLLOW_TIME))
+    with _drawing_context(width, height):
+        context = mujoco.MjrContext(stage.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        scene, option = mujoco.MjvScene(stage.model, maxgeom=20_000), mujoco.MjvOption()
+        view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), dtype=np.uint8)
+        try:
+            for i, tick in enumerate(ticks):
+                camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
+                stage.set(replay.frame(tick))
+                everything = mujoco.mjtCatBit.mjCAT_ALL
+                mujoco.mjv_updateScene(stage.model, stage.data, option, None, camera, everything, scene)
+                _mark(scene, replay, tick)
+                mujoco.mjr_render(view, scene, context)
+                mujoco.mjr_readPixels(pixels, None, view, context)
+                yield writing.on(pixels[::-1], tick)
+                if progress is not None:
+                    progress(i + 1, len(ticks))
+        finally:
+            context.free()
+
+
+def _mark(scene: Any, replay: Replay, tick: int) -> None:
+    """Add centre of mass, ZMP, DCM and forces to what is drawn."""
+    snapshot: Snapshot = replay.snapshot(tick)
+    size = replay.scene.size
+    ball, disc = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER
+    _add_marker(scene, ball, (0.022 * size, 0.0, 0.0), snapshot.com, COM_COLOUR)
+    flat = (0.022 * size, 0.004 * size, 0.0)
+    if snapshot.zmp is not None:
+        _add_marker(scene, disc, flat, snapshot.zmp + (0.0, 0.0, 0.006), ZMP_COLOUR)
+    dcm = replay.overlays.dcm(tick)
+    if dcm is not None:
+        _add_marker(scene, disc, flat, dcm + (0.0, 0.0, 0.006), DCM_COLOUR)
+    for kind, point, force in snapshot.forces:
+        reach = replay.scene.newton * force
+        if np.linalg.norm(reach) < 1e-3 or scene.ngeom >= scene.maxgeom:
+            continue
+        start, end = (point - reach, point) if kind == "push" else (point, point + reach)
+        geom = scene.geoms[scene.ngeom]
+        colour = np.array(ARROW_COLOURS[kind], dtype=np.float32)
+        arrow = mujoco.mjtGeom.mjGEOM_ARROW
+        mujoco.mjv_initGeom(geom, arrow, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+        mujoco.mjv_connector(geom, arrow, 0.02 * size, start, end)
+        scene.ngeom += 1
+
+
+def _add_marker(scene: Any, kind: Any, size: tuple[float, float, float], place: Array, colour: Any) -> None:
+    if scene.ngeom < scene.maxgeom and np.isfinite(place).all():
+        mujoco.mjv_initGeom(
+            scene.geoms[scene.ngeom],
+            kind,
+            np.array(size),
+            np.array(place),
+            np.eye(3).ravel(),
+            np.array(colour, dtype=np.float32),
+        )
+        scene.ngeom += 1
+
+
+class _Writing:
+    """Writes title, time and caption into pictures."""
+
+    def __init__(self, replay: Replay, height: int) -> None:
+        self._log = replay.log
+        self._size = max(10, height // 36)
+        self._font = ImageFont.load_default(self._size)
+        self._title = str(replay.log.header.get("title") or replay.scene.title)
+
+    def on(self, pixels: Picture, tick: int) -> Picture:
+        """Return a picture with the text of a tick on it."""
+        picture = Image.fromarray(np.ascontiguousarray(pixels))
+        text = f"{self._title}   {self._log.time[tick]:.2f} s\n{caption(self._log, tick)}"
+        ImageDraw.Draw(picture).multiline_text(
+            (self._size, self._size), text.strip(), fill=(30, 30, 30), font=self._font, spacing=4
+        )
+        return np.asarray(picture)
+
+
+@contextmanager
+def _drawing_context(width: int, height: int) -> Iterator[None]:
+    """Have OpenGL draw into memory.
+
+    Raises:
+        RenderError: There is no OpenGL for that.
+    """
+    usual = "cgl" if sys.platform == "darwin" else "egl"
+    kind = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if kind not in ("egl", "osmesa", "glfw", "cgl"):
+        kind = usual
+    context = None
+    try:
+        context = importlib.import_module(f"mujoco.{kind}").GLContext(width, height)
+        context.make_current()
+    except Exception as error:  # whatever a missing library makes of it
+        reason = str(error) or type(error).__name__
+        raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
+    try:
+        yield
+    finally:
+        context.free()
+
+
+def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float, size: tuple[int, int]) -> None:
+    command = [find_ffmpeg(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command += ["-s", f"{size[0]}x{size[1]}", "-r", f"{rate:g}", "-i", "-", "-an", "-c:v", "libx264"]
+    command += ["-pix_fmt", "yuv420p", "-crf", "23", "-movflags", "+faststart", str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None and process.stderr is not None
+        try:
+            for picture in pictures:
+                process.stdin.write(picture.tobytes())
+        except BrokenPipeError:
+            pass
+        finally:
+            process.stdin.close()
+            said = process.stderr.read().decode(errors="replace").strip()
+    if process.returncode != 0:
+        raise RenderError(f"ffmpeg could not write {path}: {said or process.returncode}")
+
+
+def _write_gif(path: Path, pictures: Iterator[Picture], rate: float, size: tuple[int, int]) -> None:
+    frames = (Image.fromarray(picture).quantize(128, dither=Image.Dither.NONE) for picture in pictures)
+    first = next(frames)
+    first.save(path, save_all=True, append_images=frames, duration=round(1000.0 / rate), loop=0)
