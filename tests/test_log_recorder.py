@@ -84,6 +84,7 @@ class Witness:
             "truth/dcm": (truth.com + truth.com_velocity / pendulum.omega)[:2],
             "truth/joint/torque": truth.joint_torque,
             "truth/joint/torque_ratio": truth.joint_torque / plant.description.torque_limit,
+            "truth/qpos": plant.data.qpos,
             "text: walk/phase": walk.reference.phase.value,
             "text: walk/event": "; ".join(event.value for event in walk.reference.events) or None,
             "text: solver/status": solution.status.value,
@@ -101,6 +102,8 @@ def test_log_holds_what_was_to_see_in_every_tick(tmp_path: Path) -> None:
     log = Log.open(tmp_path / "walk.arrow")
     assert len(log) == record.ticks == 300
     for name, values in witness.kept.items():
+        if name == "truth/qpos":
+            continue
         if name.startswith("text: "):
             assert log.texts(name.removeprefix("text: ")).tolist() == values, name
             assert len(set(values)) > 1 or "status" in name
@@ -113,11 +116,17 @@ def test_log_holds_what_was_to_see_in_every_tick(tmp_path: Path) -> None:
                 name,
             )
             assert (np.isnan(log[name]) == np.isnan(expected)).all()
-    joints = [name for name in log if name.startswith("truth/joint/position/")]
+    positions = ("truth/joint/position/", "truth/sole/")
+    joints = [name for name in log if name.startswith(positions)]
     assert len(joints) == plant.model.nq - 7
-    for name in joints:
-        address = plant.model.joint(name.rpartition("/")[2]).qposadr[0]
-        assert np.isfinite(log[name]).all() and address >= 7
+    assert sum(name.startswith(positions[0]) for name in joints) == plant.robot.na
+    final = {plant.model.joint(i).name: plant.model.joint(i).qposadr[0] for i in range(1, plant.model.njnt)}
+    for prefix in positions:
+        for name in (each for each in joints if each.startswith(prefix)):
+            address = final.pop(name.removeprefix(prefix))
+            kept = np.array(witness.kept["truth/qpos"])[:, address]
+            np.testing.assert_allclose(log[name], kept, atol=EXACT)
+    assert not final
     assert log.events[0] == (0.0, Event.STARTED.value)
 
 

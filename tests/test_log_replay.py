@@ -420,6 +420,9 @@ async def in_browser(url: str, scripts: list[str]) -> list[Any]:
                 found.append(answer["result"].get("value"))
             picture = await call("Page.captureScreenshot", format="png")
             found.append(base64.b64decode(picture["data"]))
+            socket.close()
+            while await socket.read_message() is not None:
+                pass
             return found
         finally:
             process.terminate()

@@ -34,7 +34,7 @@ x y z w, wrenches fx fy fz mx my mz. What only a simulation knows begins with `t
     com/… dcm/… zmp/…       reference, estimated, measured, desired
     stabilizer/…, walk/…, step/…   what was decided: phase, step, events, next landing
     stiffness/…             of soles that are set: scan, decision and result, once a step, when the foot lands
-    truth/…                 base, joints and their torques, soles, centre of mass, pushes
+    truth/…                 base, joints and their torques, soles and their hinges, centre of mass, pushes
 
 A batch of 256 ticks is written at a time. A program that is killed loses what came after the last batch; the rest is
 read by `Log.open`, and by others as an Arrow stream that begins at byte 8 of the file::

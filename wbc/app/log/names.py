@@ -22,3 +22,8 @@ def joint_units(robot: Robot) -> list[str]:
 def torque_units(robot: Robot) -> list[str]:
     """Unit of each joint's torque: Nm, or N of a prismatic joint."""
     return ["N" if unit == "m" else "Nm" for unit in joint_units(robot)]
+
+
+def position_signal(joint: str, robot: Robot) -> str:
+    """Name of the signal of a joint's true position; hinges of the soles belong to no robot model."""
+    return f"truth/joint/position/{joint}" if joint in robot.joint_names else f"truth/sole/{joint}"

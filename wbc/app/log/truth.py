@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.app.log.names import SIDES, torque_units
+from wbc.app.log.names import SIDES, position_signal, torque_units
 from wbc.app.log.table import QUATERNION, XY, XYZ, Columns
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
@@ -39,9 +39,9 @@ class TruthSource(Source):
         columns.group("truth/base/orientation", QUATERNION, "1", "base frame in the world")
         joints = [model.joint(i) for i in range(1, model.njnt)]
         units = ["m" if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for joint in joints]
-        about = "without errors of the sensors; hinges of the soles, too"
+        about = "without errors of the sensors"
         for joint, unit in zip(joints, units, strict=True):  # in the order of qpos, behind the base
-            columns.add(f"truth/joint/position/{joint.name}", unit, about)
+            columns.add(position_signal(joint.name, plant.robot), unit, about)
         self._q = slice(start, start + model.nq)
         self._quaternion = slice(start + 3, start + 7)
         self._linear = columns.group("truth/base/linear_velocity", XYZ, "m/s", "base frame")

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wbc.app.log import Log
-from wbc.app.log.names import SIDES
+from wbc.app.log.names import SIDES, position_signal
 from wbc.app.log.plain import from_plain
 from wbc.app.replay.overlays import make_overlays
 from wbc.app.view_scene import Scene, Snapshot
@@ -126,7 +126,7 @@ class Replay:
         q[:, 3:7] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
         for i in range(1, model.njnt):
             joint = model.joint(i)
-            name = f"truth/joint/position/{joint.name}"
+            name = position_signal(joint.name, self.plant.robot)
             if name not in log:
                 raise InputError(
                     f"{log.path} has no '{name}': the plant of {log.header.get('program', 'the log')} had "
