@@ -6,7 +6,7 @@ Sole rectangle   from the collision (else visual) geometry of the foot, within 5
 Sole placement   a frame whose rectangle is not around its origin gets a sole frame of its own at the centre; one
                  whose axes are not those of the base at the zero configuration is turned so that they are
 Half-sitting     knees bent by 40°, soles flat and level, centre of mass above the middle of the soles; other joints
-                 at zero or at the limit nearest to it
+                 at zero, or a twentieth of the range inside the limit nearest to it
 Torque limit     where the URDF has none: leg 0.25 m g h; others three times what holds the limb stretched out
 Armature         `wbc.robots.servo.ARMATURE_RATIO` times m h²
 Servo gains      8 Hz, critically damped, on the effective inertia, legs bounded (`wbc.robots.servo`)
@@ -101,7 +101,9 @@ def describe(
         notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
     rest = [joint for joint in names if joint not in given and joint not in legs]
     if rest:
-        notes.append(f"half-sitting of {len(rest)} other joints: zero or the limit nearest to it")
+        notes.append(
+            f"half-sitting of {len(rest)} other joints: zero, or a twentieth of the range inside a limit"
+        )
     q = posture.standing_configuration(model, (left_frame, right_frame), posture_all)
     com_height = float(pin.centerOfMass(model, model.createData(), q)[2])
     mass = pin.computeTotalMass(model)

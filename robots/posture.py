@@ -12,6 +12,9 @@ from scipy.optimize import least_squares
 from wbc.core.errors import Array, InputError, ModelError, finite_scalar, unknown_name
 from wbc.robots.servo import leg_joints
 
+INSIDE = 0.05
+"""Share of a joint's range kept from its limits at half-sitting: a posture on a limit keeps that limit active."""
+
 KNEE_BEND = math.radians(40.0)
 """Knee bend of a derived half-sitting: the middle of what humanoids use (Talos 49°, HRP-2 40°)."""
 
@@ -24,7 +27,8 @@ def half_sitting(
 ) -> dict[str, float]:
     """Complete a posture.
 
-    Joints of the legs that are not given are solved for; all others are zero, or the limit nearest to zero.
+    Joints of the legs that are not given are solved for; all others are zero, or as near to it as leaves
+    some of their range to the limit.
 
     Args:
         model: Pinocchio model with a free-flyer and limits.
@@ -43,7 +47,8 @@ def half_sitting(
     names = list(model.names)[2:]
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
     q = pin.neutral(model)
-    q[7:] = np.clip(0.0, lower, upper)
+    inside = INSIDE * (upper - lower)
+    q[7:] = np.clip(0.0, lower + inside, upper - inside)
     for name, value in given.items():
         if name not in names:
             unknown_name("joint", name, names)
