@@ -84,7 +84,7 @@ def plot_curves(
     force.set_xlabel("ankle deflection (mm)")
     force.set_ylabel("load (N)")
     if deflections:
-        force.legend(fontsize=8)
+        force.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.06, 1.0))
     figure.savefig(str(path), dpi=150)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import Any
 
@@ -56,41 +56,46 @@ def stiffness_means(rows: Iterable[StiffnessRow]) -> list[dict[str, Any]]:
 
     Returns:
         For each family and stiffness: `ground`, `stiffness` (infinite for a rigid foot), `grounds` (their number), and
-        for each of `MEANS` a pair of mean and standard error (NaN for one ground).
+        for each of `MEANS` a pair of mean and standard error (NaN for one ground); if a rigid foot was tried on the
+        same grounds, also `more_contact_area` and `more_support_area`: what a foot has more of than the rigid one,
+        ground by ground, m².
     """
-    groups: dict[tuple[str, float], list[StiffnessRow]] = {}
+    groups: dict[tuple[str, float], dict[int, StiffnessRow]] = {}
     for row in rows:
-        groups.setdefault((row.ground, row.stiffness), []).append(row)
+        groups.setdefault((row.ground, row.stiffness), {})[row.seed] = row
     means = []
     for (ground, stiffness), cells in sorted(groups.items()):
         entry: dict[str, Any] = {"ground": ground, "stiffness": stiffness, "grounds": len(cells)}
         for name in MEANS:
-            values = np.array([getattr(row, name) for row in cells], dtype=float)
-            error = values.std(ddof=1) / math.sqrt(values.size) if values.size > 1 else math.nan
-            entry[name] = (float(values.mean()), float(error))
+            entry[name] = _mean_and_error([getattr(row, name) for row in cells.values()])
+        rigid = groups.get((ground, math.inf), {})
+        both = [seed for seed in cells if seed in rigid]
+        if both and stiffness != math.inf:
+            for name in ("contact_area", "support_area"):
+                more = [getattr(cells[seed], name) - getattr(rigid[seed], name) for seed in both]
+                entry[f"more_{name}"] = _mean_and_error(more)
         means.append(entry)
     return means
 
 
+COLUMNS = (
+    ("contacts", "contacts", 1.0, 1),
+    ("contact_area", "contact area (cm²)", 1e4, 0),
+    ("more_contact_area", "more than rigid", 1e4, 0),
+    ("support_area", "support area (cm²)", 1e4, 0),
+    ("more_support_area", "more than rigid", 1e4, 0),
+    ("ankle_height", "ankle height (mm)", 1e3, 1),
+    ("peak_force", "peak force (N)", 1.0, 0),
+)
+"""Columns of the table over stiffness: key of `stiffness_means`, heading, scale and digits."""
+
+
 def stiffness_table(rows: Iterable[StiffnessRow]) -> str:
     """Markdown table of how a foot stands over stiffness: mean ± standard error over grounds."""
-    lines = [
-        "| ground | k (Nm/rad) | grounds | contacts | contact area (cm²) | support area (cm²) | ankle height (mm) "
-        "| absorbed (%) | peak force (N) |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    headings = " | ".join(heading for _, heading, _, _ in COLUMNS)
+    lines = [f"| ground | k (Nm/rad) | grounds | {headings} |", "|---" * (3 + len(COLUMNS)) + "|"]
     for row in stiffness_means(rows):
-        cells = [
-            _mean(row[name], scale, digits)
-            for name, scale, digits in (
-                ("contacts", 1.0, 1),
-                ("contact_area", 1e4, 1),
-                ("support_area", 1e4, 1),
-                ("ankle_height", 1e3, 1),
-                ("absorbed", 1e2, 1),
-                ("peak_force", 1.0, 0),
-            )
-        ]
+        cells = [_mean(row.get(key), scale, digits) for key, _, scale, digits in COLUMNS]
         lines.append(
             f"| {row['ground']} | {_stiffness(row['stiffness'])} | {row['grounds']} | {' | '.join(cells)} |"
         )
@@ -112,7 +117,15 @@ def deflection_table(curves: Iterable[Deflection]) -> str:
     return "\n".join(lines)
 
 
-def _mean(pair: tuple[float, float], scale: float, digits: int) -> str:
+def _mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+    array = np.array(values, dtype=float)
+    error = array.std(ddof=1) / math.sqrt(array.size) if array.size > 1 else math.nan
+    return float(array.mean()), float(error)
+
+
+def _mean(pair: tuple[float, float] | None, scale: float, digits: int) -> str:
+    if pair is None:
+        return ""
     mean, error = pair
     text = f"{scale * mean:.{digits}f}"
     return text if math.isnan(error) else f"{text} ± {scale * error:.{digits}f}"
