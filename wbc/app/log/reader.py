@@ -118,12 +118,16 @@ class Log:
         return values
 
     def parts(self, group: str) -> list[str]:
-        """Names of the signals of a group.
+        """Names of the signals of a group that hold numbers.
 
         Raises:
             UnknownNameError: No such group; the nearest names are given.
         """
-        found = [name for name in self.signals if name.rpartition("/")[0] == group]
+        found = [
+            name
+            for name, signal in self.signals.items()
+            if name.rpartition("/")[0] == group and signal.kind not in ("text", "list")
+        ]
         if not found:
             groups = {name.rpartition("/")[0] for name in self.signals} - {""}
             unknown_name("signal", group, groups | set(self.signals))

@@ -62,7 +62,7 @@ def _one_ground(ax: Axes, log: Log) -> None:
         ax.plot(x, 1e3 * z, color=SIDE_COLOURS[side], linewidth=1.3)
         ax.annotate(
             f"{stiffness:.0f}",
-            (float(x.mean()), 1e3 * float(z.max())),
+            (float(x[z.argmax()]), 1e3 * float(z.max())),
             xytext=(0, 3),
             textcoords="offset points",
             ha="center",
