@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from wbc.core.errors import InputError, non_negative, positive
 from wbc.feet import Foot, SoftFoot
@@ -59,6 +59,11 @@ def with_stiffness(foot: Foot, stiffness: float) -> Foot:
     return replace(foot, stiffness=stiffness)
 
 
+def stiffness_of(foot: Foot) -> float:
+    """Stiffness of a foot's sole, Nm/rad; infinite for a rigid one."""
+    return foot.stiffness if isinstance(foot, SoftFoot) else math.inf
+
+
 @dataclass(frozen=True)
 class StabilityRow:
     """One cell of the stability table.
@@ -106,26 +111,32 @@ def stability(
         stiffnesses: Nm/rad.
         grounds: `bumps()` when None.
         timesteps: s.
+
+    Raises:
+        InputError: A rigid foot, or a value out of range; before anything is pressed.
     """
-    # Everything is made before anything runs, so that a value out of range is refused at once.
-    designs = [(stiffness, with_stiffness(test.foot, stiffness)) for stiffness in stiffnesses]
-    for physics in [replace(test.physics, timestep=timestep) for timestep in timesteps]:
-        for ground in bumps() if grounds is None else grounds:
-            for stiffness, design in designs:
-                result = press(replace(test, foot=design, ground=ground, physics=physics))
-                row = StabilityRow(ground.name, ground.seed, stiffness, physics.timestep, result.diverged)
-                if result.hold is not None:
-                    names = (
-                        "balance_error",
-                        "force_std",
-                        "loop_gap",
-                        "loop_gap_peak",
-                        "penetration",
-                        "penetration_peak",
-                        "jitter",
-                    )
-                    row = replace(row, **{name: getattr(result.hold, name) for name in names})
-                yield row
+    designs = [with_stiffness(test.foot, stiffness) for stiffness in stiffnesses]
+    physics = [replace(test.physics, timestep=timestep) for timestep in timesteps]
+    chosen = bumps() if grounds is None else tuple(grounds)
+    tests = [
+        replace(test, foot=design, ground=ground, physics=each)
+        for each in physics
+        for ground in chosen
+        for design in designs
+    ]
+    return map(_stability_row, tests)
+
+
+def _stability_row(test: FootTest) -> StabilityRow:
+    assert isinstance(test.foot, SoftFoot)
+    result = press(test)
+    row = StabilityRow(
+        test.ground.name, test.ground.seed, test.foot.stiffness, test.physics.timestep, result.diverged
+    )
+    if result.hold is None:
+        return row
+    values = {f.name: getattr(result.hold, f.name) for f in fields(row) if hasattr(result.hold, f.name)}
+    return replace(row, **values)
 
 
 @dataclass(frozen=True)
@@ -166,26 +177,33 @@ def stiffness_curves(
         test: What stays the same, with an ankle servo.
         stiffnesses: Nm/rad; ignored for a rigid foot.
         grounds: `bumps()` when None.
+
+    Raises:
+        InputError: A value out of range; before anything is pressed.
     """
-    designs = [(math.inf, test.foot)]
+    designs = [test.foot]
     if isinstance(test.foot, SoftFoot):
-        designs = [(stiffness, with_stiffness(test.foot, stiffness)) for stiffness in stiffnesses]
-    for ground in bumps() if grounds is None else grounds:
-        for stiffness, design in designs:
-            result = press(replace(test, foot=design, ground=ground))
-            if result.impact is None or result.hold is None or result.support is None:
-                continue
-            yield StiffnessRow(
-                ground=ground.name,
-                seed=ground.seed,
-                stiffness=stiffness,
-                ankle_height=result.hold.ankle_height,
-                contacts=result.hold.contacts,
-                contact_area=result.hold.contact_area,
-                support_area=result.support.area,
-                absorbed=result.impact.absorbed,
-                peak_force=result.impact.peak_force,
-            )
+        designs = [with_stiffness(test.foot, stiffness) for stiffness in stiffnesses]
+    chosen = bumps() if grounds is None else tuple(grounds)
+    tests = [replace(test, foot=design, ground=ground) for ground in chosen for design in designs]
+    return (row for row in map(_stiffness_row, tests) if row is not None)
+
+
+def _stiffness_row(test: FootTest) -> StiffnessRow | None:
+    result = press(test)
+    if result.impact is None or result.hold is None or result.support is None:
+        return None
+    return StiffnessRow(
+        ground=test.ground.name,
+        seed=test.ground.seed,
+        stiffness=stiffness_of(test.foot),
+        ankle_height=result.hold.ankle_height,
+        contacts=result.hold.contacts,
+        contact_area=result.hold.contact_area,
+        support_area=result.support.area,
+        absorbed=result.impact.absorbed,
+        peak_force=result.impact.peak_force,
+    )
 
 
 @dataclass(frozen=True)
@@ -207,6 +225,18 @@ class Deflection:
     diverged: bool
 
 
+def rising_loads(loads: Sequence[float]) -> tuple[float, ...]:
+    """Loads of a force–deflection curve, N.
+
+    Raises:
+        InputError: None at all, or they do not rise.
+    """
+    steps = tuple(positive("load (N)", load) for load in loads)
+    if not steps or any(b <= a for a, b in zip(steps, steps[1:], strict=False)):
+        raise InputError(f"loads of a force–deflection curve must rise, got {[f'{x:g}' for x in steps]}")
+    return steps
+
+
 def force_deflection(
     test: FootTest, *, loads: Sequence[float] = LOADS[1:], settle: float = 1.0
 ) -> Deflection:
@@ -223,11 +253,9 @@ def force_deflection(
     Raises:
         InputError: The loads do not rise.
     """
-    steps = (test.load, *(positive("load (N)", load) for load in loads))
-    if any(b <= a for a, b in zip(steps, steps[1:], strict=False)):
-        raise InputError(f"loads must rise from the test's own load of {test.load:g} N, got {list(loads)}")
+    steps = rising_loads((test.load, *loads))
     positive("settling time (s)", settle)
-    stiffness = test.foot.stiffness if isinstance(test.foot, SoftFoot) else math.inf
+    stiffness = stiffness_of(test.foot)
     rig = Rig(test)
     if land(rig) is None:
         return Deflection(stiffness, (), (), (), True)

@@ -8,6 +8,7 @@ import logging
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -82,6 +83,7 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
             level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
         )
         logging.captureWarnings(True)
+        warnings.formatwarning = _what_it_says
         with stdout_on_stderr():
             report = function(*args, **kwargs)
         print(report)
@@ -107,6 +109,12 @@ def stdout_on_stderr() -> Iterator[None]:
         if saved is not None:
             os.dup2(saved, 1)
             os.close(saved)
+
+
+def _what_it_says(message: Warning | str, *where: object, **line: object) -> str:
+    """A warning for people: where it was raised is not what they want to know."""
+    del where, line
+    return str(message)
 
 
 def progress_console() -> Console:

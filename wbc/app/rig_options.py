@@ -70,7 +70,7 @@ class FootOptions:
     """
 
     foot: str = "soft"
-    foot_param: Annotated[tuple[str, ...], Several] = ()
+    foot_param: tuple[str, ...] = ()
     robot: str | None = None
     load: float = FootTest.load
     ankle_stiffness: float = FootTest.ankle_stiffness
@@ -98,7 +98,7 @@ class RigOptions(FootOptions):
     terrain: str = "flat"
     amplitude: float | None = None
     seed: int = 0
-    param: Annotated[tuple[str, ...], Several] = ()
+    param: tuple[str, ...] = ()
     rendering: Rendering = "auto"
     resolution: float | None = None
     x: float = FootTest.x

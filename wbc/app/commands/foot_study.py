@@ -14,7 +14,7 @@ from wbc.app.rig_options import Several, StudyOptions
 from wbc.feet import RigidFoot, SoftFoot
 from wbc.sim import rig as bench
 from wbc.sim.rig import LOADS, Deflection, FootTest, StiffnessRow, to_json
-from wbc.sim.rig.study import with_stiffness
+from wbc.sim.rig.study import rising_loads, with_stiffness
 from wbc.sim.terrain.drawing import checked_path
 
 T = TypeVar("T")
@@ -58,7 +58,7 @@ def curves(
     test, grounds = study.test(), study.grounds()
     target = None if options.plot is None else checked_path(options.plot)
     tests = _versions(test, study.stiffness)
-    first, *further = options.loads
+    first, *further = rising_loads(options.loads)
     bars = [replace(bench.over_bar(each, study.amplitude), load=first) for each in tests]
     rows: list[StiffnessRow] = []
     deflections: list[Deflection] = []
@@ -101,12 +101,8 @@ def stability(
     """Press a soft foot for every stiffness, ground and physics step: does it diverge, is it quiet; takes minutes."""
     test, grounds = study.test(), study.grounds()
     total = len(study.stiffness) * len(grounds) * len(options.timesteps)
-    rows = list(
-        _shown(
-            bench.stability(test, stiffnesses=study.stiffness, grounds=grounds, timesteps=options.timesteps),
-            total,
-        )
-    )
+    cells = bench.stability(test, stiffnesses=study.stiffness, grounds=grounds, timesteps=options.timesteps)
+    rows = list(_shown(cells, total))
     data = {
         "test": test.describe(),
         "cells": len(rows),
