@@ -2,52 +2,36 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import pytest
 
 import wbc
 from wbc.app import cli, live
-from wbc.app.bench_solver import BenchSolverOptions
-from wbc.app.bench_tick import BenchTickOptions
 from wbc.app.commands import COMMANDS, GROUPS
-from wbc.app.commands.feet import FeetOptions
-from wbc.app.commands.foot import DropOptions, PitchOptions, PressOptions, SlideOptions
-from wbc.app.commands.foot_study import CurvesOptions, StabilityOptions
 from wbc.app.output import Output, Report, reports
 from wbc.robots import names
-from wbc.sim.push_recovery import PushTableOptions
-from wbc.sim.standing import StandOptions
-from wbc.sim.speed import SpeedOptions
-from wbc.sim.terrain.report import TerrainListOptions, TerrainOptions
 
 Captured = pytest.CaptureFixture[str]
 
-CONFIGURATIONS: dict[str, type | None] = {
-    "robots": None,
-    "stand": StandOptions,
-    "push": PushTableOptions,
-    "bench tick": BenchTickOptions,
-    "bench solver": BenchSolverOptions,
-    "bench physics": SpeedOptions,
-    "feet": FeetOptions,
-    "foot press": PressOptions,
-    "foot drop": DropOptions,
-    "foot slide": SlideOptions,
-    "foot pitch": PitchOptions,
-    "foot curves": CurvesOptions,
-    "foot stability": StabilityOptions,
-    "terrain": TerrainOptions,
-    "terrains": TerrainListOptions,
+ELSEWHERE = {
+    "walk": "test_walks_command.py",
+    "study list": "test_walks_command.py",
+    "study show": "test_walks_command.py",
+    "study run": "test_walks_command.py",
+    "study table": "test_walks_command.py",
+    "plot": "test_plots.py",
 }
+"""Commands that have their own tests of what they print, because it takes a walk or a file: the file that does it."""
 
-QUICK: dict[str, tuple[list[str], set[str]]] = {
+QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends soon, keys of its result
     "robots": ([], {"robots"}),
     "stand": (
         ["--seconds", "0.1"],
@@ -101,12 +85,15 @@ def wbc_command(capfd: Captured, *arguments: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-def test_every_command_is_tested_here() -> None:
-    assert set(COMMANDS) == set(QUICK) == set(CONFIGURATIONS)
+def test_every_command_is_tested_here_or_elsewhere() -> None:
+    assert set(COMMANDS) == set(QUICK) | set(ELSEWHERE) and not set(QUICK) & set(ELSEWHERE)
     assert {words.split()[0] for words in COMMANDS if " " in words} == set(GROUPS)
+    for words, file in ELSEWHERE.items():
+        text = (Path(__file__).parent / file).read_text(encoding="utf-8")
+        assert f'"{words.split()[0]}"' in text and "--json" in text, (words, file)
 
 
-@pytest.mark.parametrize("words", COMMANDS)
+@pytest.mark.parametrize("words", QUICK)
 def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
     arguments, keys = QUICK[words]
     code, out, _ = wbc_command(capfd, *words.split(), *arguments, "--json")
@@ -124,15 +111,36 @@ def test_text_is_what_people_get(capfd: Captured, words: str) -> None:
         json.loads(out)
 
 
+def configurations(words: str) -> list[type]:
+    """The configuration classes whose fields are the options of a command."""
+    module, _, name = COMMANDS[words].partition(":")
+    function = getattr(importlib.import_module(module), name)
+    hints = get_type_hints(function, include_extras=False)
+    return [
+        hint
+        for hint in hints.values()
+        if isinstance(hint, type) and is_dataclass(hint) and hint is not Report
+    ]
+
+
 @pytest.mark.parametrize("words", COMMANDS)
-def test_help_shows_every_field_of_the_configuration(capfd: Captured, words: str) -> None:
+def test_help_shows_and_explains_every_field_of_the_configuration(capfd: Captured, words: str) -> None:
     code, out, _ = wbc_command(capfd, *words.split(), "--help")
     assert code == cli.RAN
     shown = "".join(character for character in out if character not in "│\n ")
-    configuration = CONFIGURATIONS[words]
-    for field in fields(configuration) if configuration else ():
-        assert f"--{field.name.replace('_', '-')}" in shown, field.name
-    assert "--json" in shown
+    classes = configurations(words)
+    assert Output in classes
+    while classes:
+        configuration = classes.pop()
+        explained = "".join(base.__doc__ or "" for base in configuration.__mro__)
+        types = get_type_hints(configuration)
+        for field in fields(configuration):
+            if is_dataclass(types[field.name]):  # its fields are options
+                classes.append(types[field.name])
+                continue
+            option = field.name.replace("_", "-")
+            assert f"--{option}" in shown or f".{option}" in shown, field.name
+            assert f"{field.name}: " in explained, f"{configuration} does not explain {field.name}"
 
 
 def test_help_lists_every_command_and_the_exit_codes(capfd: Captured) -> None:
