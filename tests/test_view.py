@@ -26,7 +26,7 @@ from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app.view import MeshcatView, ViewError
-from wbc.app.view_channel import Channel
+from wbc.app.view_channel import NOTE, Channel
 from wbc.app.view_scene import ROOT
 from wbc.app.view_shapes import Box, Cylinder, Ellipsoid, MeshFile, Part, Surface, robot_parts
 from wbc.app.view_source import PlantSource, RobotSource
@@ -307,7 +307,7 @@ def test_a_browser_gets_the_scene_and_then_what_moves(plant: wbc.Plant, view: Me
 
         async def until_facts() -> list[Any]:
             messages: list[Any] = []
-            while not messages or isinstance(messages[-1], bytes):
+            while not messages or isinstance(messages[-1], bytes) or "hello" in messages[-1]:
                 message = await asyncio.wait_for(socket.read_message(), 20.0)
                 messages.append(message)
             return [umsgpack.unpackb(m) if isinstance(m, bytes) else json.loads(m) for m in messages]
@@ -324,9 +324,11 @@ def test_a_browser_gets_the_scene_and_then_what_moves(plant: wbc.Plant, view: Me
     view.update()
     assert view.pages == 0 and not view.wait(0.0)
     scene, moved = asyncio.run(follow())
-    assert scene[0] == {"type": "delete", "path": ROOT}
-    assert sum(command["type"] == "set_object" for command in scene[:-1]) >= len(view.scene.drawings)
-    assert scene[-1] == {"time": plant.time}
+    assert set(scene[0]["hello"]["controls"]) == {"push"}  # there is no walk to be stopped
+    assert scene[1] == {"type": "delete", "path": ROOT}
+    assert sum(command.get("type") == "set_object" for command in scene) >= len(view.scene.drawings)
+    assert scene[-1]["time"] == plant.time and not scene[-1]["paused"]
+    assert scene[-1]["target"] == pytest.approx(plant.truth().com, abs=1e-4)
     assert [command["path"] for command in moved[:-1]] == [f"{ROOT}/robot/head"]
     with urllib.request.urlopen(view.url) as page, urllib.request.urlopen(view.url + "main.min.js") as script:
         assert b"hrp4_class" in page.read() and b"MeshCat" in script.read()
@@ -422,12 +424,20 @@ def test_of_many_frames_the_newest_counts() -> None:
     for number in (1, 2, 7):
         while writer.newest < number:
             frame = rng.normal(size=(3, 4, 4))
-            writer.write(0.5 * number, frame)
+            writer.write(0.5 * number, frame, b"x" * number)
         read = reader.read(0)
         assert read is not None
-        assert read[:2] == (number, 0.5 * number)
+        assert (read[0], read[1], read[3]) == (number, 0.5 * number, b"x" * number)
         assert read[2].reshape(3, 4, 4).transpose(0, 2, 1) == pytest.approx(frame, abs=0.0)
         assert reader.read(number) is None
+    assert writer.wishes(0) is None
+    for text in (b"one", b"two", b"three"):
+        reader.wish(text)
+    assert writer.wishes(0) == (3, b"three")
+    assert writer.wishes(3) is None
+    writer.write(1.0, frame, b"x" * (NOTE + 1))  # too long to be said
+    read = reader.read(7)
+    assert read is not None and read[3] == b"{}"
     reader.pages, reader.shown = 2, 7
     assert (writer.pages, writer.shown) == (2, 7)
     reader.close()

@@ -5,9 +5,12 @@
             plant.step(control.command(plant.measure()))
             view.update()
 
+    run_walk(spec, hooks=[WatchWalk()])     # a simulated walk, with footsteps and all
+
 Drawing happens in a process of its own. `update` takes a snapshot at most 30 times a second and leaves it in shared
 memory; all other calls return at once. It reads the plant and never writes to it, so that a run gives the same numbers
-with and without a view.
+with and without a view, as long as nobody uses the page's controls that change a run (`wbc.app.view_controls`): what
+they have done is in `MeshcatView.interventions`.
 """
 
 from __future__ import annotations
@@ -26,19 +29,26 @@ import urllib.request
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
 
 import wbc
 from wbc.app.view_channel import Channel
-from wbc.app.view_scene import Setup
+from wbc.app.view_controls import LiveControls
+from wbc.app.view_footsteps import FootstepsLayer
+from wbc.app.view_layers import BalanceLayer, Layer, RangeLayer, SolesLayer
+from wbc.app.view_scene import HIDDEN, Note, Scene, Setup
 from wbc.app.view_source import PlantSource, RobotSource
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
 from wbc.sim.terrain import Terrain
 
 if TYPE_CHECKING:
+    from wbc.core.signals import Measurement
     from wbc.sim import Plant
+    from wbc.walking.control import WalkingControl
 
 START_TIME = 60.0
 """Longest time for the drawing process to start, s; it takes about one."""
@@ -48,6 +58,12 @@ LAST_FRAME_TIME = 0.5
 
 CATCH_UP_TIME = 0.2
 """A run that is further behind the clock than this does not hurry to catch up, s."""
+
+PAUSE_TICK = 0.02
+"""How often a run that is paused looks whether it may go on, s."""
+
+LEAST_LOAD = 0.005
+"""Contacts that bear less than this share of the robot's weight are no corners of the support polygon."""
 
 _log = logging.getLogger(__name__)
 
@@ -59,39 +75,53 @@ class ViewError(WbcError):
 class MeshcatView:
     """A page in the browser that shows a robot as it moves.
 
-    Robot, ground, contact forces (an arrow as long as the centre of mass is high is the robot's weight), pushes,
-    centre of mass and ZMP. The view ends when it is closed or when the program ends; the page then keeps its last
-    picture, and a later view on the same port goes on in the same page.
+    Robot and ground; soft soles as they are bent, in the colour of their stiffness; contact forces (an arrow as long as
+    the centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon. Of a
+    walk also footsteps, planned and real, ZMP and DCM as planned, what range sensors see, and words: time, step, phase,
+    stiffness. The camera follows if the page is told so.
+
+    The page can pause a run and set its speed; and, unless `controls` are off, push the robot, stop a walk and change
+    gains and stiffness (see `wbc.app.view_controls`, also for what cannot be changed live). A run that is paused goes
+    on when the last page is closed.
+
+    The view ends when it is closed or when the program ends; the page then keeps its last picture, and a later view on
+    the same port goes on in the same page.
 
     Attributes:
         url: Address of the page.
         scene: What is drawn.
         pid: Identifier of the process that draws.
+        controls: What the page can change, and has changed.
     """
 
     def __init__(
         self,
         source: Plant | RobotDescription,
         *,
+        walking: WalkingControl | None = None,
         terrain: Terrain | None = None,
         host: str = "127.0.0.1",
         port: int | None = None,
         rate: float = 30.0,
         speed: float | None = None,
+        controls: bool = True,
     ) -> None:
         """Start serving the page; its address goes to the standard error.
 
         Args:
             source: A plant, or the description of a robot whose states are given to `update`.
+            walking: Controller of a walk, to show its footsteps and references; only with a plant.
             terrain: The ground under a described robot; flat when None. A plant has its own.
             host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
-                `ssh -L`, or "0.0.0.0" to let everybody in the network watch.
+                `ssh -L`, or "0.0.0.0" to let everybody in the network watch, and use the controls.
             port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
             rate: Most pictures a second.
-            speed: Hold the run back to this multiple of real time, 1 for real time. None never waits.
+            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
+                change it.
+            controls: Let the page change the run; pause and speed are always there.
 
         Raises:
-            InputError: A value out of range, or a terrain given with a plant.
+            InputError: A value out of range, a terrain given with a plant, or a walk without one.
             ViewError: The port cannot be had, or the process does not start; nothing is left running.
         """
         self._period = 1.0 / positive("rate of the view (1/s)", rate)
@@ -101,15 +131,25 @@ class MeshcatView:
         self._plant: PlantSource | None = None
         self._model: RobotSource | None = None
         if isinstance(source, RobotDescription):
+            if walking is not None:
+                raise InputError("a walk is shown with its plant; give the plant in place of the description")
             self._model = RobotSource(source, terrain)
-            self.scene = self._model.scene
         elif terrain is not None:
             raise InputError("a plant has its own terrain; leave `terrain` out")
         else:
             self._plant = PlantSource(source)
-            self.scene = self._plant.scene
+        plant = None if self._plant is None else self._plant.plant
+        self._layers = () if plant is None else make_layers(plant, self._source.scene, walking)
+        self.scene: Scene = self._source.scene.extended(
+            [drawing for layer in self._layers for drawing in layer.drawings],
+            [path for layer in self._layers for path in layer.moving],
+            [entry for layer in self._layers for entry in layer.legend],
+        )
+        self.controls = LiveControls(plant if controls else None, walking)
+        self._measurement: Measurement | None = None
         self._channel = Channel(len(self.scene.moving))
-        self._process, port = self._start(host, port, rate)
+        setup = Setup(self.scene, host, port, rate, self._channel.fd, speed, self.controls.offer())
+        self._process, port = self._start(setup)
         self.pid = self._process.pid
         self._finalizer = weakref.finalize(self, _stop, self._process, self._channel)
         self._local = f"http://127.0.0.1:{port}/" if host == "0.0.0.0" else f"http://{host}:{port}/"
@@ -119,11 +159,19 @@ class MeshcatView:
             None  # clock and simulated time from which the pace is counted
         )
         self._warned = False
+        self._wishes = self._orders = 0  # numbers of the last ones that are known
+        self._paused = False
         print(f"live view: {self.url}", file=sys.stderr, flush=True)
         if self._plant is not None:
             self.update()
 
-    def _start(self, host: str, port: int | None, rate: float) -> tuple[subprocess.Popen[bytes], int]:
+    @property
+    def _source(self) -> PlantSource | RobotSource:
+        source = self._plant or self._model
+        assert source is not None
+        return source
+
+    def _start(self, setup: Setup) -> tuple[subprocess.Popen[bytes], int]:
         """Start the drawing process and wait until it listens; returns it and its port."""
         paths = [str(Path(wbc.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
         process = subprocess.Popen(
@@ -135,7 +183,7 @@ class MeshcatView:
         )
         assert process.stdin is not None and process.stdout is not None
         try:
-            pickle.dump(Setup(self.scene, host, port, rate, self._channel.fd), process.stdin)
+            pickle.dump(setup, process.stdin)
             process.stdin.flush()
             with selectors.DefaultSelector() as selector:
                 selector.register(process.stdout, selectors.EVENT_READ)
@@ -145,8 +193,8 @@ class MeshcatView:
         facts = json.loads(answer) if answer else {"error": "its process ended at once or does not answer"}
         if "error" in facts:
             _stop(process, self._channel)
-            where = f"{host}:{port}" if port is not None else host
-            hint = "; choose another port, or leave it out to take a free one" if port is not None else ""
+            where = setup.host if setup.port is None else f"{setup.host}:{setup.port}"
+            hint = "; choose another port, or leave it out to take a free one" if setup.port else ""
             raise ViewError(f"the live view cannot be served at {where}: {facts['error']}{hint}")
         return process, int(facts["port"])
 
@@ -156,14 +204,16 @@ class MeshcatView:
         *,
         sole_wrench: Array | None = None,
         time: float | None = None,
+        measurement: Measurement | None = None,
     ) -> None:
-        """Show the present state, unless the last picture is too recent.
+        """Show the present state, unless the last picture is too recent; wait while the page says pause.
 
         Args:
             state: Only without a plant: the robot, up to date, or a configuration of shape (nq,).
             sole_wrench: Only without a plant: what the ground does to each sole, [force; moment] in the sole frame,
                 shape (number of soles, 6), N and Nm.
             time: Only without a plant: s.
+            measurement: Only with a plant: what its sensors have just said, to show the rays of range sensors.
 
         Raises:
             InputError: A state given with a plant, none without, or one of another robot.
@@ -172,6 +222,11 @@ class MeshcatView:
             self._plant is not None and (sole_wrench is not None or time is not None)
         ):
             self._refuse()
+        self._measurement = measurement
+        self._listen()
+        if self._paused:
+            self._show(state, sole_wrench, time)
+            self._wait_for_end_of_pause()
         now = clock.perf_counter()
         if self._speed is not None:
             self._keep_pace(now, time)
@@ -184,13 +239,50 @@ class MeshcatView:
             raise InputError("a view of a plant takes its state from the plant; call update() alone")
         raise InputError("a view of a robot description needs a state: update(robot)")
 
+    def _listen(self) -> None:
+        """Do what the pages wish for."""
+        newer = self._channel.wishes(self._wishes)
+        if newer is None:
+            return
+        self._wishes, text = newer
+        said = json.loads(text)
+        self._paused = said["paused"]
+        if said["speed"] != self._speed:
+            self._speed, self._begin = said["speed"], None
+        for number, order in said["orders"]:
+            if number > self._orders:
+                self._orders = number
+                self.controls.obey(order)
+
+    def _wait_for_end_of_pause(self) -> None:
+        while self._paused and self.pages > 0 and self._process.poll() is None:
+            clock.sleep(PAUSE_TICK)
+            self._listen()
+        self._paused, self._begin = False, None
+
+    @property
+    def interventions(self) -> list[dict[str, Any]]:
+        """What was changed from the page, each with its simulated time (s); empty if nobody changed the run."""
+        return self.controls.interventions
+
     def _show(self, state: Robot | Array | None, sole_wrench: Array | None, time: float | None) -> None:
         if self._plant is not None:
             snapshot = self._plant.snapshot()
         else:
             assert self._model is not None and state is not None
             snapshot = self._model.snapshot(state, sole_wrench, 0.0 if time is None else time)
-        self._channel.write(snapshot.time, self.scene.frame(snapshot))
+        matrices = np.tile(HIDDEN, (len(self.scene.moving), 1, 1))
+        own = self.scene.frame(snapshot)
+        matrices[: len(own)] = own
+        place, note = len(own), Note(target=tuple(snapshot.com.tolist()))
+        for layer in self._layers:
+            if isinstance(layer, RangeLayer):
+                layer.measurement = self._measurement
+            layer.fill(matrices[place : place + len(layer.moving)], note)
+            place += len(layer.moving)
+        if self.controls.message:
+            note.text.append(self.controls.message)
+        self._channel.write(snapshot.time, matrices, note.pack())
         if not self._warned and self._process.poll() is not None:
             self._warned = True
             _log.warning("the live view has ended (exit code %s); the run goes on", self._process.returncode)
@@ -266,6 +358,22 @@ class MeshcatView:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def make_layers(plant: Plant, scene: Scene, walking: WalkingControl | None = None) -> tuple[Layer, ...]:
+    """All that is shown beside a robot and can be.
+
+    Args:
+        plant: The plant.
+        scene: The robot on its ground.
+        walking: The controller, if it is a walk.
+    """
+    layers: list[Layer] = [] if walking is None else [FootstepsLayer(plant, walking)]
+    layers.append(BalanceLayer(plant, scene.size, LEAST_LOAD * plant.robot.mass * GRAVITY, walking))
+    if all(foot.variable_joints for foot in plant.feet):
+        layers.append(SolesLayer(plant, walking))
+    layers.append(RangeLayer(plant, walking))
+    return tuple(layers)
 
 
 def _stop(process: subprocess.Popen[bytes], channel: Channel) -> None:

@@ -6,8 +6,10 @@ that it can be handed over by copying a few kilobytes.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +65,7 @@ class Drawing:
         placement: Relative to the path above, shape (4, 4), m.
         on_top: Shown through everything else.
         shaded: Lit by the lamps; in its plain colour when False.
+        bends: A `Surface` whose vertices the notes of frames move.
     """
 
     path: str
@@ -71,6 +74,7 @@ class Drawing:
     placement: Array
     on_top: bool = False
     shaded: bool = True
+    bends: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +96,31 @@ class Snapshot:
     forces: Sequence[tuple[str, Array, Array]] = ()
 
 
+@dataclass(eq=False)
+class Note:
+    """What a frame says beside its matrices.
+
+    Attributes:
+        text: Lines for the page.
+        target: What the camera follows, in the world, m.
+        colours: New colours of everything under a path.
+        shapes: Vertices of drawings that bend, by their paths, shape (n, 3), m.
+    """
+
+    text: list[str] = field(default_factory=list)
+    target: tuple[float, float, float] | None = None
+    colours: dict[str, Colour] = field(default_factory=dict)
+    shapes: dict[str, Array] = field(default_factory=dict)
+
+    def pack(self) -> bytes:
+        """Return it as JSON; places to a tenth of a millimetre, vertices in one list of numbers."""
+        said: dict[str, Any] = {"text": "\n".join(self.text), "colours": self.colours}
+        if self.target is not None:
+            said["target"] = [round(value, 4) for value in self.target]
+        said["shapes"] = {path: np.round(shape, 4).ravel().tolist() for path, shape in self.shapes.items()}
+        return json.dumps(said, separators=(",", ":")).encode()
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What the viewer shows.
@@ -100,10 +129,12 @@ class Scene:
         title: Name of what is shown.
         bodies: Bodies that move, in the order of `Snapshot.poses`.
         drawings: All objects.
-        moving: Paths that a frame moves, in the order of its matrices.
+        moving: Paths that a frame moves, in the order of its matrices; `frame` gives the first of them, what is shown
+            beside the robot (`wbc.app.view_layers`) the others.
         floor: Height of the endless plane, m.
         size: Height of the centre of mass at the start, m: the measure of camera, markers and arrows.
         newton: Length of an arrow for each newton, m.
+        legend: What the colours mean.
     """
 
     title: str
@@ -114,17 +145,19 @@ class Scene:
     size: float
     newton: float
     _places: dict[str, int] = field(default_factory=dict)
+    legend: tuple[tuple[str, Colour], ...] = LEGEND
+    _own: int = 0
 
     def frame(self, snapshot: Snapshot) -> Array:
-        """Return one matrix for each moving path.
+        """Return one matrix for each path that the robot, its forces and its markers move.
 
         Args:
             snapshot: The instant.
 
         Returns:
-            Homogeneous matrices, scale included, shape (len(moving), 4, 4).
+            Homogeneous matrices, scale included, shape (number of them, 4, 4).
         """
-        matrices = np.tile(HIDDEN, (len(self.moving), 1, 1))
+        matrices = np.tile(HIDDEN, (self._own or len(self.moving), 1, 1))
         count = len(self.bodies)
         matrices[:count] = snapshot.poses
         shadow = np.array([*snapshot.com[:2], self.floor])
@@ -139,6 +172,27 @@ class Scene:
             for i, (point, force) in enumerate(mine[:most]):
                 matrices[start + i] = self._arrow(kind, point, force)
         return matrices
+
+    def extended(
+        self,
+        drawings: Sequence[Drawing],
+        moving: Sequence[str],
+        legend: Sequence[tuple[str, Colour]],
+    ) -> Scene:
+        """Return the scene with more in it; the matrices of what is added come behind its own.
+
+        Args:
+            drawings: Objects.
+            moving: Paths that frames move.
+            legend: What their colours mean.
+        """
+        return replace(
+            self,
+            drawings=(*self.drawings, *drawings),
+            moving=(*self.moving, *moving),
+            legend=(*self.legend, *legend),
+            _own=self._own or len(self.moving),
+        )
 
     def _arrow(self, kind: str, point: Array, force: Array) -> Array:
         """Matrix that makes the unit arrow as long as the force is large; pushes end at their point."""
@@ -165,6 +219,8 @@ class Setup:
         port: Port to listen at; the first free one of a range when None, any free one when 0.
         rate: Most frames a second.
         fd: File descriptor of the channel.
+        speed: Multiple of real time at the start; None for as fast as it goes.
+        controls: What the page can change, and how it is at the start; see `wbc.app.view_controls`.
     """
 
     scene: Scene
@@ -172,6 +228,8 @@ class Setup:
     port: int | None
     rate: float
     fd: int
+    speed: float | None
+    controls: dict[str, Any]
 
 
 def make_scene(

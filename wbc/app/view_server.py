@@ -1,4 +1,4 @@
-"""The process that draws: it serves the page, reads frames from shared memory and sends them to the browsers.
+"""The process that draws: it serves the page, sends frames from shared memory to browsers, and hands their wishes back.
 
 Run as `python -m wbc.app.view_server` by `wbc.app.view`: a pickled `Setup` comes in on the standard input, one line of
 JSON with the port (or what went wrong) goes out on the standard output, and the end of the input is the end of it.
@@ -17,6 +17,7 @@ import signal
 import struct
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,9 @@ import umsgpack  # type: ignore[import-untyped]  # comes with meshcat, which spe
 from meshcat import geometry
 
 from wbc.app.view_channel import Channel
+from wbc.app.view_controls import Wishes
 from wbc.app.view_page import SCRIPT, Page
-from wbc.app.view_scene import HIDDEN, LEGEND, ROOT, SKY_COLOURS, Drawing, Scene, Setup
+from wbc.app.view_scene import HIDDEN, ROOT, SKY_COLOURS, Drawing, Setup
 from wbc.app.view_shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
 from wbc.core.errors import Array
 
@@ -65,6 +67,12 @@ def transform_command(path: str, columns: Array) -> bytes:
         columns: Homogeneous matrix by columns, shape (16,).
     """
     return transform_head(path) + transform_tail(columns)
+
+
+def property_command(path: str, name: str, value: Any) -> bytes:
+    """Return the packed command that sets a property of a path."""
+    packed: bytes = umsgpack.packb({"type": "set_property", "path": path, "property": name, "value": value})
+    return packed
 
 
 def transform_head(path: str) -> bytes:
@@ -132,40 +140,60 @@ def _colour_number(colour: Colour) -> int:
 class Show:
     """The scene as commands, and the browsers that follow it."""
 
-    def __init__(self, scene: Scene, channel: Channel) -> None:
+    def __init__(self, setup: Setup, channel: Channel) -> None:
         """Pack what does not change."""
-        self.page = Page(scene.title, LEGEND, scene.size)
+        scene = setup.scene
+        self.page = Page(scene.title, scene.legend, scene.size)
         self._channel = channel
+        self._wishes = Wishes(setup.speed)
+        self._hello = {"page": self.page.key, "controls": setup.controls}
         self._first = [umsgpack.packb({"type": "delete", "path": ROOT})]
         settings: list[tuple[str, str, Any]] = [("/Grid", "visible", False)]  # the ground has tiles
         settings += [("/Background", key, list(colour)) for key, colour in SKY_COLOURS.items()]
-        for path, key, value in settings:
-            command = {"type": "set_property", "path": path, "property": key, "value": value}
-            self._first.append(umsgpack.packb(command))
-        self._objects = [command for drawing in scene.drawings for command in object_commands(drawing)]
+        self._first += [property_command(*setting) for setting in settings]
+        fixed = [drawing for drawing in scene.drawings if not drawing.bends]
+        self._objects = [command for drawing in fixed for command in object_commands(drawing)]
+        self._bending = [drawing for drawing in scene.drawings if drawing.bends]
         self._heads = [transform_head(path) for path in scene.moving]
         self._number, self.time = 0, 0.0
         self._matrices = np.tile(HIDDEN.ravel(), (len(scene.moving), 1))
+        self._note: dict[str, Any] = {}
         self._streams: set[Stream] = set()
+
+    @property
+    def text(self) -> str:
+        """What the present picture says in words."""
+        return str(self._note.get("text", ""))
 
     def commands(self) -> list[bytes]:
         """Everything that a new page must be told; places come before the objects that appear in them."""
         self._fetch()
         moves = self._moves(self._matrices, range(len(self._heads)))
-        return [*self._first, *moves, *self._objects]
+        shapes = self._note.get("shapes", {})
+        bent = []
+        for drawing in self._bending:
+            shape = drawing.shape
+            assert isinstance(shape, Surface)
+            if drawing.path in shapes:
+                shape = replace(shape, vertices=np.reshape(shapes[drawing.path], (-1, 3)))
+            bent += list(object_commands(replace(drawing, shape=shape)))
+        return [*self._first, *moves, *self._objects, *bent, *self._colours({})]
 
     def add(self, stream: Stream) -> None:
         """Take a page in."""
+        stream.send(json.dumps({"hello": self._hello}))
         for command in self.commands():
             stream.send(command)
         stream.send(self._facts())
-        stream.shown = self._matrices
+        stream.shown, stream.colours = self._matrices, self._note.get("colours", {})
         self._streams.add(stream)
         self._channel.pages = len(self._streams)
 
     def remove(self, stream: Stream) -> None:
         """Forget a page."""
         self._streams.discard(stream)
+        if not self._streams:  # nobody could end the pause
+            self._tell({"paused": False})
         self._channel.pages = len(self._streams)
 
     def tick(self) -> None:
@@ -176,26 +204,52 @@ class Show:
                 moved = np.flatnonzero((stream.shown != self._matrices).any(axis=1))
                 for command in self._moves(self._matrices, moved.tolist()):
                     stream.send(command)
+                for command in self._colours(stream.colours):
+                    stream.send(command)
                 stream.send(self._facts())
-                stream.shown = self._matrices
+                stream.shown, stream.colours = self._matrices, self._note.get("colours", {})
+
+    def wish(self, text: str | bytes) -> None:
+        """Hand over what a page wishes for, and let all pages know about pause and speed."""
+        try:
+            said = json.loads(text)
+        except ValueError:
+            return
+        self._tell(said)
+
+    def _tell(self, said: Any) -> None:
+        self._wishes.take(said)
+        self._channel.wish(self._wishes.pack())
+        for stream in self._streams:
+            stream.send(self._facts())
 
     def _fetch(self) -> None:
         newer = self._channel.read(self._number)
         if newer is not None:
-            self._number, self.time, self._matrices = newer
+            self._number, self.time, self._matrices, note = newer
+            self._note = json.loads(note)
             self._channel.shown = self._number
 
     def _moves(self, matrices: Array, places: range | list[int]) -> list[bytes]:
         return [self._heads[i] + transform_tail(matrices[i]) for i in places]
 
+    def _colours(self, known: dict[str, Any]) -> list[bytes]:
+        """Commands for colours that a page does not know yet."""
+        colours: dict[str, Any] = self._note.get("colours", {})
+        changed = {path: colour for path, colour in colours.items() if known.get(path) != colour}
+        return [property_command(path, "color", colour) for path, colour in changed.items()]
+
     def _facts(self) -> str:
-        return json.dumps({"time": self.time})
+        facts = {key: value for key, value in self._note.items() if key != "colours"}
+        state = {"paused": self._wishes.paused, "speed": self._wishes.speed}
+        return json.dumps({"time": self.time, **facts, **state})
 
 
 class Stream(tornado.websocket.WebSocketHandler):
     """The connection to one page; pages of other sites are refused by tornado's check of the origin."""
 
     shown: Array
+    colours: dict[str, Any]
 
     def initialize(self, show: Show) -> None:
         """Take over what to show."""
@@ -219,6 +273,10 @@ class Stream(tornado.websocket.WebSocketHandler):
             return
         self._sent.add_done_callback(lambda done: done.exception())  # a page may go at any time
 
+    def on_message(self, message: str | bytes) -> None:
+        """Take a wish."""
+        self._show.wish(message)
+
     def on_close(self) -> None:
         """Forget the page."""
         self._show.remove(self)
@@ -239,7 +297,7 @@ class Text(tornado.web.RequestHandler):
             self.finish(SCRIPT.read_bytes())
         elif self._kind == "static":
             commands = self._show.commands()
-            self.finish(self._show.page.static(commands, self._show.time))
+            self.finish(self._show.page.static(commands, self._show.time, self._show.text))
         else:
             self.finish(self._show.page.live())
 
@@ -267,7 +325,7 @@ async def serve(setup: Setup, channel: Channel, ended: asyncio.Event) -> None:
         OSError: The port cannot be had.
     """
     sockets = listen(setup.host, setup.port)
-    show = Show(setup.scene, channel)
+    show = Show(setup, channel)
     routes: list[Any] = [(r"/stream", Stream, {"show": show})]
     for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
         routes.append((pattern, Text, {"show": show, "kind": kind}))

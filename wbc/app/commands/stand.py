@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wbc.app.live import Live, LiveOptions
+from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.sim.standing import Stand, StandOptions
 
@@ -16,8 +16,8 @@ def stand(
 ) -> Report:
     """Let a robot stand in the simulator, and say how still it stands and how fast the controller is."""
     stage = Stand(options)
-    with live.show(stage.plant) as after_tick:
-        result = stage.result(after_tick)
+    with live.show(stage.plant) as watching:
+        result = stage.result(watching.after_tick)
     state = "stood" if result.upright else "FELL after"
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
@@ -27,4 +27,5 @@ def stand(
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
-    return output.report(result.to_json(), text)
+    changes = watching.interventions
+    return output.report(result.to_json() | interactive(changes), text + interactive_text(changes))

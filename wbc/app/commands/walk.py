@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.live import Live, LiveOptions
+from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, unknown_name
 from wbc.sim.changes import read_changes
@@ -23,7 +23,6 @@ from wbc.sim.walks import (
     WalkPush,
     WalkResult,
     WalkSpec,
-    WalkTick,
     WalkTrial,
 )
 from wbc.walking.gait import Gait
@@ -144,31 +143,20 @@ def walk(
     spec = options.walk()
     hooks: list[WalkHook] = []
     with ExitStack() as stack:
+        trial = WalkTrial(spec)
+        watch = stack.enter_context(live.watch(trial))
         if options.record is not None:
             from wbc.app.log import Recorder  # noqa: PLC0415 - most walks are not recorded
 
             hooks.append(stack.enter_context(Recorder(options.record, spec=spec)))
-        trial = WalkTrial(spec)
-        after_tick = stack.enter_context(live.show(trial.plant))
-        if after_tick is not None:
-            hooks.append(_Watch(after_tick))
+        if watch is not None:
+            hooks.append(watch)
         result = trial.run(hooks)
-    data = result.to_json() | {"spec": spec.to_json()}
+    changes = [] if watch is None else watch.interventions
+    data = result.to_json() | interactive(changes) | {"spec": spec.to_json()}
     if options.record is not None:
         data["record"] = str(options.record)
-    return output.report(data, walk_text(result, spec))
-
-
-class _Watch(WalkHook):
-    """Shows every tick."""
-
-    def __init__(self, show: Any) -> None:
-        self._show = show
-
-    def tick(self, tick: WalkTick) -> None:
-        """See `WalkHook`."""
-        del tick
-        self._show()
+    return output.report(data, walk_text(result, spec) + interactive_text(changes))
 
 
 def read_spec(path: Path) -> WalkSpec:
