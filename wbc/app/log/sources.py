@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -63,36 +64,32 @@ class MeasurementSource(Source):
         robot = tick.robot
         joints, units = robot.joint_names, joint_units(robot)
         rates = [f"{unit}/s" for unit in units]
-        self._position = columns.group("joint/position", joints, units, "encoder")
-        self._velocity = columns.group("joint/velocity", joints, rates, "velocity from the drive")
-        self._rate = columns.group("imu/angular_velocity", XYZ, "rad/s", "gyroscope, IMU frame")
-        self._force = columns.group(
-            "imu/specific_force", XYZ, "m/s²", "accelerometer: acceleration minus gravity, IMU frame"
-        )
+        start = columns.group("joint/position", joints, units, "encoder").start
+        columns.group("joint/velocity", joints, rates, "velocity from the drive")
+        columns.group("imu/angular_velocity", XYZ, "rad/s", "gyroscope, IMU frame")
+        about = "accelerometer: acceleration minus gravity, IMU frame"
+        columns.group("imu/specific_force", XYZ, "m/s²", about)
         feet = foot_names(robot)
         about = "what the ground does to the sole, sole frame"
-        self._wrenches = [
-            columns.group(f"foot/{foot}/wrench_measured", WRENCH, WRENCH_UNITS, about) for foot in feet
-        ]
-        self._ranges = columns.each(
-            [f"foot/{foot}/range" for foot in feet],
-            "m",
-            "range sensor under the toe; NaN when it saw nothing",
-        )
-        self._stiffness = columns.each(
-            [f"foot/{foot}/stiffness" for foot in feet], "Nm/rad", "actual, of the sole"
-        )
+        for foot in feet:
+            columns.group(f"foot/{foot}/wrench_measured", WRENCH, WRENCH_UNITS, about)
+        about = "range sensor under the toe; NaN when it saw nothing"
+        columns.each([f"foot/{foot}/range" for foot in feet], "m", about)
+        columns.each([f"foot/{foot}/stiffness" for foot in feet], "Nm/rad", "actual, of the sole")
+        self._copied = slice(start, len(columns.signals))
 
     def write(self, tick: Tick, row: Array) -> None:
         m = tick.measurement
-        row[self._position] = m.joint_position
-        row[self._velocity] = m.joint_velocity
-        row[self._rate] = m.angular_velocity
-        row[self._force] = m.specific_force
-        row[self._ranges] = m.sole_range
-        row[self._stiffness] = m.sole_stiffness
-        for places, wrench in zip(self._wrenches, m.sole_wrench, strict=True):
-            row[places] = wrench
+        parts = (  # in the order of the columns
+            m.joint_position,
+            m.joint_velocity,
+            m.angular_velocity,
+            m.specific_force,
+            m.sole_wrench.ravel(),
+            m.sole_range,
+            m.sole_stiffness,
+        )
+        np.concatenate(parts, out=row[self._copied])
 
 
 class CommandSource(Source):
@@ -131,32 +128,27 @@ class EstimateSource(Source):
 
     def __init__(self, columns: Columns, tick: Tick) -> None:
         robot = tick.drives.observer.robot
-        self._estimated = _base(columns, "estimated")
-        self._commanded = _base(columns, "commanded") if isinstance(tick.drives, PositionControl) else None
+        start = _base(columns, "estimated")
         self.com = columns.group("com/estimated", XYZ, "m", "world")
         self.com_velocity = columns.group("com/estimated_velocity", XYZ, "m/s", "world")
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
-        self._places = []
         for foot in foot_names(robot):
-            start = columns.group(f"foot/{foot}/estimated/position", XYZ, "m", "sole centre, world").start
+            columns.group(f"foot/{foot}/estimated/position", XYZ, "m", "sole centre, world")
             columns.group(f"foot/{foot}/estimated/orientation", QUATERNION, "1", "sole frame in the world")
-            self._places.append(slice(start, start + 7))
+        if isinstance(tick.drives, PositionControl):
+            _base(columns, "commanded")
+        self._copied = slice(start, len(columns.signals))
 
     def write(self, tick: Tick, row: Array) -> None:
         drives = tick.drives
         robot = drives.observer.robot
-        position, velocity = self._estimated
-        row[position] = robot.q[:7]
-        row[velocity] = robot.v[:6]
-        row[self.com] = robot.com
-        row[self.com_velocity] = robot.com_velocity
         placements = robot.data.oMf
-        for places, sole in zip(self._places, self._soles, strict=True):
-            row[places] = pin.SE3ToXYZQUAT(placements[sole])
-        if self._commanded is not None and isinstance(drives, PositionControl):
-            position, velocity = self._commanded
-            row[position] = drives.q[:7]
-            row[velocity] = drives.v[:6]
+        # In the order of the columns.
+        parts = [robot.q[:7], robot.v[:6], robot.com, robot.com_velocity]
+        parts += [pin.SE3ToXYZQUAT(placements[sole]) for sole in self._soles]
+        if isinstance(drives, PositionControl):
+            parts += [drives.q[:7], drives.v[:6]]
+        np.concatenate(parts, out=row[self._copied])
 
 
 class SolverSource(Source):
@@ -178,6 +170,7 @@ class SolverSource(Source):
         self._wrenches: list[tuple[slice, slice]] = []
         self._norms: dict[int, slice] = {}
         self._active = -1
+        self._last: tuple[Any, int] = (None, 0)  # status, and number of its text
         self._patterns: dict[bytes, int] = {}  # sets of active limits that have occurred, and their texts
         if solution is not None:
             self._prepare(columns, tick, solution)
@@ -214,7 +207,9 @@ class SolverSource(Source):
                 for _, places in self._wrenches:
                     row[places] = math.nan
             return
-        row[self._status] = self._columns.text(solution.status.value)
+        if solution.status is not self._last[0]:
+            self._last = (solution.status, self._columns.text(solution.status.value))
+        row[self._status] = self._last[1]
         row[self._iterations] = solution.iterations
         row[self._times] = solution.timings
         row[self._residuals] = solution.residual_rows
@@ -241,10 +236,10 @@ class SolverSource(Source):
             rows[i, self._active] = self._patterns[pattern]
 
 
-def _base(columns: Columns, which: str) -> tuple[slice, slice]:
-    """Columns of a base: pose, and velocity in its own frame."""
+def _base(columns: Columns, which: str) -> int:
+    """Take the columns of a base, pose and velocity in its own frame; returns the first of them."""
     start = columns.group(f"base/{which}/position", XYZ, "m", "world").start
     columns.group(f"base/{which}/orientation", QUATERNION, "1", "base frame in the world")
-    middle = columns.group(f"base/{which}/linear_velocity", XYZ, "m/s", "base frame").start
+    columns.group(f"base/{which}/linear_velocity", XYZ, "m/s", "base frame")
     columns.group(f"base/{which}/angular_velocity", XYZ, "rad/s", "base frame")
-    return slice(start, middle), slice(middle, middle + 6)
+    return int(start)

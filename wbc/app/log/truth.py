@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,43 +49,47 @@ class TruthSource(Source):
         names = plant.robot.joint_names
         torques = torque_units(plant.robot)
         self._torque = columns.group("truth/joint/torque", names, torques, "what the servos applied last")
-        self._ratio = columns.group("truth/joint/torque_ratio", names, "1", "torque over its limit")
-        self._limit = np.array(plant.description.torque_limit)
         self._com = columns.group("truth/com", XYZ, "m", "of everything, feet included, world")
         self._com_velocity = columns.group("truth/com_velocity", XYZ, "m/s", "world")
+        for side in SIDES:
+            columns.group(f"truth/foot/{side}/position", XYZ, "m", "sole centre, world")
+        columns.group("truth/push/point", XYZ, "m", "where the largest push attacks, world")
+        end = columns.group("truth/push/force", XYZ, "N", "of the largest push, world").stop
+        self._copied = slice(start, end)
+        self._ratio = columns.group("truth/joint/torque_ratio", names, "1", "torque over its limit")
+        self._limit = np.array(plant.description.torque_limit)
         self._omega = omega
         self._dcm = slice(0, 0) if omega is None else columns.group("truth/dcm", XY, "m", "world")
         self._base = int(model.jnt_bodyid[0])
-        self._push_point = columns.group(
-            "truth/push/point", XYZ, "m", "where the largest push attacks, world"
-        )
-        self._push_force = columns.group("truth/push/force", XYZ, "N", "of the largest push, world")
         self._sites = [model.site(foot.wrench_site).id for foot in plant.feet]
-        self._soles = [
-            columns.group(f"truth/foot/{side}/position", XYZ, "m", "sole centre, world") for side in SIDES
-        ]
+        self._no_push = np.array([math.nan] * 3 + [0.0] * 3)
 
     def write(self, tick: Tick, row: Array) -> None:
         assert tick.plant is not None
         plant = tick.plant
         data = plant.data
         self._velocities(plant.model, data)
-        row[self._q] = data.qpos
-        velocity = data.qvel[:6]
-        row[self._linear] = velocity[:3]
-        row[self._angular] = velocity[3:]
-        row[self._torque] = plant.joint_torque
-        row[self._com] = data.subtree_com[self._base]
-        row[self._com_velocity] = data.subtree_linvel[self._base]
-        for places, site in zip(self._soles, self._sites, strict=True):
-            row[places] = data.site_xpos[site]
-        pushes = data.xfrc_applied
-        row[self._push_point] = math.nan
-        row[self._push_force] = 0.0
-        if pushes.any():
-            body = int(np.argmax(np.square(pushes[:, :3]).sum(axis=1)))
-            row[self._push_point] = data.xipos[body]
-            row[self._push_force] = pushes[body, :3]
+        left, right = self._sites
+        sites, base, pushes = data.site_xpos, self._base, data.xfrc_applied
+        # In the order of the columns.
+        parts = (
+            data.qpos,
+            data.qvel[:6],
+            plant.joint_torque,
+            data.subtree_com[base],
+            data.subtree_linvel[base],
+            sites[left],
+            sites[right],
+            self._largest_push(data) if pushes.any() else self._no_push,
+        )
+        np.concatenate(parts, out=row[self._copied])
+
+    @staticmethod
+    def _largest_push(data: Any) -> Array:
+        """Point and force of the largest push, shape (6,)."""
+        forces = data.xfrc_applied[:, :3]
+        body = int(np.argmax(np.square(forces).sum(axis=1)))
+        return np.concatenate([data.xipos[body], forces[body]])
 
     def finish(self, rows: Array) -> None:
         rows[:, self._quaternion] = rows[:, self._quaternion][:, [1, 2, 3, 0]]  # MuJoCo has w first

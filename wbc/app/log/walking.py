@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.app.log.names import foot_names
@@ -12,12 +14,16 @@ from wbc.app.log.table import QUATERNION, WRENCH, WRENCH_UNITS, XY, XYZ, Columns
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 from wbc.walking.control import WalkingControl
-from wbc.walking.stabilizer import StabilizerOutput
 from wbc.walking.walk import WalkReference
+
+_NONE = (math.nan,) * 5
+"""Side and landing when no step is left."""
 
 
 class WalkSource(Source):
     """Everything of a walk; NaN and null in ticks before there was a reference.
+
+    A tick is written with one assignment for single values and one for arrays: their order is that of the columns.
 
     Attributes:
         omega: Column of the natural frequency.
@@ -34,84 +40,130 @@ class WalkSource(Source):
         """
         self._columns, self._fallen = columns, False
         self._estimated = (com, com_velocity)
-        self._start = len(columns.signals)
-        self._phase = columns.add("walk/phase", "1", "what the feet do", "text")
-        self._event = columns.add("walk/event", "1", "what happened in this tick, separated by ';'", "text")
-        self._step = columns.add("walk/step", "1", "index of the step that swings, or swings next", "whole")
-        self._done = columns.add("walk/steps_done", "1", "single supports that have ended", "whole")
-        self._heading = columns.add("walk/heading", "rad", "where pelvis and torso should look")
-        self._side = columns.add("step/side", "1", "foot that swings, or swings next", "text")
-        self._landing = columns.group(
-            "step/landing", ("x", "y", "z", "yaw"), ("m", "m", "m", "rad"), "where it is to land, world"
-        )
+        self._phase: tuple[Any, int] = (None, 0)  # phase, and number of its text
+        self._step: tuple[Any, tuple[float, ...]] = (None, _NONE)  # step, and what is written of it
+        feet = foot_names(tick.robot)
+        first = self._take_values(columns, feet)
+        middle = self._take_arrays(columns, feet)
+        self._values, self._arrays = slice(first, middle), slice(middle, len(columns.signals))
+        self._dcm = columns.group("dcm/reference", XY, "m", "world")
+        self._dcm_estimated = columns.group("dcm/estimated", XY, "m", "of the estimated CoM, world")
+
+    def _take_values(self, columns: Columns, feet: list[str]) -> int:
+        """Take the columns of single values; returns the first one."""
+        first = columns.add("walk/phase", "1", "what the feet do", "text")
+        columns.add("walk/event", "1", "what happened in this tick, separated by ';'", "text")
+        columns.add("walk/step", "1", "index of the step that swings, or swings next", "whole")
+        columns.add("walk/steps_done", "1", "single supports that have ended", "whole")
+        columns.add("walk/heading", "rad", "where pelvis and torso should look")
+        columns.add("step/side", "1", "foot that swings, or swings next", "text")
+        place = ("x", "y", "z", "yaw")
+        columns.group("step/landing", place, ("m", "m", "m", "rad"), "where it is to land, world")
         self.omega = columns.add("pendulum/omega", "1/s", "natural frequency")
+        columns.add("stabilizer/in_air", "1", "neither foot feels the ground", "flag")
+        for foot in feet:
+            columns.add(f"foot/{foot}/contact", "1", "the walk has it on the ground", "flag")
+            tilts, units = ("roll", "pitch", "height"), ("rad", "rad", "m")
+            columns.group(f"foot/{foot}/correction", tilts, units, "added by the stabilizer")
+        return first
+
+    def _take_arrays(self, columns: Columns, feet: list[str]) -> int:
+        """Take the columns of arrays; returns the first one."""
         self._com = columns.group("com/reference", XYZ, "m", "world")
         self._velocity = columns.group("com/reference_velocity", XYZ, "m/s", "world")
-        self._acceleration = columns.group("com/reference_acceleration", XYZ, "m/s²", "world")
-        self._dcm = columns.group("dcm/reference", XY, "m", "world")
-        self._dcm_error = columns.group("stabilizer/dcm_error", XY, "m", "target minus measured, world")
-        self._dcm_estimated = columns.group("dcm/estimated", XY, "m", "of the estimated CoM, world")
-        self._zmp = columns.group("zmp/reference", XYZ, "m", "world")
-        self._zmp_desired = columns.group("zmp/desired", XYZ, "m", "of the desired net wrench, world")
-        self._zmp_measured = columns.group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world")
-        self._average = columns.group("stabilizer/dcm_error_average", XY, "m", "world")
-        self._rate = columns.group("stabilizer/dcm_error_rate", XY, "m/s", "world")
-        self._desired = columns.group("stabilizer/com_acceleration", XYZ, "m/s²", "desired, world")
-        self._net = columns.group(
-            "stabilizer/net_wrench", WRENCH, WRENCH_UNITS, "desired, at the world origin"
-        )
-        self._offset = columns.group("stabilizer/com_offset", XY, "m", "added to the CoM target, world")
-        self._air = columns.add("stabilizer/in_air", "1", "neither foot feels the ground", "flag")
-        self._feet = [_Foot(columns, foot) for foot in foot_names(tick.robot)]
-        self._end = len(columns.signals)
+        columns.group("com/reference_acceleration", XYZ, "m/s²", "world")
+        columns.group("zmp/reference", XYZ, "m", "world")
+        columns.group("zmp/desired", XYZ, "m", "of the desired net wrench, world")
+        columns.group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world")
+        columns.group("stabilizer/dcm_error", XY, "m", "target minus measured, world")
+        columns.group("stabilizer/dcm_error_average", XY, "m", "world")
+        columns.group("stabilizer/dcm_error_rate", XY, "m/s", "world")
+        columns.group("stabilizer/com_acceleration", XYZ, "m/s²", "desired, world")
+        columns.group("stabilizer/net_wrench", WRENCH, WRENCH_UNITS, "desired, at the world origin")
+        columns.group("stabilizer/com_offset", XY, "m", "added to the CoM target, world")
+        for foot in feet:
+            about = "what the stabilizer wants, sole frame"
+            columns.group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about)
+        for foot in feet:
+            name = f"foot/{foot}/reference"
+            columns.group(f"{name}/position", XYZ, "m", "sole centre, world")
+            columns.group(f"{name}/orientation", QUATERNION, "1", "sole frame in the world")
+            columns.group(f"{name}/linear_velocity", XYZ, "m/s", "world")
+            columns.group(f"{name}/angular_velocity", XYZ, "rad/s", "world")
+        return int(self._com.start)
 
     def write(self, tick: Tick, row: Array) -> None:
         walk = tick.control
         assert isinstance(walk, WalkingControl)
         reference, output = walk.reference, walk.output
         if reference is None or output is None:
-            row[self._start : self._end] = math.nan
+            row[self._values] = row[self._arrays] = math.nan
             return
-        self._write_events(walk, reference, row)
-        self._write_pendulum(reference, output, row)
-        for i, foot in enumerate(self._feet):
-            foot.write(reference, output, i, row)
+        pendulum, errors = reference.pendulum, output.errors
+        left, right = output.corrections
+        row[self._values] = (
+            self._phase_number(reference),
+            self._events(walk, reference),
+            reference.step,
+            walk.steps_done,
+            reference.heading,
+            *self._next_step(walk, reference),
+            pendulum.omega,
+            output.in_air,
+            reference.contact[0],
+            left.roll,
+            left.pitch,
+            left.height,
+            reference.contact[1],
+            right.roll,
+            right.pitch,
+            right.height,
+        )
+        parts = [
+            pendulum.com,
+            pendulum.com_velocity,
+            pendulum.com_acceleration,
+            pendulum.zmp,
+            output.zmp,
+            output.measured_zmp,
+            errors.dcm,
+            errors.average,
+            errors.rate,
+            output.com_acceleration,
+            output.net_wrench,
+            output.com_offset,
+            output.feet.wrenches.ravel(),
+        ]
+        for motion in reference.feet:
+            parts += (pin.SE3ToXYZQUAT(motion.placement), motion.velocity)
+        np.concatenate(parts, out=row[self._arrays])
 
-    def _write_events(self, walk: WalkingControl, reference: WalkReference, row: Array) -> None:
-        text = self._columns.text
+    def _phase_number(self, reference: WalkReference) -> int:
+        """Number of the text that names the phase."""
+        if reference.phase is not self._phase[0]:
+            self._phase = (reference.phase, self._columns.text(reference.phase.value))
+        return self._phase[1]
+
+    def _events(self, walk: WalkingControl, reference: WalkReference) -> float:
+        """Number of the text that names what has happened; NaN if nothing has."""
+        fallen = walk.fallen is not None and not self._fallen
+        if not reference.events and not fallen:
+            return math.nan
         events = [event.value for event in reference.events]
-        if walk.fallen is not None and not self._fallen:
+        if fallen and walk.fallen is not None:
             self._fallen = True
             events.append(f"fallen: {walk.fallen.value}")
-        row[self._event] = text("; ".join(events)) if events else math.nan
-        row[self._phase] = text(reference.phase.value)
-        row[self._step] = reference.step
-        row[self._done] = walk.steps_done
-        row[self._heading] = reference.heading
-        steps = walk.walk.phases.plan.steps
-        if reference.step < len(steps):
-            step = steps[reference.step]
-            row[self._side] = text(step.side)
-            row[self._landing] = (step.x, step.y, step.z, step.yaw)
-        else:
-            row[self._side] = row[self._landing] = math.nan
+        return self._columns.text("; ".join(events))
 
-    def _write_pendulum(self, reference: WalkReference, output: StabilizerOutput, row: Array) -> None:
-        pendulum, errors = reference.pendulum, output.errors
-        row[self.omega] = pendulum.omega
-        row[self._com] = pendulum.com
-        row[self._velocity] = pendulum.com_velocity
-        row[self._acceleration] = pendulum.com_acceleration
-        row[self._zmp] = pendulum.zmp
-        row[self._zmp_desired] = output.zmp
-        row[self._zmp_measured] = output.measured_zmp
-        row[self._dcm_error] = errors.dcm
-        row[self._average] = errors.average
-        row[self._rate] = errors.rate
-        row[self._desired] = output.com_acceleration
-        row[self._net] = output.net_wrench
-        row[self._offset] = output.com_offset
-        row[self._air] = output.in_air
+    def _next_step(self, walk: WalkingControl, reference: WalkReference) -> tuple[float, ...]:
+        """Side (number of its text) and place of the landing that comes next."""
+        steps = walk.walk.phases.plan.steps
+        if reference.step >= len(steps):
+            return _NONE
+        step = steps[reference.step]
+        if step is not self._step[0]:
+            self._step = (step, (self._columns.text(step.side), step.x, step.y, step.z, step.yaw))
+        return self._step[1]
 
     def finish(self, rows: Array) -> None:
         omega = rows[:, self.omega, None]
@@ -120,31 +172,3 @@ class WalkSource(Source):
             (self._dcm_estimated, *self._estimated),
         ):
             rows[:, dcm] = rows[:, com][:, :2] + rows[:, velocity][:, :2] / omega
-
-
-class _Foot:
-    """Signals of one foot."""
-
-    def __init__(self, columns: Columns, foot: str) -> None:
-        name = f"foot/{foot}"
-        self._contact = columns.add(f"{name}/contact", "1", "the walk has it on the ground", "flag")
-        start = columns.group(f"{name}/reference/position", XYZ, "m", "sole centre, world").start
-        columns.group(f"{name}/reference/orientation", QUATERNION, "1", "sole frame in the world")
-        self._place = slice(start, start + 7)
-        start = columns.group(f"{name}/reference/linear_velocity", XYZ, "m/s", "world").start
-        columns.group(f"{name}/reference/angular_velocity", XYZ, "rad/s", "world")
-        self._velocity = slice(start, start + 6)
-        self._correction = columns.group(
-            f"{name}/correction", ("roll", "pitch", "height"), ("rad", "rad", "m"), "added by the stabilizer"
-        )
-        self._wrench = columns.group(
-            f"{name}/wrench_desired", WRENCH, WRENCH_UNITS, "what the stabilizer wants, sole frame"
-        )
-
-    def write(self, reference: WalkReference, output: StabilizerOutput, index: int, row: Array) -> None:
-        motion, correction = reference.feet[index], output.corrections[index]
-        row[self._contact] = reference.contact[index]
-        row[self._place] = pin.SE3ToXYZQUAT(motion.placement)
-        row[self._velocity] = motion.velocity
-        row[self._correction] = (correction.roll, correction.pitch, correction.height)
-        row[self._wrench] = output.feet.wrenches[index]
