@@ -34,5 +34,6 @@ COMMANDS = {
     "study run": "wbc.app.commands.study:run",
     "study table": "wbc.app.commands.study:table",
     "plot": "wbc.app.commands.plot:plot",
+    "view": "wbc.app.commands.view_log:view",
 }
 """Words of a command → where its function is. A module is imported when its command, or the help, needs it."""
