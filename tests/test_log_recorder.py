@@ -24,6 +24,7 @@ from wbc.sim.terrain import families, terrain
 from wbc.tasks.stiffness import StiffnessTask
 from wbc.tasks.stiffness_policy import StiffnessDecision, SwingScan
 from wbc.tasks.stiffness_record import StiffnessTiming
+from wbc.walking.admittance import FootCorrection
 from wbc.walking.control import WalkingControl
 from wbc.walking.footsteps import FootstepPlan
 from wbc.walking.phases import Event
@@ -74,7 +75,28 @@ class Witness:
             "zmp/measured": output.measured_zmp,
             "foot/left/wrench_desired": output.feet.wrenches[0],
             "foot/right/wrench_solved": solution.wrenches["right_foot"],
+            "foot/right/wrench_desired": output.feet.wrenches[1],
+            "foot/left/wrench_solved": solution.wrenches["left_foot"],
+            "foot/left/wrench_measured": measurement.sole_wrench[0],
+            "foot/left/contact": walk.reference.contact[0],
             "foot/right/contact": walk.reference.contact[1],
+            "foot/left/correction": correction(output.corrections[0]),
+            "foot/right/correction": correction(output.corrections[1]),
+            "foot/left/reference/position": walk.reference.feet[0].placement.translation,
+            "foot/left/reference/linear_velocity": walk.reference.feet[0].velocity[:3],
+            "foot/left/reference/angular_velocity": walk.reference.feet[0].velocity[3:],
+            "foot/right/estimated/position": estimate.placement(estimate.soles[1].frame).translation,
+            "truth/foot/left/position": site(plant, 0),
+            "truth/foot/right/position": site(plant, 1),
+            "step/landing": landing(walk),
+            "pendulum/omega": pendulum.omega,
+            "walk/heading": walk.reference.heading,
+            "walk/steps_done": walk.steps_done,
+            "stabilizer/in_air": output.in_air,
+            "stabilizer/dcm_error_average": output.errors.average,
+            "stabilizer/dcm_error_rate": output.errors.rate,
+            "stabilizer/com_acceleration": output.com_acceleration,
+            "stabilizer/com_offset": output.com_offset,
             "foot/right/reference/position": walk.reference.feet[1].placement.translation,
             "stabilizer/dcm_error": output.errors.dcm,
             "stabilizer/net_wrench": output.net_wrench,
@@ -93,6 +115,7 @@ class Witness:
             "truth/joint/torque": truth.joint_torque,
             "truth/joint/torque_ratio": truth.joint_torque / plant.description.torque_limit,
             "truth/qpos": plant.data.qpos,
+            "text: step/side": walk.walk.phases.plan.steps[walk.reference.step].side,
             "text: walk/phase": walk.reference.phase.value,
             "text: walk/event": "; ".join(event.value for event in walk.reference.events) or None,
             "text: solver/status": solution.status.value,
@@ -100,6 +123,20 @@ class Witness:
         }
         for name, value in now.items():
             self.kept.setdefault(name, []).append(value if name.startswith("text") else np.array(value))
+
+
+def correction(of: FootCorrection) -> list[float]:
+    return [of.roll, of.pitch, of.height]
+
+
+def site(plant: wbc.Plant, foot: int) -> np.ndarray:
+    return plant.data.site_xpos[plant.model.site(plant.feet[foot].wrench_site).id]
+
+
+def landing(walk: WalkingControl) -> list[float]:
+    assert walk.reference is not None
+    step = walk.walk.phases.plan.steps[walk.reference.step]
+    return [step.x, step.y, step.z, step.yaw]
 
 
 def test_log_holds_what_was_to_see_in_every_tick(tmp_path: Path) -> None:
@@ -115,6 +152,7 @@ def test_log_holds_what_was_to_see_in_every_tick(tmp_path: Path) -> None:
         if name.startswith("text: "):
             assert log.texts(name.removeprefix("text: ")).tolist() == values, name
             assert len(set(values)) > 1 or "status" in name
+            continue
         else:
             expected = np.array(values)
             scale = np.nanmax(np.abs(expected), initial=1e-3, axis=0)
