@@ -107,6 +107,11 @@ class Browser:
                 result: dict[str, Any] = said["result"]
                 return result
 
+    async def _hang_up(self) -> None:
+        self._socket.close()
+        while await asyncio.wait_for(self._socket.read_message(), 10.0) is not None:
+            pass
+
     def _note(self, said: dict[str, Any]) -> None:
         if said.get("method") == "Runtime.exceptionThrown":
             self.errors.append(json.dumps(said["params"]["exceptionDetails"]))
@@ -142,7 +147,7 @@ class Browser:
 
     def close(self) -> None:
         """End it."""
-        self._socket.close()
+        self._do(self._hang_up())
         self._process.terminate()
         try:
             self._process.wait(10.0)

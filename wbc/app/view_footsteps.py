@@ -41,6 +41,8 @@ class FootstepsLayer(Layer):
         self._plant, self._walking = plant, walking
         plan = walking.walk.phases.plan
         self._count = min(MOST_STEPS, 2 * ((len(plan) + 4) // 2))
+        # The places of marks are used again and again in walks that are longer.
+        self._ahead = self._count if self._count >= len(plan) + 3 else self._count // 2
         self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
         sizes = [(foot.fit.sole.length, foot.fit.sole.width) for foot in plant.feet]
         first = plan.steps[0].side if plan.steps else SIDES[0]
@@ -60,7 +62,7 @@ class FootstepsLayer(Layer):
         phases = self._walking.walk.phases
         feet, step = all_feet(phases.plan), phases.step
         # What has landed keeps the mark of where it was to land; the plan has it where it came to.
-        future = range(step + 2 if step else 0, min(len(feet), step + 2 + self._count // 2))
+        future = range(step + 2 if step else 0, min(len(feet), step + 2 + self._ahead))
         for i in future:
             self._planned_at[i % self._count] = _mark(feet[i])
         for i in range(future.stop, self._end):

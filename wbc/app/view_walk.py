@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from wbc.app.view import MeshcatView
+from wbc.app.view_controls import intervention_text
 from wbc.core.errors import non_negative
 from wbc.sim.walks.hooks import WalkHook
 
@@ -56,11 +57,18 @@ class WatchWalk(WalkHook):
             "controls": controls,
         }
         self.view: MeshcatView | None = None
+        self._told = 0
 
     @property
     def interventions(self) -> list[dict[str, Any]]:
         """What was changed from the page; empty if the walk is what its spec says."""
         return [] if self.view is None else self.view.interventions
+
+    def news(self) -> str:
+        """What was changed from the page since the last call, for a log; empty if nothing."""
+        entries = self.interventions[self._told :]
+        self._told += len(entries)
+        return "; ".join(intervention_text(entry) for entry in entries)
 
     def open(self, trial: WalkTrial) -> None:
         """Serve the page; done by `start` unless somebody wants to know earlier whether the port can be had.

@@ -148,7 +148,10 @@ def walk(
         if options.record is not None:
             from wbc.app.log import Recorder  # noqa: PLC0415 - most walks are not recorded
 
-            hooks.append(stack.enter_context(Recorder(options.record, spec=spec)))
+            record = stack.enter_context(Recorder(options.record, spec=spec))
+            if watch is not None:
+                record.add("view/change", watch.news, about="changed from the page since the tick before")
+            hooks.append(record)
         if watch is not None:
             hooks.append(watch)
         result = trial.run(hooks)
