@@ -72,7 +72,7 @@ def find_ffmpeg() -> str:
     if found is not None:
         return found
     try:
-        import imageio_ffmpeg  # type: ignore[import-untyped]  # noqa: PLC0415 - of the extra "video"
+        import imageio_ffmpeg  # noqa: PLC0415 - of the extra "video"
 
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
