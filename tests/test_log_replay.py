@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import base64
 import importlib
 import json
@@ -10,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import urllib.request
@@ -20,9 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 import umsgpack
+from browser import Browser, needs_chromium
 from PIL import Image
 from recorded import make_walk, recorded_walk, run
-from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app import replay as package
@@ -363,98 +361,39 @@ def test_documentation_shows_what_there_is() -> None:
         assert hasattr(package, name) or name in ("open", "write_text"), name
 
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]
-
-
-async def in_browser(url: str, scripts: list[str]) -> list[Any]:
-    """Open a page in a browser without network, and evaluate scripts in it, one after the other."""
-    with tempfile.TemporaryDirectory() as home:
-        process = subprocess.Popen(
-            [str(CHROMIUM), *FLAGS, "--remote-debugging-port=0", f"--user-data-dir={home}", "about:blank"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        try:
-            file = Path(home) / "DevToolsActivePort"
-            for _ in range(200):
-                if file.is_file() and file.read_text().strip():
-                    break
-                await asyncio.sleep(0.1)
-            port = file.read_text().split()[0]
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
-                target = next(t for t in json.load(answer) if t["type"] == "page")
-            socket = await websocket_connect(target["webSocketDebuggerUrl"], max_message_size=1 << 28)
-            number = 0
-
-            async def call(method: str, **parameters: Any) -> Any:
-                nonlocal number
-                number += 1
-                await socket.write_message(json.dumps({"id": number, "method": method, "params": parameters}))
-                while True:
-                    answer = json.loads(str(await socket.read_message()))
-                    if answer.get("id") == number:
-                        return answer["result"]
-
-            await call("Network.enable")
-            conditions = {"latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
-            await call("Network.emulateNetworkConditions", offline=True, **conditions)
-            await call("Page.enable")
-            await call("Page.navigate", url=url)
-            for _ in range(200):
-                ready = await call(
-                    "Runtime.evaluate", expression="typeof shown !== 'undefined' && shown >= 0"
-                )
-                if ready["result"].get("value"):
-                    break
-                await asyncio.sleep(0.1)
-            found = []
-            for script in scripts:
-                answer = await call("Runtime.evaluate", expression=script, returnByValue=True)
-                found.append(answer["result"].get("value"))
-            picture = await call("Page.captureScreenshot", format="png")
-            found.append(base64.b64decode(picture["data"]))
-            socket.close()
-            while await socket.read_message() is not None:
-                pass
-            return found
-        finally:
-            process.terminate()
-            process.wait()
-
-
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@needs_chromium
 def test_exported_page_works_in_a_browser_without_network(replay: Replay, page: str, tmp_path: Path) -> None:
     html = tmp_path / "walk.html"
     html.write_text(page, encoding="utf-8")
     last = len(replay.ticks(10.0)) - 1
     base = next(i for i, path in enumerate(replay.moving) if path.startswith("/wbc/robot/"))
-    where = f"viewer.scene_tree.find(paths[{base}].split('/').filter(Boolean)).object.matrix.elements.slice(12, 15)"
-    position = where.replace(".matrix.elements.slice(12, 15)", ".position.toArray()")
+    path = replay.moving[base].strip("/").split("/")
+    position = f"viewer.scene_tree.find({json.dumps(path)}).object.position.toArray()"
     meshes = (
         "(() => { const count = {}; for (const part of ['robot', 'ground', 'footsteps', 'markers']) {"
         " let n = 0; viewer.scene_tree.find(['wbc', part]).object.traverse((o) => { n += o.isMesh ? 1 : 0; });"
         " count[part] = n; } return count; })()"
     )
-    counts, first, _, second, text, picture = asyncio.run(
-        in_browser(
-            html.as_uri(),
-            [
-                meshes,
-                f"play(false); show(0); {position}",
-                f"slider.value = {last}; slider.oninput(); 0",
-                position,
-                "document.getElementById('facts').innerText",
-            ],
+    with Browser(tmp_path / "profile") as browser:
+        browser.call(
+            "Network.emulateNetworkConditions",
+            offline=True,
+            latency=0,
+            downloadThroughput=0,
+            uploadThroughput=0,
         )
-    )
+        browser.open(html.as_uri())
+        browser.wait("typeof shown !== 'undefined' && shown >= 0")
+        counts = browser.evaluate(meshes)
+        first = browser.evaluate(f"play(false); show(0); {position}")
+        browser.evaluate(f"slider.value = {last}; slider.oninput(); 0")
+        second = browser.evaluate(position)
+        text = browser.evaluate("document.getElementById('facts').innerText")
+        shot = tmp_path / "shot.png"
+        shot.write_bytes(browser.screenshot())
+        assert not browser.errors
+        assert [address for address in browser.requests if not address.startswith(("file:", "data:"))] == []
     drawn = [d.path for d in replay.scene.drawings]
     assert counts["robot"] >= sum(path.startswith("/wbc/robot/") for path in drawn) > 40
     assert counts["ground"] >= 1 and counts["footsteps"] >= 4 and counts["markers"] == 4
@@ -462,8 +401,6 @@ def test_exported_page_works_in_a_browser_without_network(replay: Replay, page: 
     for got, tick in ((first, 0), (second, ticks[-1])):
         assert got == pytest.approx(replay.frame(tick)[base][:3, 3].tolist(), abs=1e-5)
     assert "a short walk" in text and "steps done" in text and f"{replay.log.time[ticks[-1]]:.2f} s" in text
-    shot = tmp_path / "shot.png"
-    shot.write_bytes(picture)
     with Image.open(shot) as image:
         colours = np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)
         assert len(colours) > 1000

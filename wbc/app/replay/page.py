@@ -30,7 +30,6 @@ _CONTROLS = Template("""
        background: rgba(255, 255, 255, 0.88); color: #222; display: flex; gap: 12px; align-items: center; }
 #bar input[type=range] { flex: 1; }
 #bar button { width: 4.5em; }
-#caption { white-space: pre; font-variant-numeric: tabular-nums; }
 </style>
 <div id="bar">
 <button id="play">pause</button>
@@ -45,9 +44,6 @@ const captions = $captions;
 const targets = $targets;
 // Matrices by columns without the last row, 4-byte floats: frames, then paths.
 const floats = new Float32Array(Uint8Array.from(atob("$frames"), (c) => c.charCodeAt(0)).buffer);
-const box = document.createElement("div");
-box.id = "caption";
-document.getElementById("facts").insertBefore(box, document.getElementById("facts").children[2]);
 const slider = document.getElementById("slider");
 let shown = -1, playing = true, clock = null, now = times[0], seen = targets[0];
 function show(frame) {
@@ -72,7 +68,7 @@ function show(frame) {
     shown = frame;
     slider.value = frame;
     say("time", times[frame].toFixed(2) + " s");
-    box.textContent = captions[frame];
+    say("text", captions[frame]);
     viewer.set_dirty();
 }
 function frame_at(time) {
