@@ -28,6 +28,7 @@ ELSEWHERE = {
     "study run": "test_walks_command.py",
     "study table": "test_walks_command.py",
     "plot": "test_plots.py",
+    "view": "test_log_replay.py",
 }
 """Commands that have their own tests of what they print, because it takes a walk or a file: the file that does it."""
 
