@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from wbc.app.view_scene import HIDDEN
+from wbc.app.view_scene import HIDDEN, upright_axes
 from wbc.app.view_shapes import Surface
 from wbc.core.errors import Array
 
@@ -88,11 +88,9 @@ def segment(start: Array, end: Array) -> Array:
     length = float(np.linalg.norm(along))
     if not length > 1e-6:
         return HIDDEN
-    z = along / length
-    x = np.cross(z, [0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0])
-    x /= np.linalg.norm(x)
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = x, np.cross(z, x), length * z
+    x, y, z = upright_axes(along / length)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = x, y, length * z
     matrix[:3, 3] = 0.5 * (start + end)
     return matrix
 

@@ -56,11 +56,28 @@ class FootstepsLayer(Layer):
         self.legend = [(f"{side} footstep, planned and real", SIDE_COLOURS[side]) for side in SIDES]
         self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
-        self._end = 0
+        self._end, self._step = 0, -1
+        self._plan: FootstepPlan | None = None
+        self._feet: list[Footstep] = []
 
     def fill(self, matrices: Array, note: Note) -> None:  # noqa: D102
         phases = self._walking.walk.phases
-        feet, step = all_feet(phases.plan), phases.step
+        step = phases.step
+        if phases.plan is not self._plan or step != self._step:  # plans are never changed, but replaced
+            self._plan, self._step, self._feet = phases.plan, step, all_feet(phases.plan)
+            self._mark_plan(self._feet, step)
+        for i in (step + 1,) if phases.swing is not None else (step, step + 1):
+            self._real_at[i % self._count] = self._pose(self._feet[i].side)
+        matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
+        note.text += walk_lines(self._walking)
+
+    def _mark_plan(self, feet: list[Footstep], step: int) -> None:
+        """Put the marks of steps to come where they are planned now.
+
+        Args:
+            feet: All feet of the plan.
+            step: Index of the step that swings, or that swings next.
+        """
         # What has landed keeps the mark of where it was to land; the plan has it where it came to.
         future = range(step + 2 if step else 0, min(len(feet), step + 2 + self._ahead))
         for i in future:
@@ -68,10 +85,6 @@ class FootstepsLayer(Layer):
         for i in range(future.stop, self._end):
             self._planned_at[i % self._count] = HIDDEN  # a stop has cut the plan
         self._end = future.stop
-        for i in (step + 1,) if phases.swing is not None else (step, step + 1):
-            self._real_at[i % self._count] = self._pose(feet[i].side)
-        matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
-        note.text += walk_lines(self._walking)
 
     def _pose(self, side: str) -> Array:
         """Where a sole truly is."""

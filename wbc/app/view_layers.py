@@ -184,6 +184,7 @@ class RangeLayer(Layer):
             self._ray.append(self.add(f"range/ray_{i}", Cylinder(0.002, 1.0), RAY_COLOUR, on_top=True))
             self.add(f"range/scan_{i}", ribbon(POINTS), SCAN_COLOUR, on_top=True, bends=True)
         self._hits: list[list[Array]] = [[] for _ in self._sites]
+        self._scanned = [False for _ in self._sites]
         self._swing: str | None = None
         self._steps = 0
         if walking is not None and walking.stiffness is not None:
@@ -201,6 +202,9 @@ class RangeLayer(Layer):
                 matrices[self._ray[i]] = segment(start, end)
                 if self._swing is not None and SIDES.index(self._swing) == i:
                     self._hits[i].append(end)
+            if not self._hits[i] and not self._scanned[i]:
+                continue
+            self._scanned[i] = True
             hits = np.array(self._hits[i]).reshape(-1, 3) + (0.0, 0.0, LIFT)
             note.shapes[f"{ROOT}/range/scan_{i}"] = ribbon_edges(hits, 2.0 * LINE, POINTS)
 

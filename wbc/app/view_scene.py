@@ -7,6 +7,7 @@ that it can be handed over by copying a few kilobytes.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -196,17 +197,29 @@ class Scene:
 
     def _arrow(self, kind: str, point: Array, force: Array) -> Array:
         """Matrix that makes the unit arrow as long as the force is large; pushes end at their point."""
-        length = self.newton * float(np.linalg.norm(force))
+        size = float(np.linalg.norm(force))
+        length = self.newton * size
         if length < 1e-3:
             return HIDDEN
-        z = force / np.linalg.norm(force)
-        x = np.cross(z, [0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0])
-        x /= np.linalg.norm(x)
+        x, y, z = upright_axes(force / size)
         thickness = 0.025 * self.size
         matrix = np.eye(4)
-        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = thickness * x, thickness * np.cross(z, x), length * z
+        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = thickness * x, thickness * y, length * z
         matrix[:3, 3] = point - length * z if kind == "push" else point
         return matrix
+
+
+def upright_axes(direction: Array) -> tuple[Array, Array, Array]:
+    """Axes of a right-handed frame whose z axis is a direction, a unit vector of shape (3,)."""
+    a, b, c = direction.tolist()
+    if abs(b) < 0.9:  # z × y, level
+        norm = math.hypot(a, c)
+        x = np.array((-c / norm, 0.0, a / norm))
+    else:
+        norm = math.hypot(b, c)
+        x = np.array((0.0, c / norm, -b / norm))
+    u, v, w = x.tolist()
+    return x, np.array((b * w - c * v, c * u - a * w, a * v - b * u)), direction
 
 
 @dataclass(frozen=True)
