@@ -7,11 +7,17 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 import wbc
 from wbc.app.log import Recorder
 from wbc.core.signals import Command, Measurement
-from wbc.feet import foot
+from wbc.feet import RangeSensor, foot
 from wbc.sim.shod import shod
+from wbc.sim.terrain import terrain
+from wbc.tasks.stiffness import StiffnessTask
+from wbc.tasks.stiffness_policy import StiffnessDecision, SwingScan
+from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 from wbc.walking.control import WalkingControl, WalkingSettings
 from wbc.walking.footsteps import FootstepPlan
 from wbc.walking.gait import Gait
@@ -52,3 +58,25 @@ def recorded_walk() -> Path:
         record.add("own/answer", lambda: 42.0, unit="m", about="to everything")
         run(plant, walk, SECONDS, record)
     return path
+
+
+@functools.cache
+def recorded_scans() -> tuple[Path, tuple[StepStiffness, ...]]:
+    """The log of a walk that sets its soles, and what happened to their stiffness in each step."""
+    path = Path(tempfile.mkdtemp(prefix="wbc-test-")) / "scans.arrow"
+    variable, robot = foot("variable"), wbc.load_robot("hrp4_class")
+    ground = terrain("roof_tiles", 0.01, seed=2, start=0.1)
+    plant = wbc.Plant(robot, foot=variable, terrain=ground, seed=3, range_sensor=RangeSensor())
+    model = shod(robot, variable).robot()
+    plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.25)
+
+    def policy(swing: SwingScan) -> StiffnessDecision:
+        assert swing.profile is not None
+        height = float(np.ptp(swing.profile.z))
+        return StiffnessDecision(10.0 + 20.0 * swing.step, cluster=2, features={"height": height})
+
+    task = StiffnessTask(model, variable, policy, StiffnessTiming(min_length=0.05))
+    walk = WalkingControl(model, plan, plant.control_period, stiffness=task)
+    with Recorder(path) as record:
+        run(plant, walk, 2.5, record)
+    return path, tuple(task.steps)

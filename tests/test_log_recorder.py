@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded import GAIT, SECONDS, make_walk, recorded_walk, run
+from recorded import GAIT, SECONDS, make_walk, recorded_scans, recorded_walk, run
 
 import wbc
 from wbc.app.log import Log, Recorder
@@ -17,18 +17,12 @@ from wbc.app.log.plain import from_plain, to_plain
 from wbc.app.plot import draw
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
-from wbc.feet import RangeSensor, foot, foot_names
+from wbc.feet import foot, foot_names
 from wbc.sim.balance import balance_controller
-from wbc.sim.shod import shod
 from wbc.sim.terrain import families, terrain
-from wbc.tasks.stiffness import StiffnessTask
-from wbc.tasks.stiffness_policy import StiffnessDecision, SwingScan
-from wbc.tasks.stiffness_record import StiffnessTiming
 from wbc.walking.admittance import FootCorrection
 from wbc.walking.control import WalkingControl
-from wbc.walking.footsteps import FootstepPlan
 from wbc.walking.phases import Event
-from wbc.walking.planning import walk_distance
 
 EXACT = 2e-7
 """Numbers are kept with 24 bits: half of the last one is 6e-8 of them."""
@@ -338,29 +332,14 @@ def test_run_that_breaks_off_leaves_its_log(tmp_path: Path) -> None:
     assert len(log) == 20 and log.broken is None
 
 
-def test_what_soles_have_seen_and_decided_is_recorded_once_a_step(tmp_path: Path) -> None:
-    variable, robot = foot("variable"), wbc.load_robot("hrp4_class")
-    ground = terrain("roof_tiles", 0.01, seed=2, start=0.1)
-    plant = wbc.Plant(robot, foot=variable, terrain=ground, seed=3, range_sensor=RangeSensor())
-    model = shod(robot, variable).robot()
-    plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.25)
-
-    def policy(swing: SwingScan) -> StiffnessDecision:
-        assert swing.profile is not None
-        height = float(np.ptp(swing.profile.z))
-        return StiffnessDecision(10.0 + 100.0 * swing.step, cluster=2, features={"height": height})
-
-    timing = StiffnessTiming(min_length=0.05)
-    task = StiffnessTask(model, variable, policy, timing)
-    walk = WalkingControl(model, plan, plant.control_period, stiffness=task)
-    with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 2.5, record)
-    log = Log.open(tmp_path / "walk.arrow")
+def test_what_soles_have_seen_and_decided_is_recorded_once_a_step() -> None:
+    path, steps = recorded_scans()
+    log = Log.open(path)
     sides = log.texts("stiffness/side")
     landed = [i for i, side in enumerate(sides) if side is not None]
-    assert len(landed) == len(task.steps) >= 2
+    assert len(landed) == len(steps) >= 2
     seen = 0
-    for i, step in zip(landed, task.steps, strict=True):
+    for i, step in zip(landed, steps, strict=True):
         assert sides[i] == step.side and log["stiffness/commanded"][i] == pytest.approx(step.commanded)
         assert log["stiffness/actual"][i] == pytest.approx(step.actual)
         assert log.texts("stiffness/fallback")[i] == step.fallback
@@ -370,6 +349,7 @@ def test_what_soles_have_seen_and_decided_is_recorded_once_a_step(tmp_path: Path
         seen += 1
         np.testing.assert_allclose(log.lists("stiffness/scan/x")[i], step.profile.x, atol=1e-6)
         np.testing.assert_allclose(log.lists("stiffness/scan/z")[i], step.profile.z, atol=1e-6)
+        np.testing.assert_allclose(log.lists("stiffness/scan/lateral")[i], step.profile.lateral, atol=1e-6)
         if step.decision is not None:
             assert log["stiffness/cluster"][i] == 2.0
             assert json.loads(log.texts("stiffness/features")[i]) == dict(step.decision.features)

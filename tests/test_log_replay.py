@@ -20,7 +20,7 @@ import pytest
 import umsgpack
 from browser import Browser, needs_chromium
 from PIL import Image
-from recorded import make_walk, recorded_walk, run
+from recorded import make_walk, recorded_scans, recorded_walk, run
 
 import wbc
 from wbc.app import replay as package
@@ -32,6 +32,8 @@ from wbc.app.replay.film import _drawing_context, find_ffmpeg
 from wbc.app.replay.serve import Server
 from wbc.app.replay.stage import Stage
 from wbc.app.view import ViewError
+from wbc.app.view_layers import stiffness_colour
+from wbc.app.view_shapes import Surface
 from wbc.app.view_source import PlantSource
 from wbc.core.errors import InputError
 from wbc.sim.balance import balance_controller
@@ -183,6 +185,40 @@ def test_footsteps_appear_when_feet_have_landed(replay: Replay) -> None:
         assert (replay.overlays.frame(tick)[supports, 0, 0] == 1.0).sum() == 1
     point = replay.overlays.dcm(100)
     assert point is not None and point[:2] == pytest.approx(log["dcm/estimated"][100])
+
+
+def test_soles_and_scans_are_shown_as_they_were() -> None:
+    path, steps = recorded_scans()
+    replay = Replay(Log.open(path))
+    log = replay.log
+    assert [len(paths) for paths in replay.sole_paths] == [10, 10]
+    for paths, side in zip(replay.sole_paths, ("left", "right"), strict=True):
+        assert all(f"foot_{side}_" in path for path in paths)
+    for tick in (0, len(log) - 1):
+        stiffness = [log[f"foot/{side}/stiffness"][tick] for side in ("left", "right")]
+        assert replay.sole_colours(tick) == [stiffness_colour(value) for value in stiffness]
+    assert replay.sole_colours(0) != replay.sole_colours(len(log) - 1)
+    landed = [i for i, side in enumerate(log.texts("stiffness/side")) if side is not None]
+    scans = [i for i, path in enumerate(replay.overlays.moving) if path.startswith("/wbc/scans/")]
+    known = [i for i, step in zip(landed, steps, strict=True) if step.profile is not None]
+    assert len(scans) == len(known) >= 2
+    for k, tick in enumerate(known):
+        there = [replay.overlays.frame(t)[scans, 0, 0] == 1.0 for t in (tick - 1, tick)]
+        assert [int(each.sum()) for each in there] == [k, k + 1]
+    drawn = {drawing.path: drawing.shape for drawing in replay.scene.drawings}
+    profiles = [step.profile for step in steps if step.profile is not None]
+    for k, profile in enumerate(profiles):
+        shape = drawn[f"/wbc/scans/{k}/shape"]
+        assert isinstance(shape, Surface)
+        half = len(shape.vertices) // 2
+        middle = 0.5 * (shape.vertices[:half] + shape.vertices[half:])
+        np.testing.assert_allclose(middle[:, :2], profile.points[:, :2], atol=1e-5)
+    page = replay_page(replay, rate=2.0)
+    assert constant(page, "soles") == [list(paths) for paths in replay.sole_paths]
+    stage = Stage(replay, *SIZE)
+    stage.set(replay.frame(0), replay.sole_colours(0))
+    rgba = stage.model.geom_rgba[stage.model.geom_bodyid == stage.model.body(replay.sole_paths[1][0]).id]
+    assert len(rgba) and np.allclose(rgba, replay.sole_colours(0)[1])
 
 
 def test_stage_puts_everything_where_the_replay_has_it(replay: Replay) -> None:

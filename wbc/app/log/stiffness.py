@@ -43,9 +43,16 @@ class StiffnessSource(Source):
         )
         self._features = columns.add("stiffness/features", "1", "what the decision rests on, as JSON", "text")
         self._x = columns.add(
-            "stiffness/scan/x", "m", "profile: distance along the walking direction", "list"
+            "stiffness/scan/x",
+            "m",
+            "profile: distance along the walking direction from the world origin",
+            "list",
         )
         self._z = columns.add("stiffness/scan/z", "m", "profile: height in the world", "list")
+        self._lateral = columns.add(
+            "stiffness/scan/lateral", "m", "profile: to the left of that line", "list"
+        )
+        self._heading = columns.add("stiffness/scan/heading", "rad", "walking direction of the profile")
         self._end = len(columns.signals)
 
     def write(self, tick: Tick, row: Array) -> None:
@@ -62,5 +69,8 @@ class StiffnessSource(Source):
         if step.decision is not None:
             row[self._cluster] = math.nan if step.decision.cluster is None else step.decision.cluster
             row[self._features] = text(json.dumps(dict(step.decision.features)))
-        if step.profile is not None:
-            row[self._x], row[self._z] = self._keep(step.profile.x), self._keep(step.profile.z)
+        profile = step.profile
+        if profile is not None:
+            row[self._x], row[self._z] = self._keep(profile.x), self._keep(profile.z)
+            row[self._lateral] = self._keep(profile.lateral)
+            row[self._heading] = math.atan2(profile.forward[1], profile.forward[0])

@@ -140,7 +140,7 @@ def _pictures(
         try:
             for i, tick in enumerate(ticks):
                 camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
-                stage.set(replay.frame(tick))
+                stage.set(replay.frame(tick), replay.sole_colours(tick))
                 everything = mujoco.mjtCatBit.mjCAT_ALL
                 mujoco.mjv_updateScene(stage.model, stage.data, option, None, camera, everything, scene)
                 _mark(scene, replay, tick)

@@ -19,6 +19,8 @@ DCM_COLOUR: Colour = (0.34, 0.71, 0.91, 1.0)
 SIDE_COLOURS: dict[str, Colour] = {"left": (0.0, 0.45, 0.70, 1.0), "right": (0.84, 0.37, 0.0, 1.0)}
 SUPPORT_COLOUR: Colour = (0.0, 0.62, 0.45, 0.35)
 
+SCAN_COLOUR: Colour = (0.95, 0.90, 0.25, 1.0)
+
 LIFT = 0.004
 """How far these lie over the ground of the sole, m."""
 
@@ -95,6 +97,11 @@ def make_overlays(log: Log, size: float) -> Overlays:
         drawings.append(_flat(f"{path}/shape", _polygon(corners, height + LIFT), SUPPORT_COLOUR))
         moving.append(path)
         spans.append((start, end))
+    for k, (landed, points) in enumerate(_scans(log)):
+        path = f"{ROOT}/scans/{k}"
+        drawings.append(_flat(f"{path}/shape", _ribbon(points), SCAN_COLOUR))
+        moving.append(path)
+        spans.append((landed, len(log)))
     disc = Cylinder(0.022 * size, 0.004 * size)
     dcm = f"{ROOT}/markers/dcm"
     drawings.append(Drawing(f"{dcm}/shape", disc, DCM_COLOUR, np.eye(4), on_top=True, shaded=False))
@@ -105,6 +112,7 @@ def make_overlays(log: Log, size: float) -> Overlays:
         ("left footstep, planned and real", SIDE_COLOURS["left"]),
         ("right footstep, planned and real", SIDE_COLOURS["right"]),
         ("support region", SUPPORT_COLOUR),
+        *((("ground as scanned", SCAN_COLOUR),) if "stiffness/scan/x" in log else ()),
     )
     return Overlays(tuple(drawings), (*moving, dcm), legend, tuple(spans), points)
 
@@ -122,6 +130,35 @@ def _supports(log: Log) -> list[tuple[int, int, Array, float]]:
             height = max(_level(log, foot, "truth") for foot in standing)
             found.append((start, end, corners, height))
     return found
+
+
+def _scans(log: Log) -> list[tuple[int, Array]]:
+    """Tick from which a scanned profile is known, and its points in the world, shape (n, 3), m."""
+    if "stiffness/scan/x" not in log:
+        return []
+    parts = (log.lists(f"stiffness/scan/{name}") for name in ("x", "lateral", "z"))
+    found = []
+    for tick, (x, y, z) in enumerate(zip(*parts, strict=True)):
+        if x is not None and y is not None and z is not None and x.size > 1:
+            heading = float(log["stiffness/scan/heading"][tick])
+            c, s = math.cos(heading), math.sin(heading)
+            found.append((tick, np.stack([c * x - s * y, s * x + c * y, z + LIFT], axis=1)))
+    return found
+
+
+def _ribbon(points: Array) -> Surface:
+    """A line on the ground, as wide as two outlines."""
+    along = np.gradient(points[:, :2], axis=0)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    across *= LINE / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    left, right = points.copy(), points.copy()
+    left[:, :2] += across
+    right[:, :2] -= across
+    n = len(points)
+    faces = []
+    for i in range(n - 1):
+        faces += [(i, n + i, n + i + 1), (i, n + i + 1, i + 1)]
+    return _both_sides(np.concatenate([left, right]), faces)
 
 
 def _level(log: Log, stance: Stance, which: str) -> float:

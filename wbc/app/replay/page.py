@@ -42,6 +42,8 @@ const paths = $paths;
 const times = $times;
 const captions = $captions;
 const targets = $targets;
+const soles = $soles;
+const colours = $colours;
 // Matrices by columns without the last row, 4-byte floats: frames, then paths.
 const floats = new Float32Array(Uint8Array.from(atob("$frames"), (c) => c.charCodeAt(0)).buffer);
 const slider = document.getElementById("slider");
@@ -56,6 +58,13 @@ function show(frame) {
         }
         viewer.handle_command({type: "set_transform", path: paths[i],
             matrix: [m[0], m[1], m[2], 0, m[3], m[4], m[5], 0, m[6], m[7], m[8], 0, m[9], m[10], m[11], 1]});
+    }
+    for (let i = 0; i < colours[frame].length; i++) {
+        const colour = colours[frame][i];
+        if (shown >= 0 && String(colour) === String(colours[shown][i])) continue;
+        for (const path of soles[i]) {
+            viewer.handle_command({type: "set_property", path, property: "color", value: colour});
+        }
     }
     if (document.getElementById("follow").checked) {
         // The camera lives in a frame with y up: (x, z, -y) of the world.
@@ -135,6 +144,8 @@ def replay_page(
         paths=json.dumps(replay.moving),
         times=json.dumps([round(float(t), 4) for t in log.time[ticks]]),
         captions=_script_text([caption(log, tick) for tick in ticks]),
+        soles=json.dumps(replay.sole_paths),
+        colours=json.dumps([replay.sole_colours(tick) if any(replay.sole_paths) else [] for tick in ticks]),
         targets=json.dumps(np.round(places[:, :2], 4).tolist()),
         frames=base64.b64encode(frames.tobytes()).decode("ascii"),
     )

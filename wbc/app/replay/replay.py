@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import mujoco
@@ -11,9 +12,12 @@ from wbc.app.log import Log
 from wbc.app.log.names import SIDES, position_signal
 from wbc.app.log.plain import from_plain
 from wbc.app.replay.overlays import make_overlays
+from wbc.app.view_layers import stiffness_colour
 from wbc.app.view_scene import Scene, Snapshot
+from wbc.app.view_shapes import Colour
 from wbc.app.view_source import FOOT, PlantSource
 from wbc.core.errors import Array, InputError, positive
+from wbc.feet import FootModel
 from wbc.sim.model import body_name
 from wbc.sim.plant import Plant
 from wbc.walking.zmp import NoContactForceError, cop
@@ -31,6 +35,7 @@ class Replay:
         scene: What is drawn, with what `overlays` adds to it.
         overlays: Footsteps, support region and DCM of a walk.
         moving: Paths that a frame moves, in the order of its matrices.
+        sole_paths: Paths of each foot that have the colour of its stiffness; none of a fixed one.
     """
 
     def __init__(self, log: Log) -> None:
@@ -61,6 +66,8 @@ class Replay:
         self._com = log["truth/com"]
         self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
         self._zmp = log["zmp/measured"] if "zmp/measured/x" in log else None
+        self.sole_paths = tuple(self._sole_paths(foot) for foot in self.plant.feet)
+        self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
         self._push = (log["truth/push/point"], log["truth/push/force"])
 
     def __len__(self) -> int:
@@ -92,6 +99,20 @@ class Replay:
     def frame(self, tick: int) -> Array:
         """One matrix for each moving path at a tick, shape (len(moving), 4, 4)."""
         return np.concatenate([self.scene.frame(self.snapshot(tick)), self.overlays.frame(tick)])
+
+    def sole_colours(self, tick: int) -> list[Colour]:
+        """Colour of each foot's `sole_paths` at a tick, by stiffness as in the live view."""
+        values = [float(stiffness[tick]) for stiffness in self._stiffness]
+        return [stiffness_colour(value if math.isfinite(value) else 0.0) for value in values]
+
+    def _sole_paths(self, foot: FootModel) -> tuple[str, ...]:
+        """Paths of a foot's bodies whose hinges change their stiffness."""
+        model = self.plant.model
+        bodies = sorted({int(model.joint(name).bodyid[0]) for name in foot.variable_joints})
+        names = [FOOT + str(model.body(body).name) for body in bodies]
+        return tuple(
+            self.moving[self.scene.bodies.index(name)] for name in names if name in self.scene.bodies
+        )
 
     def snapshot(self, tick: int) -> Snapshot:
         """What the live view shows at a tick; forces are those of the foot sensors."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from wbc.app.replay.replay import Replay
 from wbc.app.view_scene import ROOT, TILE, TILE_COLOURS, Drawing
-from wbc.app.view_shapes import Box, Cylinder, Ellipsoid, MeshFile, Shape, Surface
+from wbc.app.view_shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.render import add_to_spec
 
@@ -54,13 +55,19 @@ class Stage:
             _add(spec, owner, drawing, i)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
+        body_of = {self.model.body(path).id: path for path in self.shown}
+        owner = [body_of.get(int(body)) for body in self.model.geom_bodyid]
+        self._soles = [[i for i, path in enumerate(owner) if path in paths] for paths in replay.sole_paths]
 
-    def set(self, matrices: Array) -> None:
-        """Move everything.
+    def set(self, matrices: Array, sole_colours: Sequence[Colour] = ()) -> None:
+        """Move everything, and colour the soles.
 
         Args:
             matrices: Of all paths that move, as `Replay.frame` gives them, shape (paths, 4, 4).
+            sole_colours: As `Replay.sole_colours` gives them.
         """
+        for geoms, colour in zip(self._soles, sole_colours, strict=False):
+            self.model.geom_rgba[geoms] = colour
         for body, place in enumerate(self._places):
             matrix = matrices[place]
             there = np.linalg.norm(matrix[:3, 0]) > 0.5  # what is not there is scaled to nothing
