@@ -14,6 +14,8 @@ from typing import Any
 import matplotlib.image
 import mujoco
 import numpy as np
+import render_ground
+import render_walk
 
 from wbc.core.errors import Array
 from wbc.robots import load
@@ -173,6 +175,8 @@ def main() -> None:
 
     draw("hrp4_class", push_frames("hrp4_class"), folder / "push.png")
     print(f"wrote {folder / 'push.png'}")
+    render_ground.draw_all(folder)
+    render_walk.draw(folder / "walk.png")
 
 
 if __name__ == "__main__":

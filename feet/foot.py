@@ -62,7 +62,7 @@ def fitted_sole(
     length: float,
     width: float,
     ankle_behind: float,
-    ankle_height: float | None,
+    ankle_height: float | None = None,
     least_height: float,
 ) -> SoleGeometry:
     """The rectangle of a foot under an ankle: same orientation and lateral position as the robot's own sole.

@@ -1,0 +1,128 @@
+"""Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`; `render.py` draws them, too.
+
+A few are simulations in MuJoCo, the others what `wbc terrains`, `wbc foot press` and `wbc foot curves` draw. It takes
+about two minutes; on a machine without a display set MUJOCO_GL=egl.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from wbc.app.cli import main as wbc
+from wbc.core.errors import Array
+from wbc.feet import TransverseBending, foot
+from wbc.sim.rig import FootTest, over_bar
+from wbc.sim.rig.fixture import Rig
+from wbc.sim.terrain import terrain
+from wbc.sim.terrain.drawing import contact_sheet
+
+PANEL = (560, 300)
+"""Width and height of a view of a foot, pixels."""
+
+LOAD = 390.0
+"""What a robot of 39.8 kg puts on one foot, N."""
+
+SKY = (0.93, 0.95, 0.97)
+
+STONES = terrain("stones", amplitude=0.03, seed=1)
+
+VIEWS: dict[str, FootTest] = {
+    "rigid, on stones": FootTest(foot("rigid"), STONES, load=LOAD),
+    "soft, k = 5 Nm/rad": FootTest(foot("soft"), STONES, load=LOAD),
+    "soft, cut into strips": FootTest(foot("soft", transverse=TransverseBending("flaps")), STONES, load=LOAD),
+    "soft over a bar, k = 1": over_bar(FootTest(foot("soft", stiffness=1.0), load=LOAD)),
+    "k = 20": over_bar(FootTest(foot("soft", stiffness=20.0), load=LOAD)),
+    "k = 80": over_bar(FootTest(foot("soft", stiffness=80.0), load=LOAD)),
+}
+"""What is shown of feet, in rows of three."""
+
+
+def foot_view(test: FootTest) -> Array:
+    """A foot that has settled under its load, seen from the side and above, as pixels."""
+    rig = Rig(test)
+    rig.step(rig.steps(test.settle))
+    model = rig.model
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.75, 0.55
+    model.vis.global_.offwidth, model.vis.global_.offheight = PANEL
+    model.vis.rgba.fog[:3] = SKY
+    model.vis.map.fogstart, model.vis.map.fogend = 1.2, 2.6
+    camera = mujoco.MjvCamera()
+    camera.lookat, camera.distance = [*rig.center, 0.045], 0.38
+    camera.azimuth, camera.elevation = 102.0, -9.0
+    options = mujoco.MjvOption()
+    options.geomgroup[3] = 1  # the spheres that touch the ground
+    renderer = mujoco.Renderer(model, PANEL[1], PANEL[0])
+    try:
+        renderer.update_scene(rig.data, camera, options)
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = 1
+        pixels = renderer.render().copy()
+    finally:
+        renderer.close()
+    pixels[(pixels == 0).all(axis=2)] = (255 * np.array(SKY)).astype(np.uint8)  # beyond the horizon
+    return np.asarray(pixels)
+
+
+def draw_feet(path: Path) -> None:
+    """Feet on stones and over a bar."""
+    figure = Figure(figsize=(12.6, 4.9), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, (title, test) in zip(figure.subplots(2, 3).ravel(), VIEWS.items(), strict=True):
+        axes.imshow(foot_view(test))
+        axes.set_title(title, fontsize=11)
+        axes.axis("off")
+    figure.savefig(path, dpi=100)
+
+
+def draw_press(path: Path) -> None:
+    """The soft foot of the rig on stones, as `wbc foot press` draws it."""
+    command = (
+        "foot press --foot soft --stiffness 5 --terrain stones --amplitude 0.03 --seed 1 --load 200 --plot"
+    )
+    run(command, path)
+
+
+def draw_curves(path: Path) -> None:
+    """Curves over stiffness, as `wbc foot curves` draws them."""
+    run("foot curves --seeds 8 --load 390 --terrain random stones cobble_stones --plot", path)
+
+
+def run(command: str, path: Path) -> None:
+    """Run a command of `wbc` that draws a picture."""
+    if wbc([*command.split(), str(path)]) != 0:
+        raise RuntimeError(f"wbc {command} has failed")
+
+
+def small(path: Path) -> None:
+    """Write a picture again with 256 colours: a third of the size, and nobody sees it."""
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+PICTURES: dict[str, Callable[[Path], object]] = {
+    "terrains.png": contact_sheet,
+    "foot_soft.png": draw_feet,
+    "foot_press.png": draw_press,
+    "foot_curves.png": draw_curves,
+}
+"""Name of each picture and who draws it."""
+
+
+def draw_all(folder: Path) -> None:
+    """Draw all pictures of feet and grounds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, draw in PICTURES.items():
+        draw(folder / name)
+        small(folder / name)
+        print(f"wrote {folder / name}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    draw_all(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images")
