@@ -66,7 +66,7 @@ class PlantModel:
                     "body", name, [*alias, *(f.name for f in robot.model.frames if f.name != "universe")]
                 )
             name = alias[name]
-        index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, body_name(name))
+        index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
         if index >= 0:
             return int(index), pin.SE3.Identity()
         frame = robot.model.frames[robot.frame_id(name)]
@@ -75,11 +75,6 @@ class PlantModel:
             return self.base, frame.placement
         number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, joint)
         return int(self.model.jnt_bodyid[number]), frame.placement
-
-
-def body_name(link: str) -> str:
-    """Name of a link's body: its own; what a foot adds has a slash in its name."""
-    return link
 
 
 def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
@@ -107,7 +102,7 @@ def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
         place = frame.placement
         soles.append(
             SoleGeometry(
-                body_name(str(link)),
+                str(link),
                 tuple(place.translation.tolist()),
                 tuple(pin.Quaternion(place.rotation).normalized().coeffs().tolist()),
                 sole.length,
@@ -148,8 +143,6 @@ def build_model(
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     physics.apply(spec)
-    for body in spec.bodies:
-        body.name = body_name(body.name)
     base = spec.worldbody.first_body()
     base.add_freejoint()
     ground = add_to_spec(spec, terrain, sole_radius=foot.contact.radius)

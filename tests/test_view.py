@@ -34,7 +34,6 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
 from wbc.sim.balance import balance_controller
-from wbc.sim.model import body_name
 from wbc.sim.terrain import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -296,7 +295,7 @@ def test_the_page_holds_robot_ground_forces_and_labels(plant: wbc.Plant, view: M
     data, model = plant.data, plant.model
     for body in view.scene.bodies:
         pose = places[f"{ROOT}/robot/{body}"]
-        place = model.body(body_name(body)).id
+        place = model.body(body).id
         assert pose[:3, 3] == pytest.approx(data.xpos[place], abs=1e-12)
         assert pose[:3, :3] == pytest.approx(data.xmat[place].reshape(3, 3), abs=1e-12)
 

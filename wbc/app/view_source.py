@@ -33,14 +33,10 @@ class PlantSource:
         """
         import mujoco  # noqa: PLC0415 (there is a plant, so it is there)
 
-        from wbc.sim.model import body_name  # noqa: PLC0415
-
         self.plant = plant
         model = plant.model
         parts = robot_parts(plant.description)
-        bodies = {part.body: body_name(part.body) for part in parts}
         feet = _foot_parts(plant)
-        bodies |= {part.body: part.body.removeprefix(FOOT) for part in feet}
         self.scene: Scene = make_scene(
             plant.description.name,
             [*parts, *feet],
@@ -49,7 +45,8 @@ class PlantSource:
             plant.robot.mass * GRAVITY,
         )
         kind = mujoco.mjtObj.mjOBJ_BODY
-        self._ids = np.array([mujoco.mj_name2id(model, kind, bodies[body]) for body in self.scene.bodies])
+        names = [body.removeprefix(FOOT) for body in self.scene.bodies]
+        self._ids = np.array([mujoco.mj_name2id(model, kind, name) for name in names])
 
     def snapshot(self) -> Snapshot:
         """Take the present state down."""

@@ -18,7 +18,6 @@ from wbc.app.view_shapes import Colour
 from wbc.app.view_source import FOOT, PlantSource
 from wbc.core.errors import Array, InputError, positive
 from wbc.feet import FootModel
-from wbc.sim.model import body_name
 from wbc.sim.plant import Plant
 from wbc.walking.zmp import NoContactForceError, cop
 
@@ -56,10 +55,7 @@ class Replay:
         self.scene: Scene = self.overlays.added_to(scene)
         self.moving = (*scene.moving, *self.overlays.moving)
         model = self.plant.model
-        names = [
-            body.removeprefix(FOOT) if body.startswith(FOOT) else body_name(body)
-            for body in self.scene.bodies
-        ]
+        names = [body.removeprefix(FOOT) for body in self.scene.bodies]
         self._bodies = np.array([model.body(name).id for name in names])
         self._q = self._configurations()
         self._soles = [model.site(foot.wrench_site).id for foot in self.plant.feet]
