@@ -199,7 +199,9 @@ class CoMPolygonLimit(RowLimit):
         distance = self._offsets[used] - np.dot(normals, robot.com[:2])
         bound = damped_bound(distance, np.dot(normals, robot.com_velocity[:2]), dt, self.time_constant)
         demand = np.maximum(distance, 0.0)
-        demand /= self.time_constant**2
+        # On its way to the edge at distance / time constant, the CoM needs distance / time constant², and a little more
+        # because a period passes before the bound can answer.
+        demand *= (1.0 + 2.0 * dt / self.time_constant) / self.time_constant**2
         demand += self.recovery
         np.maximum(bound, -demand, out=bound)
         # Acceleration of the CoM at zero generalised acceleration: the force on the base rows of the bias, less weight.

@@ -70,7 +70,7 @@ class Controller:
         robot: Robot,
         dt: float,
         *,
-        regularisation: float = 1e-6,
+        regularisation: float = 1e-4,
         settings: SolverSettings | None = None,
     ) -> None:
         """Make a controller without tasks, contacts or limits; `add` them.

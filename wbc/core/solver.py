@@ -78,8 +78,8 @@ class SolverSettings:
 
     tolerance: float = 1e-6
     residual_tolerance: float = 1e-5
-    max_iterations: int = 30
-    max_inner_iterations: int = 50
+    max_iterations: int = 15
+    max_inner_iterations: int = 30
     equality_penalty: float = 1e-7
     active_set_changes: int = 4
     relaxation: float | None = None
