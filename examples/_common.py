@@ -1,17 +1,18 @@
-"""What the examples share: the options `--seconds` and `--view`, and whether the robot is still on its feet."""
+"""What the examples share: the options `--seconds`, `--view` and their like, and whether the robot is on its feet."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import wbc
 from wbc.app.view import MeshcatView
+from wbc.app.view_walk import WatchWalk, wait_for_page
 from wbc.sim.falls import FallDetector
+from wbc.walking.control import WalkingControl
 
 BROWSER_TIME = 20.0
 """How long a run with `--view` waits for somebody to open the page, s."""
@@ -22,18 +23,24 @@ class Options(argparse.Namespace):
 
     seconds: float
     view: bool
+    host: str
     port: int | None
 
     @contextlib.contextmanager
-    def watch(self, plant: wbc.Plant) -> Iterator[MeshcatView | NoView]:
-        """Show the plant in the browser, in real time, if `--view` was given."""
+    def watch(
+        self, plant: wbc.Plant, walking: WalkingControl | None = None
+    ) -> Iterator[MeshcatView | NoView]:
+        """Show the plant (and the walk) in the browser, in real time, if `--view` was given."""
         if not self.view:
             yield NoView()
             return
-        with MeshcatView(plant, port=self.port, speed=1.0) as view:
-            print(f"open it now: the run begins with it, or in {BROWSER_TIME:.0f} s", file=sys.stderr)
-            view.wait(BROWSER_TIME)
+        with MeshcatView(plant, walking=walking, host=self.host, port=self.port, speed=1.0) as view:
+            wait_for_page(view, BROWSER_TIME)
             yield view
+
+    def hooks(self) -> list[WatchWalk]:
+        """The same for walks that `run_walk` runs."""
+        return [WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME)] if self.view else []
 
 
 class NoView:
@@ -47,26 +54,33 @@ def parse(
     doc: str | None,
     arguments: Sequence[str] | None,
     *,
-    seconds: float,
-    **options: str | Path | tuple[str, ...],
+    seconds: float | None = None,
+    **options: float | str | Path | tuple[str, ...],
 ) -> Options:
     """Read the command line.
 
     Args:
         doc: Docstring of the example, shown by `--help`.
         arguments: What follows the name of the example; that of the process when None.
-        seconds: Default of the simulated time, s.
+        seconds: Default of the simulated time, s; None for a run that knows itself when it ends.
         **options: Further options, each with its default, or with all of its values, the default first.
     """
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=seconds, help="simulated time, default %(default)s")
+    if seconds is not None:
+        parser.add_argument(
+            "--seconds", type=float, default=seconds, help="simulated time (s), default %(default)s"
+        )
     parser.add_argument("--view", action="store_true", help="watch it live in the browser")
+    parser.add_argument("--host", default="127.0.0.1", help="address of the live view, default %(default)s")
     parser.add_argument(
         "--port", type=int, help="port of the live view, default the first free one from 7000"
     )
     for name, value in options.items():
         default, values = (value[0], value) if isinstance(value, tuple) else (value, None)
-        parser.add_argument(f"--{name}", choices=values, default=default, help="default %(default)s")
+        kind = type(default) if isinstance(default, (int, float)) else str
+        parser.add_argument(
+            f"--{name}", type=kind, choices=values, default=default, help="default %(default)s"
+        )
     return parser.parse_args(arguments, Options())
 
 

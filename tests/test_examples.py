@@ -6,6 +6,7 @@ import ast
 import importlib
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,7 +18,9 @@ import pytest
 import wbc
 
 FOLDER = Path(__file__).parent.parent / "examples"
-NAMES = ("own_robot", "own_task", "push_recovery", "reach", "squat", "stand")
+STANDING = ("own_robot", "own_task", "push_recovery", "reach", "squat", "stand")
+WALKING = ("walk", "walk_push", "walk_stairs", "walk_stones", "walk_tune", "walk_velocity")
+NAMES = (*STANDING, *WALKING)
 
 Load = Callable[[str], ModuleType]
 
@@ -53,7 +56,7 @@ def test_every_example_is_tested_indexed_and_takes_the_common_options(
         with pytest.raises(SystemExit, match="0"):
             module.main(["--help"])
         text = capsys.readouterr().out
-        assert "--view" in text and "--seconds" in text
+        assert "--view" in text and "--host" in text and ("--seconds" in text or name in WALKING)
         assert (module.__doc__ or "").splitlines()[0] in text
 
 
@@ -143,4 +146,65 @@ def test_an_example_gives_the_same_result_with_a_view(
     monkeypatch.setattr(sys.modules["_common"], "BROWSER_TIME", 0.0)
     plain = run(module, seconds=0.7)
     assert run(module, "--view", "--port", "0", seconds=0.7) == plain
+    assert "http://127.0.0.1:" in capsys.readouterr().err
+
+
+# ---- walks ----------------------------------------------------------------------------------------------------------
+
+
+def walk(module: ModuleType, *arguments: str) -> dict[str, Any]:
+    result: dict[str, Any] = module.main(list(arguments))
+    assert result["upright"]
+    return result
+
+
+def test_walk_arrives(load: Load) -> None:
+    result = walk(load("walk"), "--distance", "0.2")
+    assert result["distance_m"] == pytest.approx(0.2, abs=0.03)
+    assert result["steps"] == 3  # two, and one to close up
+
+
+def test_walk_goes_where_its_velocity_says_and_stops_when_told_to(load: Load) -> None:
+    result = walk(
+        load("walk_velocity"), "--seconds", "2", "--forward", "0", "--left", "0.05", "--turn", "0.15"
+    )
+    assert result["stands"]
+    assert abs(result["forward_m"]) < 0.04 < result["left_m"] and result["turned_deg"] > 5.0
+
+
+def test_walk_on_stones_feels_them(load: Load) -> None:
+    result = walk(load("walk_stones"), "--distance", "0.2", "--amplitude", "0.015")
+    assert result["outcome"] == "completed"
+    assert result["early_landings"] + result["late_landings"] > 0  # nobody knew of the stones
+
+
+def test_walk_climbs(load: Load) -> None:
+    result = walk(load("walk_stairs"), "--stairs", "1", "--rise", "0.04")
+    assert result["climbed_mm"] == pytest.approx(40.0, abs=8.0)
+
+
+def test_walk_steps_aside_when_pushed(load: Load) -> None:
+    module = load("walk_push")
+    pushed = walk(module, "--distance", "0.2", "--impulse", "0.15")
+    alone = walk(module, "--distance", "0.2", "--impulse", "0")
+    assert pushed["dcm_off_mm"] > alone["dcm_off_mm"] + 10.0
+    assert pushed["landed_left_mm"] < alone["landed_left_mm"] - 10.0  # to the right
+
+
+def test_walk_with_other_gains_differs_as_it_should(load: Load) -> None:
+    result = walk(load("walk_tune"), "--distance", "0.2", "--dcm_p", "1.5")
+    assert result["tuned_dcm_error_mm"] > 1.1 * result["default_dcm_error_mm"]  # a slower pole takes longer
+
+
+def test_a_walk_gives_the_same_result_with_a_view(
+    load: Load, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = load("walk_stones")
+    common = sys.modules["_common"]
+    monkeypatch.setattr(common, "BROWSER_TIME", 0.0)
+    monkeypatch.setattr(
+        common, "WatchWalk", partial(common.WatchWalk, speed=None)
+    )  # it need not take its time
+    plain = walk(module, "--distance", "0.05")
+    assert walk(module, "--distance", "0.05", "--view", "--port", "0") == plain
     assert "http://127.0.0.1:" in capsys.readouterr().err

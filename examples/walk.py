@@ -1,0 +1,42 @@
+"""Walk: footsteps, a controller and the loop between them and the robot, with everything spelled out.
+
+A plan is two feet that stand, and where they land one after the other. The controller finds out everything else: when
+a foot may leave the ground, how the centre of mass has to move, and what each sole has to press. Watch it with
+`--view`: outlines are footsteps as planned, filled ones as they are, and the page can push the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from _common import parse, report, upright
+
+import wbc
+from wbc.walking.control import WalkingControl
+from wbc.walking.footsteps import FootstepPlan
+from wbc.walking.planning import walk_distance
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
+    """Run the example."""
+    options = parse(__doc__, arguments, distance=1.0)
+    description = wbc.load_robot("hrp4_class")
+    plant = wbc.Plant(description, noise="realistic")  # what sensors say is never quite true
+
+    robot = description.robot()
+    plan = walk_distance(FootstepPlan.standing(robot), options.distance)
+    walking = WalkingControl(robot, plan, plant.control_period)
+
+    start = plant.truth().com
+    with options.watch(plant, walking) as view:
+        while not walking.finished and not walking.fallen:
+            plant.step(walking.command(plant.measure()))
+            view.update()
+
+    distance = float(plant.truth().com[0] - start[0])
+    return report(upright=upright(plant), steps=walking.steps_done, distance_m=distance, seconds=plant.time)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""Climb stairs: footsteps at different heights, and a centre of mass that rises with them.
+
+The stairs are known, so that the plan puts each foot into the middle of a stair. Both feet come onto each one; with
+`--way alternate` every foot takes the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from _common import parse, report, upright
+
+import wbc
+from wbc.sim.terrain import terrain
+from wbc.walking.control import WalkingControl
+from wbc.walking.footsteps import FootstepPlan
+from wbc.walking.gait import Gait
+from wbc.walking.planning import climb_stairs
+
+TREAD = 0.25
+"""Depth of a stair, m."""
+
+BEFORE = 0.25
+"""From the robot to the first edge, m."""
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
+    """Run the example."""
+    options = parse(__doc__, arguments, stairs=3, rise=0.03, way=("together", "alternate"))
+    count = options.stairs
+    run = (count - 1) * TREAD  # from the first edge to the last
+    ground = terrain(
+        "steps",
+        amplitude=count * options.rise,
+        riser=options.rise,
+        tread=TREAD,
+        direction="up",
+        start=BEFORE,
+        length=run + 0.02,
+    )
+    description = wbc.load_robot("hrp4_class")
+    plant = wbc.Plant(description, terrain=ground, noise="realistic")
+
+    robot = description.robot()
+    start = FootstepPlan.standing(robot, Gait(swing_height=0.06 + options.rise))
+    middle = 0.5 * (start.left.x + start.right.x)
+    plan = climb_stairs(
+        start,
+        rise=options.rise,
+        tread=TREAD,
+        count=count,
+        first_edge=BEFORE + 0.01 - middle,
+        together=options.way == "together",
+    )
+    walking = WalkingControl(robot, plan, plant.control_period)
+
+    began = plant.truth()
+    with options.watch(plant, walking) as view:
+        while not walking.finished and not walking.fallen:
+            plant.step(walking.command(plant.measure()))
+            view.update()
+
+    climbed = float(plant.truth().com[2] - began.com[2])
+    return report(upright=upright(plant), steps=walking.steps_done, climbed_mm=1e3 * climbed)
+
+
+if __name__ == "__main__":
+    main()
