@@ -32,10 +32,7 @@ GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
     "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
 )
-FFMPEG_HELP = (
-    "MP4 needs ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg), or pip install 'wbc[video]'; "
-    "GIF needs neither"
-)
+FFMPEG_HELP = "MP4 needs the program ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg); GIF needs nothing"
 GIF_RATE = 20.0
 """Players round the time between two pictures of a GIF to hundredths of a second."""
 
@@ -63,20 +60,15 @@ def check_film(path: str | Path) -> Path:
 
 
 def find_ffmpeg() -> str:
-    """Return the ffmpeg of the system, else the one of the package imageio-ffmpeg.
+    """Return the ffmpeg of the system. No package brings one along: those that exist are under the GPL.
 
     Raises:
         RenderError: There is none.
     """
     found = shutil.which("ffmpeg")
-    if found is not None:
-        return found
-    try:
-        import imageio_ffmpeg  # noqa: PLC0415 - of the extra "video"
-
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
-    except (ImportError, RuntimeError) as error:
-        raise RenderError(FFMPEG_HELP) from error
+    if found is None:
+        raise RenderError(FFMPEG_HELP)
+    return found
 
 
 def render_video(
