@@ -26,7 +26,7 @@ from wbc.sim.plant import Plant
 from wbc.sim.rig import stiffness_means, stiffness_table
 from wbc.sim.rig.study import StiffnessRow
 from wbc.sim.shod import shod
-from wbc.sim.terrain import families
+from wbc.sim.terrain import ClearanceWarning, families
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -146,6 +146,12 @@ def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...
     else:
         assert "rises by 80 mm, more than the foot clearance of 60 mm" in done.stderr
         assert done.stderr.strip().count("\n") == 0 and "report.py" not in done.stderr
+
+
+def test_a_walk_over_ground_beyond_its_clearance_warns_first(run: Run) -> None:
+    words = "walk --terrain stones --amplitude 0.05 --swing-height 0.04 --distance 0.2".split()
+    with pytest.warns(ClearanceWarning, match="by 50 mm, more than the foot clearance of 40 mm"):
+        assert run(*words)[0] == cli.RAN
 
 
 # --- feet ------------------------------------------------------------------------------------------------------------

@@ -27,7 +27,6 @@ from wbc.sim.rig.study import (
     force_deflection,
     over_bar,
     stability,
-    steps_per_second,
     stiffness_curves,
 )
 from wbc.sim.rig.tables import deflection_table, stability_table, stiffness_means, stiffness_table
@@ -59,7 +58,6 @@ __all__ = [
     "slide",
     "stability",
     "stability_table",
-    "steps_per_second",
     "stiffness_curves",
     "stiffness_means",
     "stiffness_table",

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
-from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.errors import InputError, positive
 from wbc.feet import Foot, SoftFoot
 from wbc.sim.rig.actions import land, press
 from wbc.sim.rig.fixture import Rig
@@ -269,32 +268,3 @@ def force_deflection(
         rows.append((weight, rig.touch_height - rig.ankle_height, rig.contact_area()))
     columns = [tuple(column) for column in zip(*rows, strict=True)] or [(), (), ()]
     return Deflection(stiffness, columns[0], columns[1], columns[2], rig.diverged)
-
-
-def steps_per_second(
-    test: FootTest, *, seconds: float = 2.0, clock: Callable[[], float] = time.perf_counter
-) -> float:
-    """Speed of the physics of one loaded foot whose ankle rocks in roll and pitch, physics steps per second.
-
-    Args:
-        test: Foot and ground.
-        seconds: Simulated time that is measured, after landing, s.
-        clock: Gives the time, s.
-
-    Raises:
-        InputError: The simulation diverges.
-    """
-    non_negative("ankle stiffness (Nm/rad)", test.ankle_stiffness)
-    rig = Rig(test)
-    rig.step(rig.steps(test.settle))
-    tick = rig.steps(0.005)
-    ticks = max(1, rig.steps(seconds) // tick)
-    start = clock()
-    for i in range(ticks):
-        phase = 2.0 * math.pi * i * tick * test.physics.timestep
-        rig.set_tilt(0.02 * math.sin(phase), 0.05 * math.sin(phase / 2.0))
-        rig.step(tick)
-    elapsed = clock() - start
-    if rig.diverged:
-        raise InputError("the simulation diverged: choose a smaller physics step")
-    return ticks * tick / elapsed

@@ -16,6 +16,7 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, unknown_name
 from wbc.sim.changes import read_changes
 from wbc.sim.standing import Mode
+from wbc.sim.terrain.checks import check_clearance
 from wbc.sim.terrain.report import read_params
 from wbc.sim.walks import (
     WalkHook,
@@ -141,6 +142,7 @@ def walk(
 ) -> Report:
     """Walk in the simulator, and say how far the robot came and how well. A fall is a result like any other."""
     spec = options.walk()
+    check_clearance(spec.ground(), spec.gait.swing_height)
     hooks: list[WalkHook] = []
     with ExitStack() as stack:
         trial = WalkTrial(spec)
