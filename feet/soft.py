@@ -29,8 +29,8 @@ class TransverseBending:
 
     "twist" puts one between neighbouring phalanges; the heel phalanx stays fixed to the backward arch about
     this axis. "flaps" cuts every phalanx lengthwise into three strips and hinges the outer two onto the
-    middle one; the solver needs about five times as many iterations for them, and a standing robot runs five to
-    fifteen times slower than with the plain sole.
+    middle one. A standing robot runs 1.2 to 1.4 times slower with "twist" than with the plain sole, and 1.2 to
+    3.5 times with "flaps".
 
     Attributes:
         kind: "twist" or "flaps".
