@@ -192,7 +192,11 @@ function connect() {
         build(said.hello.controls);
     };
     // The next run on the same port goes on in the same page.
-    socket.onclose = () => { say("state", "(ended)"); setTimeout(connect, 1000); };
+    socket.onclose = () => {
+        say("state", "(ended)");
+        byId("change").replaceChildren();
+        setTimeout(connect, 1000);
+    };
 }
 connect();
 """

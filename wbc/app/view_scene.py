@@ -161,7 +161,8 @@ class Scene:
         matrices = np.tile(HIDDEN, (self._own or len(self.moving), 1, 1))
         count = len(self.bodies)
         matrices[:count] = snapshot.poses
-        shadow = np.array([*snapshot.com[:2], self.floor])
+        level = self.floor if snapshot.zmp is None else float(snapshot.zmp[2])  # on stairs: where it stands
+        shadow = np.array([*snapshot.com[:2], level])
         for i, point in enumerate((snapshot.com, shadow, snapshot.zmp), start=count):
             if point is not None:
                 matrices[i] = np.eye(4)
