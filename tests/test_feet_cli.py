@@ -149,9 +149,9 @@ def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...
 
 
 def test_a_walk_over_ground_beyond_its_clearance_warns_first(run: Run) -> None:
-    words = "walk --terrain stones --amplitude 0.05 --swing-height 0.04 --distance 0.2".split()
+    words = "walk --terrain stones --amplitude 0.05 --swing-height 0.04 --distance 0.2"
     with pytest.warns(ClearanceWarning, match="by 50 mm, more than the foot clearance of 40 mm"):
-        assert run(*words)[0] == cli.RAN
+        assert run(*words.split())[0] == cli.RAN
 
 
 # --- feet ------------------------------------------------------------------------------------------------------------
