@@ -16,8 +16,8 @@ class PhysicsSettings:
 
     The integrator is `discrete`: it solves the contacts in the metric in which it integrates servo and sole stiffness,
     so that soft feet are quiet at 1 ms where the other integrators chatter by hundreds of newtons. Solver Newton,
-    elliptic cones and a sparse Jacobian go with it: the dense one gives the same motion to 1e-12 in 2.2 times the time on
-    soft feet (MuJoCo 4.0.0, whose sparse factorisation is wrong, is excluded by this package).
+    elliptic cones and a sparse Jacobian go with it: the dense one gives the same motion to 1e-12 in 2.2 times the time
+    on soft feet (MuJoCo 4.0.0, whose sparse factorisation is wrong, is excluded by this package).
 
     Attributes:
         timestep: Physics step, s. 1 ms is the reference, 2 ms the fast mode.
