@@ -1,0 +1,132 @@
+"""Draw the figures of the documentation that are computed and not simulated: `python docs/figures.py [FOLDER]`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+import wbc
+from wbc.core.errors import Array
+from wbc.feet.roughness import RoughnessSettings, low_pass, profile_roughness
+from wbc.feet.scan import resample
+from wbc.sim.terrain import terrain
+from wbc.walking.footsteps import Footstep, FootstepPlan
+from wbc.walking.lipm import Pendulum
+from wbc.walking.planning import walk_distance
+from wbc.walking.preview import PreviewController
+from wbc.walking.schedule import schedule
+
+COM, DCM, ZMP, FOOT = "#1565c0", "#2e7d32", "#c62828", "#90a4ae"
+
+
+def corners(step: Footstep, size: tuple[float, float]) -> Array:
+    """Corners of a sole seen from above, shape (4, 2), m."""
+    half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * size
+    c, s = np.cos(step.yaw), np.sin(step.yaw)
+    placed: Array = half @ np.array([[c, s], [-s, c]]) + (step.x, step.y)
+    return placed
+
+
+def draw_pattern(path: Path) -> None:
+    """CoM, DCM and ZMP of a short walk as planned: over time, and from above."""
+    robot = wbc.load_robot("hrp4_class").robot()
+    sole = robot.soles[0]
+    size = (sole.length, sole.width)
+    plan = walk_distance(FootstepPlan.standing(robot), 0.58)
+    supports = schedule(plan)
+    pattern = PreviewController((size, size), float(robot.com[2])).plan(supports, Pendulum.at_rest(robot.com))
+    times = np.arange(0.0, pattern.duration + 0.5, 0.005)
+    states = [pattern.at(float(t)) for t in times]
+    com, dcm, zmp = (np.array([getattr(s, name)[:2] for s in states]) for name in ("com", "dcm", "zmp"))
+
+    figure, axes = plt.subplot_mosaic(
+        "ac;bc", figsize=(9.6, 4.4), layout="constrained", width_ratios=(1.6, 1.0)
+    )
+    for axis, k, what in ((axes["a"], 0, "forward"), (axes["b"], 1, "left")):
+        start = 0.0
+        for support in supports:
+            edges = np.concatenate([corners(foot, size)[:, k] for foot in support.feet])
+            axis.fill_between(
+                [start, start + support.duration], edges.min(), edges.max(), color=FOOT, alpha=0.3, lw=0
+            )
+            start += support.duration
+        for values, colour, label in ((com, COM, "CoM"), (dcm, DCM, "DCM"), (zmp, ZMP, "ZMP")):
+            axis.plot(times, values[:, k], color=colour, label=label, lw=1.4)
+        axis.set_ylabel(f"{what} (m)")
+        axis.margins(x=0.0)
+    axes["a"].legend(loc="upper left", ncols=3, frameon=False)
+    axes["a"].tick_params(labelbottom=False)
+    axes["b"].set_xlabel("time (s)")
+    draw_from_above(axes["c"], plan, size, com, zmp)
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def draw_from_above(
+    axis: Axes, plan: FootstepPlan, size: tuple[float, float], com: Array, zmp: Array
+) -> None:
+    """Footsteps and the paths over them."""
+    for step in (plan.left, plan.right, *plan.steps):
+        axis.add_patch(Polygon(corners(step, size)[:, ::-1], color=FOOT, alpha=0.35, lw=0))
+    for values, colour in ((com, COM), (zmp, ZMP)):
+        axis.plot(values[:, 1], values[:, 0], color=colour, lw=1.4)
+    axis.set_aspect("equal")
+    axis.invert_xaxis()
+    axis.set_xlabel("left (m)")
+    axis.set_ylabel("forward (m)")
+
+
+def draw_roughness(path: Path) -> None:
+    """Two grounds of one amplitude, what a foot feels of them, and their roughness."""
+    settings = RoughnessSettings()
+    assert settings.corner is not None
+    figure, axes = plt.subplots(2, 1, figsize=(9.6, 3.6), sharex=True, sharey=True, layout="constrained")
+    x = np.arange(-0.7, 0.7, 0.002)
+    for axis, cutoff in zip(axes, (0.01, 0.1), strict=True):
+        ground = terrain("random", amplitude=0.03, seed=4, cutoff=cutoff)
+        z = np.array([float(ground.height(value, 0.0)) for value in x + 0.5 * ground.length])
+        profile = resample(x, z)
+        found = profile_roughness(profile, settings)
+        axis.plot(x, 1e3 * z, color=FOOT, lw=1.2, label="ground")
+        axis.plot(
+            profile.x,
+            1e3 * low_pass(profile.z, profile.step, settings.corner),
+            color=COM,
+            lw=1.6,
+            label="as a long foot feels it",
+        )
+        values = ", ".join(f"{name} {float(found[name]):.2g}" for name in ("Sq", "Sku", "P", "K"))
+        axis.set_title(f"random, cutoff {cutoff:g}: {values}", loc="left", fontsize=10)
+        axis.set_ylabel("height (mm)")
+        axis.margins(x=0.0)
+    axes[0].legend(loc="upper right", ncols=2, frameon=False, fontsize=9)
+    axes[1].set_xlabel("along the way (m)")
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def main() -> None:
+    """Draw all figures."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
+    folder.mkdir(parents=True, exist_ok=True)
+    mpl.use("Agg")
+    # The same bytes from the same numbers, so that a figure changes only when what it shows does.
+    mpl.rcParams |= {
+        "svg.hashsalt": "wbc",
+        "svg.fonttype": "none",
+        "font.family": "sans-serif",
+        "path.simplify_threshold": 0.5,
+    }
+    for name, draw in (("pattern.svg", draw_pattern), ("roughness.svg", draw_roughness)):
+        draw(folder / name)
+        print(f"wrote {folder / name}")
+
+
+if __name__ == "__main__":
+    main()
