@@ -124,7 +124,7 @@ class BalanceLayer(Layer):
         lifted = np.column_stack([corners, np.full(len(corners), self._level + LIFT)])
         note.shapes[f"{ROOT}/support/polygon"] = polygon_corners(lifted, CORNERS)
         dcm = truth.com[:2] + truth.com_velocity[:2] / self._omega
-        matrices[self._dcm] = _at(*dcm, self._level + LIFT)
+        matrices[self._dcm] = _at(float(dcm[0]), float(dcm[1]), self._level + LIFT)
         reference = None if self._walking is None else self._walking.reference
         if reference is not None:
             x, y, z = reference.pendulum.zmp

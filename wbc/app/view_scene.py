@@ -267,7 +267,7 @@ def make_scene(
     floor = 0.0 if terrain is None else float(terrain.surface.floor)
     drawings += _ground(terrain, floor)
     disc = Cylinder(0.022 * size, 0.004 * size)
-    markers = {
+    markers: dict[str, tuple[Shape, Colour]] = {
         "com": (sphere(0.022 * size), COM_COLOUR),
         "com_shadow": (disc, COM_COLOUR),
         "zmp": (disc, ZMP_COLOUR),

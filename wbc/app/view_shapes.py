@@ -166,7 +166,7 @@ def _find(filename: str, directories: tuple[Path, ...]) -> Path | None:
 
 def _named_colours(root: ElementTree.Element) -> dict[str, Colour]:
     """Colours of materials that are defined once and used by name."""
-    named = {}
+    named: dict[str, Colour] = {}
     for material in root.iter("material"):
         colour = _colour(material)
         if colour is not None and material.get("name"):

@@ -302,7 +302,7 @@ class QpSolver:
         self._persistent = None
         solution = self._daqp(hessian, gradient)
         if solution is not None and self._accept(*solution):
-            logger.warning("ProxQP failed (%s); DAQP succeeded", qp.results.info.status)
+            logger.info("ProxQP failed (%s); DAQP succeeded", qp.results.info.status)
             self.counts["DAQP"] += 1
             return Status.FALLBACK
         if self.settings.relaxation is not None and p.n_physics < p.n_eq:
