@@ -32,7 +32,7 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     n_slack = n_eq - physics + n_in
     identity = np.eye(n_slack)
     # Least violation first: the objective of the tasks is dropped, but for a trace that makes the answer unique.
-    hessian = np.diag(np.concatenate([np.full(n, 1e-8), np.ones(n_slack)]))
+    hessian = np.diag(np.concatenate([np.full(n, 1e-12), np.ones(n_slack)]))
     equality = np.hstack([p.equality, np.vstack([np.zeros((physics, n_slack)), identity[: n_eq - physics]])])
     rows = np.hstack([p.inequality, identity[n_eq - physics :]])
     above, below = np.isfinite(p.upper) & (p.upper < 1e20), np.isfinite(p.lower) & (p.lower > -1e20)

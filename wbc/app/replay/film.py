@@ -32,7 +32,9 @@ GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
     "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
 )
-FFMPEG_HELP = "MP4 needs the program ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg); GIF needs nothing"
+FFMPEG_HELP = (
+    "MP4 needs the program ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg); GIF needs nothing"
+)
 GIF_RATE = 20.0
 """Players round the time between two pictures of a GIF to hundredths of a second."""
 
