@@ -451,7 +451,8 @@ def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
     """Walks of 3 m over rough ground, every sole with the same gait and gains: how many of 22 steps?"""
     return Study(
         name="rough_ground" if gains == "default" else f"rough_ground_{gains}",
-        about="3 m over rough ground, the same gait and gains for all soles",
+        about="3 m over rough ground, the same gait and gains for all soles"
+        + ("" if gains == "default" else f" ({gains} gains)"),
         base={"noise": "realistic", "plan": {"distance": 3.0}, "gains": gains},
         cells=tuple(
             Cell(f"{name}, {1e3 * amplitude:.0f} mm", {**values, "amplitude": amplitude})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ from cyclopts import Parameter
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +75,9 @@ def plot(
         "files": [str(path) for path in written],
         "notes": notes,
     }
-    return output.report(facts, "\n".join([*notes, *(str(path) for path in written)]))
+    for note in notes:
+        logger.warning("%s", note)
+    return output.report(facts, "\n".join(str(path) for path in written))
 
 
 def _sorted_out(words: Sequence[str]) -> tuple[list[Path], list[str]]:

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.app.files import check_target
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, unknown_name
@@ -142,7 +143,8 @@ def walk(
 ) -> Report:
     """Walk in the simulator, and say how far the robot came and how well. A fall is a result like any other."""
     spec = options.walk()
-    check_clearance(spec.ground(), spec.gait.swing_height)
+    if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
+        check_clearance(spec.ground(), spec.gait.swing_height)
     hooks: list[WalkHook] = []
     with ExitStack() as stack:
         trial = WalkTrial(spec)
@@ -150,7 +152,9 @@ def walk(
         if options.record is not None:
             from wbc.app.log import Recorder  # noqa: PLC0415 - most walks are not recorded
 
-            record = stack.enter_context(Recorder(options.record, spec=spec))
+            record = stack.enter_context(
+                Recorder(check_target("a log", options.record, (".arrow",)), spec=spec)
+            )
             if watch is not None:
                 record.add("view/change", watch.news, about="changed from the page since the tick before")
             hooks.append(record)
@@ -261,7 +265,7 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
         f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm"
         + ("" if result.dcm_error_max is None else f", at most {1e3 * result.dcm_error_max:.0f} mm"),
         f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
-        + ("" if result.impact is None else f"; peak force {result.impact:.2f} x weight"),
+        + ("" if result.impact is None else f"; at most {result.impact:.2f} x weight"),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
     ]
     if result.clock is not None:
