@@ -25,7 +25,7 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 import wbc
-from wbc.app.view import MeshcatView, ViewError
+from wbc.app.view import MeshcatView, PortError, ViewError
 from wbc.app.view_channel import NOTE, Channel
 from wbc.app.view_scene import ROOT
 from wbc.app.view_shapes import Box, Cylinder, Ellipsoid, MeshFile, Part, Surface, robot_parts
@@ -452,7 +452,7 @@ def test_a_port_in_use_is_said_before_anything_runs() -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(ViewError, match=rf"127\.0\.0\.1:{port}.*in use.*another port"):
+        with pytest.raises(PortError, match=rf"127\.0\.0\.1:{port}.*in use.*another port"):
             MeshcatView(description, port=port)
 
 

@@ -54,7 +54,7 @@ class Live:
             plant: The plant.
 
         Raises:
-            InputError: A port that is none.
+            InputError: A port that is none, or one that is in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:
@@ -75,7 +75,7 @@ class Live:
             trial: The walk.
 
         Raises:
-            InputError: A port that is none.
+            InputError: A port that is none, or one that is in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:

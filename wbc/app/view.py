@@ -72,6 +72,10 @@ class ViewError(WbcError):
     """The live view cannot be started."""
 
 
+class PortError(ViewError, InputError):
+    """The address or port to serve a page at cannot be had; the message names another way."""
+
+
 class MeshcatView:
     """A page in the browser that shows a robot as it moves.
 
@@ -122,7 +126,8 @@ class MeshcatView:
 
         Raises:
             InputError: A value out of range, a terrain given with a plant, or a walk without one.
-            ViewError: The port cannot be had, or the process does not start; nothing is left running.
+            PortError: The port cannot be had; nothing is left running.
+            ViewError: The process does not start; nothing is left running.
         """
         self._period = 1.0 / positive("rate of the view (1/s)", rate)
         self._speed = None if speed is None else positive("speed of the view", speed)
@@ -190,12 +195,15 @@ class MeshcatView:
                 answer = process.stdout.readline() if selector.select(START_TIME) else b""
         except BrokenPipeError:
             answer = b""
-        facts = json.loads(answer) if answer else {"error": "its process ended at once or does not answer"}
+        if not answer:
+            _stop(process, self._channel)
+            raise ViewError("the live view cannot be served: its process ended at once or does not answer")
+        facts = json.loads(answer)
         if "error" in facts:
             _stop(process, self._channel)
             where = setup.host if setup.port is None else f"{setup.host}:{setup.port}"
             hint = "; choose another port, or leave it out to take a free one" if setup.port else ""
-            raise ViewError(f"the live view cannot be served at {where}: {facts['error']}{hint}")
+            raise PortError(f"the live view cannot be served at {where}: {facts['error']}{hint}")
         return process, int(facts["port"])
 
     def update(

@@ -75,7 +75,7 @@ class WatchWalk(WalkHook):
 
         Raises:
             InputError: An option out of range.
-            ViewError: The port cannot be had.
+            PortError: The port cannot be had.
         """
         self.view = MeshcatView(trial.plant, walking=trial.walking, **self._options)
 

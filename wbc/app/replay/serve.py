@@ -11,7 +11,7 @@ import sys
 import tornado.httpserver
 import tornado.web
 
-from wbc.app.view import ViewError
+from wbc.app.view import PortError
 from wbc.app.view_server import FIRST_PORT, PORTS
 
 
@@ -43,13 +43,13 @@ class Server:
             port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
 
         Raises:
-            ViewError: The port cannot be had.
+            PortError: The port cannot be had.
         """
         try:
             self._socket = _listen(host, port)
         except OSError as error:
             where = host if port is None else f"{host}:{port}"
-            raise ViewError(
+            raise PortError(
                 f"the replay cannot be served at {where}: {error.strerror or error}; choose another port, or "
                 "leave it out to take a free one"
             ) from error
