@@ -21,7 +21,7 @@ from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app import live
-from wbc.app.cli import FAILED, RAN, main
+from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.log import Log
 from wbc.app.view import MeshcatView, make_layers
 from wbc.app.view_channel import NOTE
@@ -429,7 +429,7 @@ def test_a_port_in_use_stops_a_walk_before_anything_is_written(
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = str(taken.getsockname()[1])
-        assert main([*WALK, "--port", port, "--record", str(log)]) == FAILED
+        assert main([*WALK, "--port", port, "--record", str(log)]) == BAD_INPUT
     captured = capsys.readouterr()
     assert f"127.0.0.1:{port}" in captured.err and "another port" in captured.err and not captured.out
     assert log.read_text() == "kept"
