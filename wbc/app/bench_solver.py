@@ -142,7 +142,7 @@ def bench_solver(
         Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_daqp` should be zero.
     """
     logging.getLogger("wbc.core.solver").setLevel(logging.ERROR)  # infeasible problems are expected here
-    passes: list[tuple[_Tally, int]] = []
+    passes: list[_Tally] = []
     for done in range(options.repeat):
 
         def report(ticks: int, done: int = done) -> None:
@@ -150,30 +150,29 @@ def bench_solver(
                 progress((done * options.ticks + ticks) // options.repeat)
 
         passes.append(_pass(options, report))
-    tally, streams = passes[0]
+    tally = passes[0]
     first = np.array(tally.wall)
-    for again, _ in passes[1:]:
+    for again in passes[1:]:
         tally.wall = list(np.minimum(tally.wall, again.wall))
         tally.cpu = list(np.minimum(tally.cpu, again.cpu))
-    return _facts(options, tally, streams, first)
+    return _facts(tally, first)
 
 
-def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> tuple[_Tally, int]:
-    """Solve all problems once; the number of streams too."""
+def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tally:
+    """Solve all problems once."""
     tally = _Tally(options)
     root = np.random.SeedSequence(options.seed)
-    streams = 0
     while len(tally.wall) < options.ticks:
         rng = np.random.default_rng(root.spawn(1)[0])
-        description = load(options.robot[streams % len(options.robot)])
+        description = load(options.robot[tally.counts["streams"] % len(options.robot)])
         stream = Stream(description, rng, scattered=bool(rng.random() < options.scattered))
-        streams += 1
+        tally.counts["streams"] += 1
         with _no_garbage_collection():
             tally.run(stream)
         tally.solvers.update(solver_counts(stream.controller))
         tally.counts["switches"] += stream.switches
         progress(len(tally.wall))
-    return tally, streams
+    return tally
 
 
 @contextmanager
@@ -197,14 +196,12 @@ def primal_residual(problem: Problem, solution: Solution) -> float:
     return float(max(equality, (values - problem.upper).max(), (problem.lower - values).max(), 0.0))
 
 
-def _facts(
-    options: BenchSolverOptions, tally: _Tally, streams: int, first: np.ndarray[Any, Any]
-) -> dict[str, Any]:
+def _facts(tally: _Tally, first: np.ndarray[Any, Any]) -> dict[str, Any]:
     wall, cpu = np.array(tally.wall), np.array(tally.cpu)
     shares = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
     return {
         "ticks": len(wall),
-        "streams": streams,
+        "streams": tally.counts["streams"],
         "contact_switches": tally.counts["switches"],
         "unsolved": tally.counts["unsolved"],
         "above_tolerance": tally.counts["above tolerance"],
@@ -226,7 +223,7 @@ def _facts(
             "longest_solve_ms": round(1e3 * max(tally.infeasible_times, default=0.0), 2),
         },
         "streams_ended_by_a_fall": tally.counts["fallen"],
-        "options": asdict(options),
+        "options": asdict(tally.options),
     }
 
 
