@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -267,6 +267,19 @@ class StiffnessModel:
                 raise
             raise InputError(f"{target} is not a whole {FORMAT}: {type(error).__name__} {error}") from error
         return model
+
+
+DEFAULT_MODEL = Path(__file__).parent / "data" / "stiffness_model.json"
+"""The model that comes with the library; its table lies beside it."""
+
+DEFAULT_TABLE = DEFAULT_MODEL.with_name("stiffness_table.csv")
+"""What it was trained on."""
+
+
+@cache
+def default_model() -> StiffnessModel:
+    """The model that comes with the library, trained on walks in the simulator."""
+    return StiffnessModel.load(DEFAULT_MODEL)
 
 
 def knn_pipeline(settings: ModelSettings) -> Any:

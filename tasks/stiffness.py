@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from wbc.feet.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.scan import GroundScan, Profile, toe_sensor
 from wbc.feet.soft import VariableStiffnessFoot
 from wbc.feet.sole import SIDES
-from wbc.tasks.stiffness_policy import StiffnessDecision, StiffnessPolicy, SwingScan, as_policy
+from wbc.tasks.stiffness_policy import PolicyLike, StiffnessDecision, SwingScan, as_policy
 from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 
 
@@ -47,7 +46,7 @@ class StiffnessTask:
         self,
         robot: Robot,
         foot: VariableStiffnessFoot,
-        policy: StiffnessPolicy | Callable[[SwingScan], StiffnessDecision | float | None],
+        policy: PolicyLike,
         timing: StiffnessTiming | None = None,
     ) -> None:
         """Prepare everything, so that the first decision is as fast as all others.
@@ -102,6 +101,11 @@ class StiffnessTask:
     def command(self) -> Array:
         """Stiffness commanded now, left first, shape (2,), Nm/rad."""
         return self._command.copy()
+
+    @property
+    def decided(self) -> StepStiffness | None:
+        """What was decided in the swing that goes on; None before it was."""
+        return self._record if self._side is not None else None
 
     def update(
         self, swing: str | None, progress: float, time_left: float, robot: Robot, measurement: Measurement

@@ -7,14 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negative
 from wbc.feet.roughness import LEAST_SAMPLES, profile_roughness, roughness
 from wbc.feet.scan import Profile, ScanSettings
-from wbc.feet.stiffness_model import StiffnessModel
+from wbc.feet.stiffness_model import StiffnessModel, default_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +96,10 @@ class StiffnessPolicy(ABC):
         """
 
 
+PolicyLike: TypeAlias = StiffnessPolicy | Callable[[SwingScan], StiffnessDecision | float | None]
+"""What can decide: a policy, or a plain function."""
+
+
 @dataclass(frozen=True)
 class FixedPolicy(StiffnessPolicy):
     """Always the same stiffness.
@@ -157,9 +161,9 @@ class ModelPolicy(StiffnessPolicy):
     model: StiffnessModel
 
     @classmethod
-    def load(cls, path: str | Path) -> ModelPolicy:
-        """Read the model from a file; see `StiffnessModel.load`."""
-        return cls(StiffnessModel.load(path))
+    def load(cls, path: str | Path | None = None) -> ModelPolicy:
+        """Read the model from a file; the one that comes with the library when None. See `StiffnessModel.load`."""
+        return cls(default_model() if path is None else StiffnessModel.load(path))
 
     def prepare(self, scan: ScanSettings) -> None:
         """See `StiffnessPolicy.prepare`."""
@@ -227,9 +231,7 @@ def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -
     _POLICIES[name] = make
 
 
-def as_policy(
-    policy: StiffnessPolicy | Callable[[SwingScan], StiffnessDecision | float | None],
-) -> StiffnessPolicy:
+def as_policy(policy: PolicyLike) -> StiffnessPolicy:
     """Return a policy as it is, a function as a `FunctionPolicy`.
 
     Raises:

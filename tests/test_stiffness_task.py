@@ -20,7 +20,7 @@ from wbc.feet import SoftFoot, StiffnessActuator, VariableStiffnessFoot
 from wbc.feet.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.roughness import PARAMETERS, profile_roughness, roughness
 from wbc.feet.scan import PROFILE_STEP, ScanSettings, toe_sensor, windows
-from wbc.feet.stiffness_model import ModelSettings, StiffnessModel
+from wbc.feet.stiffness_model import ModelSettings, StiffnessModel, default_model
 from wbc.sim.terrain import Terrain, terrain
 from wbc.tasks.stiffness import StiffnessTask, reachable
 from wbc.tasks.stiffness_policy import (
@@ -371,8 +371,10 @@ def test_policies_have_names() -> None:
         stiffness_policy("fixd")
     with pytest.raises(UnknownNameError, match="parameter of the stiffness policy 'fixed' 'stifness'"):
         stiffness_policy("fixed", stifness=1.0)
-    with pytest.raises(InputError, match="needs a value for 'path'"):
-        stiffness_policy("model")
+    assert stiffness_policy("model").model is default_model()  # type: ignore[attr-defined]
+    register_stiffness_policy("of a file", ModelPolicy)
+    with pytest.raises(InputError, match="needs a value for 'model'"):
+        stiffness_policy("of a file")
     with pytest.raises(InputError, match="no stiffness model 'nowhere.json'"):
         stiffness_policy("model", path="nowhere.json")
     with pytest.raises(InputError, match="fixed stiffness"):

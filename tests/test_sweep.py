@@ -22,7 +22,8 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.comparison import mean_interval, paired_difference
 from wbc.sim.journal import Entry, Journal, read_journal
 from wbc.sim.provenance import provenance
-from wbc.sim.studies import STUDIES, Cell, Study, merged, study_by_name, study_table
+from wbc.sim.studies import Cell, Study, merged, study_table
+from wbc.sim.study_catalog import STUDIES, study_by_name
 from wbc.sim.sweep import SweepSummary, cluster_executor, sweep
 from wbc.sim.trials import PushLimitSpec, register_trial, run_trial, trial_from_json
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
@@ -317,12 +318,19 @@ def test_studies_are_data() -> None:
     assert merged({"a": {"b": 1, "c": 2}}, {"a": {"c": 3}}) == {"a": {"b": 1, "c": 3}}
 
 
+TRAINING = ("dataset",)
+"""Studies that something is learnt from."""
+
+
 @pytest.mark.parametrize("name", STUDIES)
 def test_studies_of_the_project_can_be_run(name: str) -> None:
     study = study_by_name(name).narrowed(seeds=1)
     specs = [trial.spec for trial in study.trials()]
     assert len({json.dumps(spec.to_json()) for spec in specs}) == len(specs)
-    assert all(seed >= 100 for seed in study_by_name(name).seeds), "seeds below 100 are for tuning"
+    fresh = [seed >= 100 for seed in study_by_name(name).seeds]
+    assert all(fresh) != (name in TRAINING) and any(fresh) == all(fresh), (
+        "seeds below 100 are for tuning and training"
+    )
 
 
 @pytest.mark.parametrize(

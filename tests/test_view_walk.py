@@ -10,6 +10,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,6 @@ from wbc.app.view_source import PlantSource
 from wbc.app.view_walk import WatchWalk
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.feet import RangeSensor
-from wbc.sim.terrain import terrain
 from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, run_walk
 from wbc.walking.gait import Gait
 
@@ -205,12 +204,9 @@ def test_soles_have_the_colour_of_their_stiffness() -> None:
 
 
 def test_rays_end_on_the_ground_and_scans_lie_on_it() -> None:
-    ground = terrain("stones", amplitude=0.02, seed=3)
-    spec = short_walk(foot="variable", noise="none")
+    spec = short_walk(foot="variable", noise="none", terrain="stones", amplitude=0.02, seed=3)
     trial = WalkTrial(spec)
-    plant = trial.plant = wbc.Plant(
-        spec.prepared().own, foot="variable", terrain=ground, range_sensor=RangeSensor(), timestep=0.0025
-    )
+    plant, ground = trial.plant, spec.ground()
     layer = RangeLayer(plant, trial.walking)
     side = None
     while trial.walking.walk.phases.elapsed < 0.3 or side is None:
@@ -474,7 +470,8 @@ TREE = """(() => {
 
 @needs_chromium
 def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) -> None:
-    trial = WalkTrial(short_walk(foot="soft", stiffness=20.0, terrain="stones", amplitude=0.02, seed=7))
+    spec = short_walk(foot="variable", stiffness=20.0, terrain="stones", amplitude=0.02, seed=7)
+    trial = WalkTrial(replace(spec, policy="fixed", policy_params=(("stiffness", 20.0),)))
     with (
         MeshcatView(trial.plant, walking=trial.walking, port=0) as view,
         Browser(tmp_path / "profile") as browser,
@@ -502,6 +499,8 @@ def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) 
             "/markers/zmp/",
             "/balance/dcm/",
             "/support/polygon/",
+            "/range/ray_",
+            "/range/scan_",
         ):
             assert any(name.startswith(part) for name in objects), part
         where = "viewer.scene_tree.find(['wbc', 'robot', 'head']).object.matrixWorld.elements.slice(12, 15)"
@@ -511,7 +510,15 @@ def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) 
         assert (x, -z, y) == pytest.approx(tuple(head), abs=1e-3)
         words = browser.evaluate('document.getElementById("facts").innerText')
         assert "step 1 of" in words and "soles 20.0 and 20.0 Nm/rad" in words
-        for label in ("ZMP", "DCM", "contact force", "support polygon", "left footstep"):
+        for label in (
+            "ZMP",
+            "DCM",
+            "contact force",
+            "support polygon",
+            "left footstep",
+            "range ray",
+            "as scanned",
+        ):
             assert label in words
         colours = browser.evaluate(
             "(() => { const seen = []; for (const [name, node] of "

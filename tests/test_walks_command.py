@@ -37,7 +37,7 @@ def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     assert data["spec"]["changes"] == {"gains.dcm_p": [4.0, 4.0]} and data["steps_planned"] == 2
     assert main(["walk", "--spec", str(tmp_path / "walk.json"), "--json"]) == RAN
     again = json.loads(capsys.readouterr().out)
-    clock = ("wall_s", "real_time_factor", "tick_us", "physics_share")
+    clock = ("wall_s", "real_time_factor", "tick_us", "physics_share", "decision_us")
     assert {k: v for k, v in data.items() if k not in clock} == {
         k: v for k, v in again.items() if k not in clock
     }
@@ -59,7 +59,7 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["walk", "--spec", "nothing.json"], "cannot be read"),
         (["walk", "--spec", "nothing.json", "--foot", "soft"], "leave --foot out"),
         (["walk", "--push", "impuls=0.1"], "impulse"),
-        (["walk", "--param", "foo=2"], "parameter of terrain 'flat'"),
+        (["walk", "--param", "foo=2"], "parameter of terrain 'stones'"),
         (["study", "run", "flat_floor", "--journal", "."], "folder"),
         (["study", "run", "flat_flor", "--journal", "j"], "flat_floor"),
         (["study", "table", "flat_floor", "--journal", "nothing.jsonl"], "no journal"),

@@ -79,12 +79,14 @@ class WallClock:
         real_time_factor: Simulated time over wall time of the closed loop.
         tick_us: From measurement to command, median and 99th percentile.
         physics_share: Part of the loop's time in the simulator.
+        decision_us: From a whole scan to the stiffness that is commanded, median and most; None without a decision.
     """
 
     wall_s: float
     real_time_factor: float
     tick_us: dict[str, float]
     physics_share: float
+    decision_us: dict[str, float] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -102,13 +104,15 @@ class WalkResult:
     Attributes:
         robot: Name.
         foot: Name.
-        stiffness: Of the sole hinges, Nm/rad; None of rigid soles.
+        sole_stiffness: Of the sole hinges at the start, Nm/rad; None of rigid soles.
+        policy: Who set soles of variable stiffness; None of others.
         terrain: Family.
         amplitude: Of the ground, m.
         seed: Of ground and sensors.
         outcome: completed, fell, diverged or unfinished.
         steps_planned: Number of steps.
         steps_done: Single supports that ended with a foot on the ground.
+        J: What the paper maximizes, see `objective`.
         fell: True if it fell.
         fall_reason: height, tilt, dcm or solver; None if it did not fall.
         fall: How the fall began; None if it did not fall.
@@ -129,6 +133,9 @@ class WalkResult:
         sole_roll: |roll| of the stance sole in single support, mean and standard deviation, rad.
         sole_pitch: |pitch| likewise, rad.
         contact_area: Hull of the contacts of the stance sole in the middle of single supports, m².
+        stiffness: What happened to the stiffness of the sole in each swing, in order: side, stiffness commanded and
+            actual at the landing, decision with its features and how long before the landing it was made, error of
+            the scanned profile (`wbc.tasks.StepStiffness`, `wbc.sim.walks.soles`); None of soles without an actuator.
         failures: Ticks without a solution or with an unusable measurement.
         notes: What was changed to make the plan walkable.
         clock: What the clock said; None in a record that was read back without it.
@@ -136,13 +143,15 @@ class WalkResult:
 
     robot: str
     foot: str
-    stiffness: float | None
+    sole_stiffness: float | None
+    policy: str | None
     terrain: str
     amplitude: float
     seed: int
     outcome: str
     steps_planned: int
     steps_done: int
+    J: float
     fell: bool
     fall_reason: str | None
     fall: Fall | None
@@ -162,6 +171,7 @@ class WalkResult:
     sole_roll: Spread
     sole_pitch: Spread
     contact_area: Spread
+    stiffness: tuple[dict[str, Any], ...] | None
     failures: int
     notes: tuple[str, ...]
     clock: WallClock | None = None
@@ -171,11 +181,30 @@ class WalkResult:
         values = asdict(replace(self, clock=None))
         del values["clock"]
         values["notes"] = list(self.notes)
+        values["stiffness"] = None if self.stiffness is None else list(values["stiffness"])
         return values
 
     def to_json(self) -> dict[str, Any]:
         """Record and clock, as plain values."""
         return self.record() | (self.clock.to_json() if self.clock is not None else {})
+
+
+def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:
+    """What the paper's optimization maximizes: steps, and the errors of ZMP and CoM to tell equal numbers apart.
+
+    J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com) with the n steps that remained to be done, and mean and
+    standard deviation of the errors in m. 0 is perfect; a missed step costs more than any error.
+
+    Args:
+        remaining: Steps that were planned and not done.
+        zmp_error: m.
+        com_error: m.
+
+    Source: the paper, section III-B, eq. 6. It prints the steps that were done, which with the minus sign would reward
+    falling; the authors' public code counts those that remain. Their errors have a vertical part, ours are horizontal.
+    """
+    weighted = (3.0, zmp_error.mean), (9.0, zmp_error.std), (3.0, com_error.mean), (9.0, com_error.std)
+    return -(10.0 * remaining + sum(weight * (value or 0.0) for weight, value in weighted))
 
 
 def identity(spec: WalkSpec) -> dict[str, Any]:
@@ -184,7 +213,8 @@ def identity(spec: WalkSpec) -> dict[str, Any]:
     return {
         "robot": spec.robot,
         "foot": spec.foot,
-        "stiffness": None if stiffness is None else float(stiffness),
+        "sole_stiffness": None if stiffness is None else float(stiffness),
+        "policy": spec.policy,
         "terrain": spec.terrain,
         "amplitude": spec.ground().amplitude,
         "seed": spec.seed,

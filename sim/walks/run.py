@@ -13,14 +13,21 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.errors import Array, MeasurementError
+from wbc.core.errors import Array, InputError, MeasurementError
 from wbc.core.observer import Observer
+from wbc.core.robot import Robot
+from wbc.feet import RangeSensor, VariableStiffnessFoot
 from wbc.sim.plant import Plant
 from wbc.sim.walks.hooks import WalkHook, WalkTick
 from wbc.sim.walks.meter import WalkMeter
+from wbc.sim.walks.policy import make_policy
 from wbc.sim.walks.push import WalkPush
-from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity
-from wbc.sim.walks.spec import WalkSpec, moved, time_limit
+from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objective
+from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.soles import SoleMeter
+from wbc.sim.walks.spec import PreparedWalk, WalkSpec, moved, time_limit
+from wbc.tasks.stiffness import StiffnessTask
+from wbc.tasks.stiffness_policy import PolicyLike
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
 from wbc.walking.phases import Event
@@ -48,11 +55,15 @@ class WalkTrial:
         walking: The controller.
     """
 
-    def __init__(self, spec: WalkSpec) -> None:
+    def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None) -> None:
         """Build plant and controller.
 
         Args:
             spec: What it is.
+            policy: Sets soles of variable stiffness in place of the policy that the spec names.
+
+        Raises:
+            InputError: A policy for soles without a stiffness to set.
         """
         self._begin = time.perf_counter()
         self.spec = spec
@@ -65,6 +76,7 @@ class WalkTrial:
                 timestep=spec.timestep,
                 control_period=spec.period,
                 noise=spec.noise,
+                range_sensor=_range_sensor(spec, prepared.settings),
                 seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
                 physics=prepared.settings.physics,
             )
@@ -76,9 +88,15 @@ class WalkTrial:
             observer.reset(prepared.configuration)
             robot.update(prepared.configuration, np.zeros(robot.nv))
             self.walking = WalkingControl(
-                robot, prepared.plan, spec.period, prepared.settings, observer=observer
+                robot,
+                prepared.plan,
+                spec.period,
+                prepared.settings,
+                observer=observer,
+                stiffness=_stiffness_task(spec, prepared, robot, policy),
             )
         self._meter = WalkMeter(self.plant, self.walking)
+        self._soles = None if self.walking.stiffness is None else SoleMeter(self.plant, self.walking)
         self._fallen = TrueFall(self.plant, prepared.settings.falls)
         self._origin = self._middle()
         self._pushes = list(spec.pushes)
@@ -94,7 +112,7 @@ class WalkTrial:
             return self._run(hooks)
 
     def _run(self, hooks: Sequence[WalkHook]) -> WalkResult:
-        plant, walking, meter = self.plant, self.walking, self._meter
+        plant, walking, meter, soles = self.plant, self.walking, self._meter, self._soles
         limit = time_limit(self._prepared)
         ticks: list[float] = []
         physics = 0.0
@@ -115,6 +133,8 @@ class WalkTrial:
             end = time.perf_counter()
             ticks.append(end - start)
             meter.update(measurement)
+            if soles is not None:
+                soles.update()
             if hooks:
                 tick = WalkTick(plant, walking, measurement, command)
                 start = time.perf_counter()
@@ -144,6 +164,7 @@ class WalkTrial:
                 "p99": 1e6 * float(np.percentile(ticks, 99)) if ticks else math.nan,
             },
             physics_share=physics / loop if loop > 0.0 else math.nan,
+            decision_us=None if soles is None else soles.decision_us(),
         )
         result = self._result(fall, diverged, clock)
         for hook in hooks:
@@ -158,18 +179,21 @@ class WalkTrial:
             outcome = "fell"
         else:
             outcome = "completed" if walking.finished else "unfinished"
+        planned, figures = len(self._prepared.plan), self._meter.figures()
         return WalkResult(
             **identity(self.spec),
             outcome=outcome,
-            steps_planned=len(self._prepared.plan),
+            steps_planned=planned,
             steps_done=walking.steps_done,
+            J=objective(planned - walking.steps_done, figures["zmp_error"], figures["com_error"]),
             fell=fall is not None,
             fall_reason=None if fall is None else fall.reason,
             fall=fall,
             diverged=diverged,
             seconds=self.plant.time,
             **self._travel(),
-            **self._meter.figures(),
+            **figures,
+            stiffness=None if self._soles is None else tuple(self._soles.steps()),
             failures=walking.control.failures,
             notes=self._prepared.notes,
             clock=clock,
@@ -219,6 +243,26 @@ class WalkTrial:
         force = push.impulse * self.plant.robot.mass / push.duration
         along = np.array([math.cos(push.direction), math.sin(push.direction), 0.0])
         self.plant.push(push.body, force * along, push.duration)
+
+
+def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None:
+    """The range sensor under each toe; None of soles whose stiffness nobody sets."""
+    if spec.policy is None:
+        return None
+    return RangeSensor() if spec.noise == "none" else settings.range_sensor
+
+
+def _stiffness_task(
+    spec: WalkSpec, prepared: PreparedWalk, robot: Robot, policy: PolicyLike | None
+) -> StiffnessTask | None:
+    """What sets the soles while they swing; None of soles without a stiffness to set."""
+    foot = prepared.foot
+    if not isinstance(foot, VariableStiffnessFoot) or spec.policy is None:
+        if policy is not None:
+            raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
+        return None
+    chosen = make_policy(spec.policy, spec.policy_params) if policy is None else policy
+    return StiffnessTask(robot, foot, chosen, prepared.settings.stiffness)
 
 
 LIFTED = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field, replace
 
 from wbc.core.errors import InputError, choose
 from wbc.core.observer import ObserverSettings
+from wbc.feet.range_sensor import RangeSensor
 from wbc.sim.changes import Changes, changed, normal_changes
 from wbc.sim.settings import PhysicsSettings
+from wbc.tasks.stiffness_record import StiffnessTiming
 from wbc.walking.control import Mode, WalkingSettings
 from wbc.walking.distribution import DistributionSettings
 from wbc.walking.gains import StabilizerGains
@@ -28,10 +30,14 @@ class TrialSettings(WalkingSettings):
     Attributes:
         observer: Of the base estimator.
         physics: Of the simulator.
+        stiffness: When soles of variable stiffness are scanned for, decided on and set.
+        range_sensor: Range sensor under each toe of such soles; with the sensor noise "none" it is a perfect one.
     """
 
     observer: ObserverSettings = field(default_factory=ObserverSettings)
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)
+    stiffness: StiffnessTiming = field(default_factory=StiffnessTiming)
+    range_sensor: RangeSensor = field(default_factory=lambda: RangeSensor(noise=0.001, resolution=0.001))
 
     @staticmethod
     def preset(name: str) -> TrialSettings:

@@ -25,6 +25,7 @@ from wbc.sim.standing import CONTROL_PERIOD, MODES, Mode
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.policy import checked_policy
 from wbc.sim.walks.push import WalkPush
 from wbc.sim.walks.settings import TrialSettings, checked_changes, trial_settings
 from wbc.walking.control import WalkingControl
@@ -44,6 +45,9 @@ class WalkSpec:
         foot: Foot under both ankles: flat is the robot's own sole.
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when None.
         foot_changes: Further parameters of the foot, such as "damping" or "contact.row_spacing".
+        policy: Who sets soles of variable stiffness while they swing: one of `wbc.tasks.stiffness_policy_names()`; the
+            model that comes with the library when None. `stiffness` is then what they start with.
+        policy_params: Parameters of the policy. With a file ("path"), the hash of its content is added ("sha256").
         terrain: Family of grounds, one of those that `wbc terrains` lists.
         amplitude: Highest minus lowest point of the ground, m; the family's own when None.
         terrain_params: Parameters of the family, and of the track: length, width, start, strip, rendering.
@@ -67,6 +71,8 @@ class WalkSpec:
     foot: str = "flat"
     stiffness: float | None = None
     foot_changes: Changes = ()
+    policy: str | None = None
+    policy_params: Changes = ()
     terrain: str = "flat"
     amplitude: float | None = None
     terrain_params: Changes = ()
@@ -90,7 +96,6 @@ class WalkSpec:
         load(self.robot)
         store("stiffness", None if self.stiffness is None else float(self.stiffness))
         store("foot_changes", _foot_changes(self.foot, as_changes(self.foot_changes)))
-        self.foot_design()
         store("terrain_params", as_changes(self.terrain_params))
         ground = self.ground()
         store("amplitude", ground.amplitude)
@@ -105,6 +110,11 @@ class WalkSpec:
         store("timestep", positive("physics timestep (s)", self.timestep))
         steps_per_tick(self.period, self.timestep)
         store("changes", checked_changes(self.gains, as_changes(self.changes)))
+        policy, params = checked_policy(
+            self.foot_design(), self.policy, as_changes(self.policy_params), self.settings().stiffness
+        )
+        store("policy", policy)
+        store("policy_params", params)
         place = finite_array("start (x m, y m, heading rad)", self.start, (3,)).tolist()
         store("start", tuple(place))
         store("pushes", tuple(self.pushes))
@@ -164,7 +174,7 @@ class WalkSpec:
     def to_json(self) -> dict[str, Any]:
         """The whole spec as plain values, with its kind."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
-        for name in ("foot_changes", "terrain_params", "changes"):
+        for name in ("foot_changes", "policy_params", "terrain_params", "changes"):
             data[name] = {key: _listed(value) for key, value in data[name]}
         data["plan"] = self.plan.to_json()
         data["gait"] = {name: None if v is None else float(v) for name, v in asdict(self.gait).items()}
@@ -186,7 +196,7 @@ class WalkSpec:
         for name in values:
             if name not in known:
                 unknown_name("part of a walk", name, known)
-        for name in ("foot_changes", "terrain_params", "changes", "plan", "gait"):
+        for name in ("foot_changes", "policy_params", "terrain_params", "changes", "plan", "gait"):
             if name in values and not isinstance(values[name], Mapping):
                 raise InputError(
                     f"{name} of a walk must be an object of names and values, got {values[name]!r}"

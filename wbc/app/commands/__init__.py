@@ -9,6 +9,7 @@ GROUPS = {
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
     "study": "Run many walks, and go on where they stopped.",
+    "stiffness": "Learn the stiffness of a sole from the roughness of the ground.",
 }
 """Commands that have commands of their own."""
 
@@ -33,6 +34,9 @@ COMMANDS = {
     "study show": "wbc.app.commands.study:show",
     "study run": "wbc.app.commands.study:run",
     "study table": "wbc.app.commands.study:table",
+    "study dataset": "wbc.app.commands.study:dataset",
+    "stiffness train": "wbc.app.commands.stiffness:train",
+    "stiffness judge": "wbc.app.commands.stiffness:judge",
     "plot": "wbc.app.commands.plot:plot",
     "view": "wbc.app.commands.view_log:view",
 }

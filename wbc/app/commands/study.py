@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,10 +20,15 @@ from rich.progress import (
 )
 
 from wbc.app.commands.walk import read_json
+from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError, choose
 from wbc.sim.journal import SYNCS, Journal, check_journal_path, read_journal
-from wbc.sim.studies import STUDIES, Study, study_by_name, study_table
+from wbc.sim.labels import Label, labels, stiffness_table
+from wbc.sim.provenance import provenance
+from wbc.sim.stiffness_studies import dataset as make_dataset
+from wbc.sim.studies import Study, study_table
+from wbc.sim.study_catalog import STUDIES, study_by_name
 from wbc.sim.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
 
 StudyName = Annotated[
@@ -79,6 +85,42 @@ class RunOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DatasetOptions:
+    """How much is tried, and where the table goes.
+
+    Attributes:
+        output: Table to write (.csv).
+        seeds: Grounds of each kind and amplitude.
+        amplitudes: Amplitudes of each of the twelve kinds of ground.
+        evaluations: Stiffnesses that are tried on each ground.
+        distance: Length of a walk, m.
+        windows: Profiles that are cut out of each ground, as long as a foot's scan.
+        separate: Find the best stiffness of each ground from its own walks alone, as in the paper; otherwise what all
+            grounds have in common fills in what these leave open.
+        any_code: Take walks of other versions of the code, too.
+    """
+
+    output: Path
+    seeds: int = 2
+    amplitudes: int = 5
+    evaluations: int = 16
+    distance: float = 3.0
+    windows: int = 6
+    separate: bool = False
+    any_code: bool = False
+
+    def study(self) -> Study:
+        """The walks."""
+        return make_dataset(self.seeds, self.amplitudes, self.evaluations, self.distance)
+
+    def command(self) -> str:
+        """The command that makes the same table."""
+        names = ("seeds", "amplitudes", "evaluations", "distance", "windows")
+        words = "wbc study dataset " + " ".join(f"--{name} {getattr(self, name):g}" for name in names)
+        return words + (" --separate" if self.separate else "")
+
+
+@dataclass(frozen=True, kw_only=True)
 class TableOptions:
     """Which table.
 
@@ -123,14 +165,67 @@ def run(
 ) -> Report:
     """Run the trials of a study that its journal does not have. Stopped at any time, it goes on from there."""
     chosen = part.part(study)
-    specs = [trial.spec for trial in chosen.trials()]
+    summary = run_trials(chosen, options, any_code=part.any_code)
+    data = {"study": chosen.name, "journal": str(options.journal), **summary.to_json()}
+    return output.report(data, summary_text(chosen, options, summary))
+
+
+@reports
+def dataset(
+    *,
+    options: Flat[RunOptions],
+    size: Flat[DatasetOptions],
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the best stiffness for ground and amplitude, and write the table that a stiffness model learns from.
+
+    The walks that the journal does not have are run first; the size says how many there are, from minutes to the
+    paper's 6,000 walks (50 evaluations, 2 seeds). `wbc stiffness train` makes a model of the table.
+    """
+    study = size.study()
+    target = check_target("a stiffness table", size.output, (".csv",))
+    summary = run_trials(study, options, any_code=size.any_code)
+    entries = read_journal(options.journal)
+    found = labels(study, entries, pooled=not size.separate, any_code=size.any_code)
+    made = {"command": size.command(), "provenance": dict(provenance()), "walks": summary.counts}
+    table = stiffness_table(study, found, windows=size.windows, made=made)
+    table.save(target)
+    data = {
+        "table": str(target),
+        "rows": len(table),
+        "labels": {cell: asdict(label) for cell, label in found.items()},
+        **summary.to_json(),
+    }
+    lines = [
+        summary_text(study, options, summary),
+        labels_text(found),
+        f"{len(table)} rows written to {target}",
+    ]
+    return output.report(data, "\n".join(lines))
+
+
+def labels_text(found: Mapping[str, Label]) -> str:
+    """Best stiffness of each ground and amplitude, for people."""
+    lines = [f"{'best stiffness, Nm/rad':<32} best   nearly best     80 % sure        J   gained by it"]
+    for cell, label in found.items():
+        near = f"{label.nearly_low:.3g} … {label.nearly_high:.3g}"
+        sure = f"{label.best_low:.3g} … {label.best_high:.3g}"
+        lines.append(
+            f"  {cell:<30} {label.stiffness:4.3g}  {near:^14} {sure:^14} {label.J:8.1f} {label.gain:8.1f}"
+        )
+    return "\n".join(lines)
+
+
+def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
+    """Run what a study's journal does not have, with a progress bar."""
+    specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(options.journal, sync=options.sync))
         executor = None
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
         bar = stack.enter_context(_progress())
-        task = bar.add_task(chosen.name, total=len(specs), rate="")
+        task = bar.add_task(study.name, total=len(specs), rate="")
 
         def progress(summary: SweepSummary) -> None:
             per_hour = summary.per_hour
@@ -138,24 +233,26 @@ def run(
             done = summary.found + summary.run
             bar.update(task, total=summary.total, completed=done, rate=rate)
 
-        summary = sweep(
+        return sweep(
             specs,
             journal,
             executor=executor,
             workers=options.workers,
             timeout=options.timeout,
             retry=options.retry,
-            any_code=part.any_code,
+            any_code=any_code,
             progress=progress,
         )
+
+
+def summary_text(study: Study, options: RunOptions, summary: SweepSummary) -> str:
+    """What was run, for people."""
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
-    text = (
-        f"{chosen.name}: {summary.total} trials, {summary.found} were in {options.journal}, {summary.run} run in "
-        f"{summary.seconds:.0f} s"
-        + ("" if summary.per_hour is None else f" ({summary.per_hour:.0f} an hour)")
+    rate = "" if summary.per_hour is None else f" ({summary.per_hour:.0f} an hour)"
+    return (
+        f"{study.name}: {summary.total} trials, {summary.found} were in {options.journal}, {summary.run} run in "
+        f"{summary.seconds:.0f} s{rate}\n  {counts}"
     )
-    data = {"study": chosen.name, "journal": str(options.journal), **summary.to_json()}
-    return output.report(data, f"{text}\n  {counts}")
 
 
 @reports

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections import Counter
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from wbc.app.files import check_target
@@ -29,6 +32,9 @@ from wbc.sim.walks import (
 )
 from wbc.walking.gait import Gait
 
+STONES_AMPLITUDE = 0.02
+"""Height of the stones that are walked over when no ground is named, m."""
+
 TRACK = ("length", "width", "start", "strip", "resolution", "sole_radius")
 """Parameters of every ground, numbers in m, beside those of its family."""
 
@@ -37,12 +43,18 @@ TRACK = ("length", "width", "start", "strip", "resolution", "sole_radius")
 class WalkOptions:
     """Which robot walks where, and how.
 
+    Without any options: 3 m over unknown stones, on soles whose stiffness is set to what each swing foot has scanned.
+
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
-        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft or variable.
+        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft or variable (its stiffness is set while
+            it swings).
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
         foot_param: Further parameters of the foot, each as name=value.
-        terrain: Family of grounds, one of those that `wbc terrains` lists.
+        policy: Who sets soles of variable stiffness while they swing: model or fixed; the model that comes with the
+            library when not given.
+        policy_param: Parameters of the policy, each as name=value, such as stiffness=5 or path=model.json.
+        terrain: Family of grounds, one of those that `wbc terrains` lists; stones of 20 mm when not given.
         amplitude: Highest minus lowest point of the ground, m; the family's own when not given.
         param: Parameters of the ground, each as name=value.
         seed: Fixes the ground and the errors of the sensors.
@@ -57,7 +69,7 @@ class WalkOptions:
         mode: What the drives are given: position and velocity, or torque.
         control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when not
             given.
-        timestep: Physics step, s; 0.002 is the fast mode.
+        timestep: Physics step, s; 0.0025 is the fast mode.
         gains: Settings to begin with: default, or legacy for mc_rtc's plain law.
         set: Settings that differ, each as name=value, such as dcm_p=5 or walk.phases.lift_off=0.2.
         push: Pushes on the way, each as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (0 forward, 90
@@ -68,10 +80,12 @@ class WalkOptions:
     """
 
     robot: str = WalkSpec.robot
-    foot: str = WalkSpec.foot
+    foot: str = "variable"
     stiffness: float | None = None
     foot_param: tuple[str, ...] = ()
-    terrain: str = WalkSpec.terrain
+    policy: str | None = None
+    policy_param: tuple[str, ...] = ()
+    terrain: str | None = None
     amplitude: float | None = None
     param: tuple[str, ...] = ()
     seed: int = WalkSpec.seed
@@ -105,14 +119,17 @@ class WalkOptions:
                 if f.name not in ("spec", "record") and getattr(self, f.name) != getattr(default, f.name):
                     raise InputError(f"--spec says the whole walk; leave --{f.name.replace('_', '-')} out")
             return read_spec(self.spec)
+        terrain = "stones" if self.terrain is None else self.terrain
         return WalkSpec(
             robot=self.robot,
             foot=self.foot,
             stiffness=self.stiffness,
             foot_changes=tuple(read_changes(self.foot_param).items()),
-            terrain=self.terrain,
-            amplitude=self.amplitude,
-            terrain_params=tuple(_ground_params(self.terrain, self.param).items()),
+            policy=self.policy,
+            policy_params=tuple(read_changes(self.policy_param).items()),
+            terrain=terrain,
+            amplitude=STONES_AMPLITUDE if self.terrain is None and self.amplitude is None else self.amplitude,
+            terrain_params=tuple(_ground_params(terrain, self.param).items()),
             seed=self.seed,
             noise=self.noise,
             noise_seed=self.noise_seed,
@@ -234,8 +251,8 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     """A result for people."""
     foot = (
         f"{result.foot} feet"
-        if result.stiffness is None
-        else f"{result.foot} feet of {result.stiffness:g} Nm/rad"
+        if result.sole_stiffness is None or result.stiffness is not None
+        else f"{result.foot} feet of {result.sole_stiffness:g} Nm/rad"
     )
     ground = (
         result.terrain if result.amplitude == 0.0 else f"{result.terrain}, {1e3 * result.amplitude:.0f} mm"
@@ -268,6 +285,7 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
         + ("" if result.impact is None else f"; at most {result.impact:.2f} x weight"),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
     ]
+    lines += soles_text(result)
     if result.clock is not None:
         tick = result.clock.tick_us
         lines.append(
@@ -275,6 +293,31 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
             f"less than {tick['p99']:.0f} us; {result.failures} failed"
         )
     return "\n".join(lines)
+
+
+def soles_text(result: WalkResult) -> list[str]:
+    """What soles of variable stiffness saw and did, for people; nothing of others."""
+    steps = result.stiffness
+    if not steps:
+        return []
+    decided = [step["commanded_nm_per_rad"] for step in steps if step["fallback"] is None]
+    reached = sum(step["reached"] for step in steps)
+    text = f"  soles     set by the {result.policy} in {len(decided)} of {len(steps)} swings"
+    if decided:
+        low, middle, high = (f"{k:.3g}" for k in np.percentile(decided, (0, 50, 100)))
+        text += f" to {low} … {high} Nm/rad, median {middle}"
+    lines = [f"{text}; {reached} there before they landed"]
+    reasons = Counter(re.split("[:,]", step["fallback"])[0] for step in steps if step["fallback"] is not None)
+    if reasons:
+        kept = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
+        lines.append(f"            others keep their stiffness ({kept})")
+    errors = [step["profile_error_m"] for step in steps if step["profile_error_m"] is not None]
+    if errors:
+        mean, most = (1e3 * float(np.mean([error[part] for error in errors])) for part in ("mean", "p95"))
+        clock = result.clock.decision_us if result.clock is not None else None
+        time = "" if clock is None else f"; decided in {clock['median']:.0f} us, {clock['max']:.0f} at most"
+        lines.append(f"  scan      {mean:.1f} mm from the true ground, 95 % within {most:.1f} mm{time}")
+    return lines
 
 
 REASONS = {

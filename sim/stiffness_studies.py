@@ -1,0 +1,89 @@
+"""Studies of the sole's stiffness: the walks that a stiffness model learns from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.core.errors import InputError, finite_scalar
+from wbc.sim.studies import Cell, Study
+
+RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+"""Cut-offs of the unidirectional grounds: seven between 0.0001 and 0.1 (the paper, section IV-B)."""
+
+RANDOM_AMPLITUDES = (0.0195, 0.0381)
+"""Least and greatest amplitude of the unidirectional grounds, m (the paper, section IV-B)."""
+
+OTHER_GROUNDS = ("cylinder_obstacles", "pyramidal_stones", "floor_tiles", "cobble_stones", "ellipsoids")
+"""The other grounds to learn from (the paper, figure 3)."""
+
+OTHER_AMPLITUDES = (0.010, 0.040)
+"""Least and greatest amplitude of these, m (the paper, section IV-B)."""
+
+SOFTEST, STIFFEST = 1.0, 80.0
+"""Stiffnesses that are tried lie between these, Nm/rad: below the least the sole hangs like a string and nothing
+changes any more; the greatest is the paper's upper bound (table I)."""
+
+
+def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
+    """The twelve grounds of the paper's training set: name → parts of a spec, least and greatest amplitude (m)."""
+    random = {
+        f"random {cutoff:g}": ({"terrain": "random", "terrain_params": {"cutoff": cutoff}}, RANDOM_AMPLITUDES)
+        for cutoff in RANDOM_CUTOFFS
+    }
+    return random | {name: ({"terrain": name}, OTHER_AMPLITUDES) for name in OTHER_GROUNDS}
+
+
+def stiffness_grid(evaluations: int) -> tuple[float, ...]:
+    """Stiffnesses to be tried, with a fixed ratio, three digits, Nm/rad: a walk feels the order of magnitude."""
+    return tuple(float(f"{k:.3g}") for k in np.geomspace(SOFTEST, STIFFEST, evaluations))
+
+
+def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance: float = 3.0) -> Study:
+    """Walks on soft soles of many stiffnesses: which one is best on which ground, at which amplitude?
+
+    Stiffnesses share grounds and sensor errors, so that each ground compares them with one another. The paper's 6,000
+    walks are 100 for each ground and amplitude: 50 stiffnesses on 2 grounds, say.
+
+    Args:
+        seeds: Grounds of each kind and amplitude.
+        amplitudes: Amplitudes of each kind of ground.
+        evaluations: Stiffnesses.
+        distance: Length of a walk, m.
+
+    Raises:
+        InputError: Fewer than one seed, one amplitude or two stiffnesses, or no distance.
+
+    Source: the paper, section IV-B.
+    """
+    for name, value, least in (
+        ("seeds", seeds, 1),
+        ("amplitudes", amplitudes, 1),
+        ("evaluations", evaluations, 4),
+    ):
+        if isinstance(value, bool) or int(value) != value or value < least:
+            raise InputError(
+                f"{name} of the dataset must be a whole number of at least {least}, got {value!r}"
+            )
+    length = finite_scalar("distance of the dataset's walks (m)", distance, low=0.0, open_low=True)
+    cells = tuple(
+        Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
+        for name, (values, (low, high)) in training_grounds().items()
+        for amplitude in np.linspace(low, high, amplitudes).round(6).tolist()
+    )
+    return Study(
+        name="dataset",
+        about="the best stiffness for ground x amplitude: what a stiffness model learns from",
+        base={"foot": "soft", "noise": "realistic", "plan": {"distance": length}},
+        cells=cells,
+        arms={f"{k:g}": {"stiffness": k} for k in stiffness_grid(evaluations)},
+        seeds=tuple(range(seeds)),
+        metric="J",
+        reference=f"{stiffness_grid(evaluations)[evaluations // 2]:g}",
+    )
+
+
+def cell_name(ground: str, amplitude: float) -> str:
+    """Name of the cell of a ground at an amplitude (m)."""
+    return f"{ground}, {1e3 * amplitude:.1f} mm"
