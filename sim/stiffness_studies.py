@@ -1,13 +1,18 @@
-"""Studies of the sole's stiffness: the walks that a stiffness model learns from."""
+"""Studies of the sole's stiffness: the walks that a model learns from, and those that show what it is good for."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wbc.core.errors import InputError, finite_scalar
-from wbc.sim.studies import Cell, Study
+from wbc.feet.dataset import StiffnessTable
+from wbc.feet.stiffness_model import DEFAULT_TABLE
+from wbc.sim.studies import FRESH_SEED, Cell, Study
 
 RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Cut-offs of the unidirectional grounds: seven between 0.0001 and 0.1 (the paper, section IV-B)."""
@@ -87,3 +92,73 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
 def cell_name(ground: str, amplitude: float) -> str:
     """Name of the cell of a ground at an amplitude (m)."""
     return f"{ground}, {1e3 * amplitude:.1f} mm"
+
+
+UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
+    "stones": (0.040, 0.055),
+    "roof_tiles": (0.040, 0.055),
+    "stone_bricks": (0.040, 0.055),
+    "small_stones": (0.010, 0.025),
+    "large_floor_tiles": (0.010, 0.025),
+}
+"""Grounds that no model is trained on, at the least and the greatest amplitude of the paper's table IV, m."""
+
+ORACLE_STIFFNESS = (1.0, 3.0, 8.0, 20.0, 45.0, 80.0)
+"""Stiffnesses among which the oracle may choose, Nm/rad."""
+
+
+def _unknown_cells() -> tuple[Cell, ...]:
+    return tuple(
+        Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
+        for name, amplitudes in UNKNOWN_GROUNDS.items()
+        for amplitude in amplitudes
+    )
+
+
+def oracle(seeds: int = 8) -> Study:
+    """Which fixed stiffness is best on each of the unknown grounds? Asked on other seeds than the table's."""
+    return Study(
+        name="oracle",
+        about="the best fixed stiffness on each ground of 'unknown_ground', on seeds of its own",
+        base={"foot": "soft", "noise": "realistic", "plan": {"distance": 3.0}},
+        cells=_unknown_cells(),
+        arms={f"{k:g}": {"stiffness": k} for k in ORACLE_STIFFNESS},
+        seeds=tuple(range(seeds)),
+        metric="J",
+        reference=f"{ORACLE_STIFFNESS[2]:g}",
+    )
+
+
+def unknown_ground(seeds: int = 20) -> Study:
+    """Does a sole whose stiffness follows the ground walk further over ground that it has never seen?
+
+    The arms: the robot's own flat sole; a rigid one of the soft footprint, which tells size from softness; soft ones
+    of the paper's 5 Nm/rad and of the median of all best stiffnesses that the model was trained on; the variable one;
+    and an oracle that knows the best fixed stiffness of each kind and height of ground.
+    """
+    median = float(f"{np.median(StiffnessTable.load(DEFAULT_TABLE).stiffness):.3g}")
+    best = oracle_choice()
+    return Study(
+        name="unknown_ground",
+        about="3 m over ground that nothing was trained or tuned on, all soles",
+        base={"noise": "realistic", "plan": {"distance": 3.0}},
+        cells=tuple(
+            replace(cell, own={"oracle": {"stiffness": best[cell.name]}}) for cell in _unknown_cells()
+        ),
+        arms={
+            "flat": {"foot": "flat"},
+            "rigid": {"foot": "rigid"},
+            "soft 5": {"foot": "soft", "stiffness": 5.0},
+            "soft, median": {"foot": "soft", "stiffness": median},
+            "variable": {"foot": "variable"},
+            "oracle": {"foot": "soft"},
+        },
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="soft 5",
+    )
+
+
+def oracle_choice() -> dict[str, float]:
+    """Best fixed stiffness of each of the unknown grounds, Nm/rad: cell → stiffness, as the study 'oracle' found it."""
+    data = json.loads((Path(__file__).parent / "data" / "oracle.json").read_text(encoding="utf-8"))
+    return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}

@@ -37,11 +37,13 @@ class Cell:
         name: Name.
         values: Parts of the specs.
         arms: Arms that are tried here; all when None.
+        own: Parts of the specs that an arm has in this cell alone: arm → parts.
     """
 
     name: str
     values: Mapping[str, Any]
     arms: tuple[str, ...] | None = None
+    own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class Study:
             if names.count(name) > 1:
                 raise InputError(f"study '{self.name}' has the cell '{name}' twice")
         for cell in self.cells:
-            for arm in cell.arms or ():
+            for arm in (*(cell.arms or ()), *cell.own):
                 choose(f"arm of the study '{self.name}'", arm, self.arms)
         if self.reference is not None:
             choose(f"arm of the study '{self.name}'", self.reference, self.arms)
@@ -103,7 +105,10 @@ class Study:
         for seed in self.seeds:
             for cell in self.cells:
                 for arm in cell.arms or self.arms:
-                    data = merged(self.base, cell.values, self.arms[arm], {"seed": seed, "kind": self.kind})
+                    own = cell.own.get(arm, {})
+                    data = merged(
+                        self.base, cell.values, self.arms[arm], own, {"seed": seed, "kind": self.kind}
+                    )
                     try:
                         spec = trial_from_json(data)
                     except (InputError, TypeError) as error:
@@ -135,7 +140,8 @@ class Study:
         for cell in self.cells:
             mine = tuple(arm for arm in cell.arms or self.arms if not columns or arm in columns)
             if mine and (not wanted or any(cell.name.startswith(name) for name in wanted)):
-                kept.append(replace(cell, arms=mine))
+                own = {arm: values for arm, values in cell.own.items() if arm in mine}
+                kept.append(replace(cell, arms=mine, own=own))
         chosen = {name: values for name, values in self.arms.items() if not columns or name in columns}
         reference = self.reference if self.reference in chosen else None
         return replace(self, cells=tuple(kept), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
@@ -148,7 +154,11 @@ class Study:
             "kind": self.kind,
             "base": dict(self.base),
             "cells": {
-                cell.name: {**cell.values, **({} if cell.arms is None else {"arms": list(cell.arms)})}
+                cell.name: {
+                    **cell.values,
+                    **({} if cell.arms is None else {"arms": list(cell.arms)}),
+                    **({"own": {arm: dict(values) for arm, values in cell.own.items()}} if cell.own else {}),
+                }
                 for cell in self.cells
             },
             "arms": {name: dict(values) for name, values in self.arms.items()},
@@ -178,8 +188,8 @@ class Study:
         cells = []
         for name, values in data["cells"].items():
             parts = dict(values)
-            arms = parts.pop("arms", None)
-            cells.append(Cell(name, parts, None if arms is None else tuple(arms)))
+            arms, own = parts.pop("arms", None), parts.pop("own", {})
+            cells.append(Cell(name, parts, None if arms is None else tuple(arms), own))
         rest = {key: data[key] for key in ("about", "kind", "base", "metric", "reference") if key in data}
         return Study(
             name=data["name"], cells=tuple(cells), arms=data["arms"], seeds=_seeds(data["seeds"]), **rest

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from wbc.core.errors import choose
-from wbc.sim.stiffness_studies import dataset
+from wbc.sim.stiffness_studies import dataset, oracle, unknown_ground
 from wbc.sim.studies import FRESH_SEED, Cell, Study
 
 
@@ -104,6 +104,8 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
     "push_recovery": push_recovery,
     "dataset": dataset,
+    "oracle": oracle,
+    "unknown_ground": unknown_ground,
 }
 """Studies by name."""
 

@@ -27,6 +27,7 @@ ELSEWHERE = {
     "study show": "test_walks_command.py",
     "study run": "test_walks_command.py",
     "study table": "test_walks_command.py",
+    "study best": "test_labels.py",
     "study dataset": "test_labels.py",
     "stiffness train": "test_labels.py",
     "stiffness judge": "test_labels.py",

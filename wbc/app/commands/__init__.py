@@ -34,6 +34,7 @@ COMMANDS = {
     "study show": "wbc.app.commands.study:show",
     "study run": "wbc.app.commands.study:run",
     "study table": "wbc.app.commands.study:table",
+    "study best": "wbc.app.commands.study:best",
     "study dataset": "wbc.app.commands.study:dataset",
     "stiffness train": "wbc.app.commands.stiffness:train",
     "stiffness judge": "wbc.app.commands.stiffness:judge",

@@ -23,7 +23,7 @@ from wbc.app.commands.walk import read_json
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError, choose
-from wbc.sim.journal import SYNCS, Journal, check_journal_path, read_journal
+from wbc.sim.journal import SYNCS, Entry, Journal, check_journal_path, read_journal
 from wbc.sim.labels import Label, labels, stiffness_table
 from wbc.sim.provenance import provenance
 from wbc.sim.stiffness_studies import dataset as make_dataset
@@ -204,6 +204,26 @@ def dataset(
     return output.report(data, "\n".join(lines))
 
 
+@reports
+def best(
+    study: StudyName,
+    /,
+    *,
+    journal: Path,
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the best stiffness of each cell of a study whose arms are stiffnesses, from what its journal has."""
+    chosen = part.part(study)
+    found = labels(chosen, entries_of(journal), any_code=part.any_code)
+    data = {
+        "study": chosen.name,
+        "provenance": dict(provenance()),
+        "labels": {cell: asdict(label) for cell, label in found.items()},
+    }
+    return output.report(data, labels_text(found))
+
+
 def labels_text(found: Mapping[str, Label]) -> str:
     """Best stiffness of each ground and amplitude, for people."""
     lines = [f"{'best stiffness, Nm/rad':<32} best   nearly best     80 % sure        J   gained by it"]
@@ -265,16 +285,25 @@ def table(
     output: OutputOptions = Output(),
 ) -> Report:
     """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
-    if not options.journal.exists():
-        raise InputError(f"there is no journal {options.journal}; `wbc study run` writes it")
     made = study_table(
         part.part(study),
-        read_journal(options.journal),
+        entries_of(options.journal),
         metric=options.metric,
         completed_only=options.completed,
         any_code=part.any_code,
     )
     return output.report(made.to_json(), made.markdown())
+
+
+def entries_of(journal: Path) -> dict[str, Entry]:
+    """What a journal has.
+
+    Raises:
+        InputError: There is none.
+    """
+    if not journal.exists():
+        raise InputError(f"there is no journal {journal}; `wbc study run` writes it")
+    return read_journal(journal)
 
 
 def read_study(name: str) -> Study:
