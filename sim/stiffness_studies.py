@@ -13,6 +13,7 @@ from wbc.core.errors import InputError, finite_scalar
 from wbc.feet.dataset import StiffnessTable
 from wbc.feet.stiffness_model import DEFAULT_TABLE
 from wbc.sim.studies import FRESH_SEED, Cell, Study
+from wbc.sim.terrain import terrain
 
 RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Cut-offs of the unidirectional grounds: seven between 0.0001 and 0.1 (the paper, section IV-B)."""
@@ -92,6 +93,58 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
 def cell_name(ground: str, amplitude: float) -> str:
     """Name of the cell of a ground at an amplitude (m)."""
     return f"{ground}, {1e3 * amplitude:.1f} mm"
+
+
+QUESTION_GROUNDS = (
+    "boards",
+    "cobble_stones",
+    "cylinder_obstacles",
+    "ellipsoids",
+    "floor_tiles",
+    "iso8608",
+    "large_floor_tiles",
+    "metal_sheets",
+    "pyramidal_stones",
+    "random",
+    "roof_tiles",
+    "slats",
+    "small_stones",
+    "steps",
+    "sticks",
+    "stone_bricks",
+    "stones",
+)
+"""Every family that is rough: all but flat floor, slopes and pictures."""
+
+QUESTION_DISTANCE = 1.5
+"""Length of a walk of the stiffness question, m: twelve steps, the first two of them on flat floor."""
+
+
+def halfway(seeds: int = 6) -> Study:
+    """At which height do half of the walks on a soft sole come to their end? There a sole can show a difference."""
+    return Study(
+        name="halfway",
+        about="how high each ground must be for half of the walks to fall",
+        base={
+            "foot": "soft",
+            "stiffness": 10.0,
+            "noise": "realistic",
+            "plan": {"distance": QUESTION_DISTANCE},
+        },
+        cells=tuple(
+            Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
+            for name in QUESTION_GROUNDS
+            for amplitude in HEIGHTS
+            if amplitude <= terrain(name).parameters.largest_amplitude
+        ),
+        arms={"10": {}},
+        seeds=tuple(range(seeds)),
+        metric="steps_done",
+    )
+
+
+HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)
+"""Heights among which the halfway one is looked for, m."""
 
 
 UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {

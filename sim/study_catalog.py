@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from wbc.core.errors import choose
-from wbc.sim.stiffness_studies import dataset, oracle, unknown_ground
+from wbc.sim.stiffness_studies import dataset, halfway, oracle, unknown_ground
 from wbc.sim.studies import FRESH_SEED, Cell, Study
 
 
@@ -104,6 +104,7 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
     "push_recovery": push_recovery,
     "dataset": dataset,
+    "halfway": halfway,
     "oracle": oracle,
     "unknown_ground": unknown_ground,
 }

@@ -318,7 +318,7 @@ def test_studies_are_data() -> None:
     assert merged({"a": {"b": 1, "c": 2}}, {"a": {"c": 3}}) == {"a": {"b": 1, "c": 3}}
 
 
-TRAINING = ("dataset", "oracle")
+TRAINING = ("dataset", "halfway", "oracle")
 """Studies that something is learnt from."""
 
 
