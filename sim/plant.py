@@ -399,10 +399,12 @@ class Plant:
     def _sample(self) -> None:
         """Write the true signals of now."""
         data = self.data
-        data.qpos.take(self._plant.joint_qpos, out=self._positions)
-        data.qvel.take(self._plant.joint_dof, out=self._velocities)
-        data.sensordata.take(self._gyro_places, out=self._rates)
-        np.mean(self._window, axis=0, out=self._forces)
+        # With the default mode NumPy writes into a buffer first.
+        data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
+        data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
+        data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
+        np.add.reduce(self._window, axis=0, out=self._forces)  # the mean, without the overhead of np.mean
+        self._forces /= len(self._window)
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
         np.negative(self._wrenches, out=self._wrenches)
 
@@ -412,6 +414,8 @@ class Plant:
         self._truth = None
         self._measurement = None
         self._sample()
+        if self._chain.depth:
+            self._chain.push(self._signals)
         warned = data.warning.number
         if warned.any() or not math.isfinite(data.qpos.sum() + data.qvel.sum()):
             names = [mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)]
@@ -470,20 +474,22 @@ class Plant:
     def _advance_singly(self) -> None:
         """One control period step by step: for pushes, moving references and sensors with a memory."""
         model, data = self.model, self.data
+        ctrl, sensors, window = data.ctrl, data.sensordata, self._window
         moving = self._from is not self._target
+        ctrl[:] = self._target
         for i in range(1, self.steps + 1):
-            if moving and i < self.steps:
-                data.ctrl[:] = self._from + (i / self.steps) * (self._target - self._from)
-            else:
-                data.ctrl[:] = self._target
+            if moving:
+                part = self._target - self._from
+                ctrl[:] = self._target if i == self.steps else self._from + (i / self.steps) * part
             if self._pushes:
                 self._pushes.apply(data, self.timestep)
             mujoco.mj_step2(model, data)
-            data.sensordata.take(self._force_places, out=self._window[(i - 1) % len(self._window)])
+            sensors.take(self._force_places, out=window[(i - 1) % len(window)], mode="clip")
             if i == self.steps:
                 self._truth_reader.capture(data)
             mujoco.mj_step1(model, data)
-            if self._chain.depth:
+            # Older signals than the latency will never be read; those of the last step come after it.
+            if 0 < self.steps - i <= self._chain.depth:
                 self._sample()
                 self._chain.push(self._signals)
 

@@ -149,6 +149,8 @@ class PreviewController:
         areas: list[tuple[Array, Array]] = []
         last = supports[-1]
         for support in supports:
+            if len(times) > s.knots + 1:
+                break  # what is beyond the horizon, the analytic plan knows
             if support.duration <= 1e-9:
                 continue
             parts = max(1, int(np.ceil(support.duration / s.interval - 1e-6)))
