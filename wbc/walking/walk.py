@@ -239,7 +239,8 @@ class Walk:
         assert self._swing is not None
         wanted = self._swing.landing
         side = SIDES.index(wanted.side)
-        self._feet[side] = FootMotion.at_rest(placements[side])
+        # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
+        self._feet[side] = FootMotion.at_rest(pin.SE3(placements[side]))
         landed = Footstep.of(wanted.side, placements[side])
         self._ground += self.settings.ground_memory * (landed.z - wanted.z)
         # Its tilt is that of a stone or of a correction: the pattern wants to know place and heading alone.
