@@ -24,7 +24,7 @@ from wbc.walking.planning import climb_stairs, turn_in_place, walk_distance, wal
 from wbc.walking.reach import Reach
 from wbc.walking.schedule import schedule, support_area
 from wbc.walking.stabilizer import Stabilizer
-from wbc.walking.walk import Walk, WalkReference, WalkSettings
+from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkReference, WalkSettings
 
 ROBOT = load("hrp4_class").robot()
 START = FootstepPlan.standing(ROBOT)
@@ -250,6 +250,30 @@ def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
     assert Event.EARLY_TOUCH_DOWN in kinds and Event.LATE_TOUCH_DOWN in kinds
     for step in result.walk.phases.plan.steps[2:]:  # each step knows the ground that it has found
         assert step.z == pytest.approx(ground(step.x, step.y), abs=2e-3)
+
+
+def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_take_it() -> None:
+    """The placements may be the model's own, as a robot hands them out: they go on moving with the foot."""
+    walk = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT, STEADY)
+    soles = [pin.SE3(START.left.placement), pin.SE3(START.right.placement)]
+    walk.start()
+    landed: tuple[int, pin.SE3] | None = None
+    while not walk.finished:
+        step = walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)]
+        swing = SIDES.index(step.side)
+        share = 0.1 if walk.phases.phase is Phase.SINGLE and walk.phases.remaining <= DT else 0.0
+        weight = [WEIGHT * (1.0 - share)] * 2
+        weight[swing] = WEIGHT * share
+        reference = walk.update(weight, soles)
+        if landed is not None and reference.contact[landed[0]]:
+            assert reference.feet[landed[0]].placement.isApprox(landed[1])
+        for side in (0, 1):
+            if any(event in TOUCH_DOWNS for event in reference.events) and side == swing:
+                landed = side, pin.SE3(soles[side])
+            turn = pin.SE3(pin.rpy.rpyToMatrix(0.001, 0.0, 0.0), np.zeros(3))
+            moved = soles[side] * turn if reference.contact[side] else pin.SE3(reference.feet[side].placement)
+            soles[side].rotation, soles[side].translation = moved.rotation, moved.translation
+    assert landed is not None and walk.steps_done == len(walk.phases.plan)
 
 
 def test_stopping_on_the_way() -> None:

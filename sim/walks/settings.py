@@ -14,6 +14,7 @@ from wbc.walking.control import Mode, WalkingSettings
 from wbc.walking.distribution import DistributionSettings
 from wbc.walking.gains import StabilizerGains
 from wbc.walking.phases import PhaseSettings
+from wbc.walking.preview import PreviewSettings
 from wbc.walking.walk import WalkSettings
 
 PRESETS = ("default", "legacy")
@@ -57,7 +58,9 @@ class TrialSettings(WalkingSettings):
             gains=StabilizerGains.legacy(),
             distribution=DistributionSettings.legacy(),
             walk=WalkSettings(
-                phases=replace(PhaseSettings(), lift_off=1.0, stance=0.0, max_wait=0.0), adjustment=None
+                preview=PreviewSettings(),
+                phases=replace(PhaseSettings(), lift_off=1.0, stance=0.0, max_wait=0.0),
+                adjustment=None,
             ),
         )
 

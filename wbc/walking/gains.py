@@ -68,7 +68,8 @@ class StabilizerGains:
         wrench_time: Low-pass of the measured wrenches before the admittances, s.
         max_average_dcm_error: Bound of the average, m.
         max_com_offset: Bound of the CoM's offset, m.
-        max_angular_velocity: Bound of the ankle rotation's speed, rad/s.
+        max_angular_velocity: Bound of the ankle rotation's speed, rad/s: on a stone a foot may have to turn by 10°
+            to be carried elsewhere, and the DCM grows e-fold in 0.3 s meanwhile.
         max_linear_velocity: Bound of the foot's vertical speed, m/s.
         max_rotation: Bound of the ankle rotation, rad.
         max_height: Bound of the foot's height offset, m.
@@ -84,7 +85,7 @@ class StabilizerGains:
     height_d: float = 0.0
     integrator_time: float = 10.0
     derivator_time: float = 1.0
-    cop_admittance: Pair | float = 0.03
+    cop_admittance: Pair | float = 0.05
     force_difference: float = 5e-4
     force_difference_damping: float = 0.0
     height_leak: float = 1.0
@@ -95,7 +96,7 @@ class StabilizerGains:
     wrench_time: float = 0.02
     max_average_dcm_error: float = 0.05
     max_com_offset: float = 0.05
-    max_angular_velocity: float = 0.5
+    max_angular_velocity: float = 1.0
     max_linear_velocity: float = 0.1
     max_rotation: float = 0.4
     max_height: float = 0.05

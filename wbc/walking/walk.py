@@ -25,7 +25,7 @@ from wbc.walking.pattern import Pattern
 from wbc.walking.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.preview import PreviewController, PreviewSettings
 from wbc.walking.reach import Reach, check_plan
-from wbc.walking.schedule import SoleSizes
+from wbc.walking.schedule import SoleSizes, ZmpTarget
 from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
@@ -38,7 +38,8 @@ class WalkSettings:
     """Settings of a walk.
 
     Attributes:
-        preview: Preview control.
+        preview: Preview control; the ZMP is planned 10 mm to the inner side of a stance foot, because rough ground tips
+            robots outward.
         phases: When phases change.
         adjustment: Step adjustment; None for none.
         replan: Time between plans of the pattern, s; it is planned anew at each event as well.
@@ -47,7 +48,7 @@ class WalkSettings:
         ground_memory: Share of an unexpected height of a landing that the next landings expect too.
     """
 
-    preview: PreviewSettings = field(default_factory=PreviewSettings)
+    preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.01)))
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
     replan: float = 0.1
@@ -239,7 +240,8 @@ class Walk:
         assert self._swing is not None
         wanted = self._swing.landing
         side = SIDES.index(wanted.side)
-        self._feet[side] = FootMotion.at_rest(placements[side])
+        # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
+        self._feet[side] = FootMotion.at_rest(pin.SE3(placements[side]))
         landed = Footstep.of(wanted.side, placements[side])
         self._ground += self.settings.ground_memory * (landed.z - wanted.z)
         # Its tilt is that of a stone or of a correction: the pattern wants to know place and heading alone.
