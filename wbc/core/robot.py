@@ -215,6 +215,8 @@ class Robot:
     def placement(self, frame: str | int) -> pin.SE3:
         """Placement of a frame in the world at the last update.
 
+        It is the model's own and moves on with the next update; to keep it, copy it: `pin.SE3(placement)`.
+
         Raises:
             UnknownNameError: There is no such frame.
         """
