@@ -12,9 +12,8 @@ import numpy as np
 from wbc.core.errors import Array, InputError, finite_array, positive
 from wbc.feet.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.roughness import PARAMETERS, roughness
-from wbc.sim.journal import Entry, trial_key
-from wbc.sim.provenance import provenance
-from wbc.sim.studies import Study
+from wbc.sim.journal import Entry
+from wbc.sim.studies import Study, found_entries
 from wbc.sim.walks.spec import WalkSpec
 
 NEARLY = 5.0
@@ -190,14 +189,10 @@ def labels(
         Cell → label; cells without walks of four stiffnesses are left out. Walks that diverged, crashed or took too
         long do not count.
     """
-    others = {trial_key(entry.spec, {}): entry for entry in entries.values()} if any_code else {}
-    version = provenance()
     found: dict[str, list[tuple[float, float, int]]] = {}
-    for trial in study.trials():
-        plain = trial.spec.to_json()
-        entry = entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
+    for trial, entry in found_entries(study, entries, any_code=any_code):
         if entry is not None and entry.status == "done" and entry.result is not None:
-            stiffness = plain["stiffness"]
+            stiffness = trial.spec.to_json()["stiffness"]
             found.setdefault(trial.cell, []).append((stiffness, entry.result["J"], trial.seed))
     walks = {cell: np.array(rows) for cell, rows in found.items() if len({k for k, _, _ in rows}) >= 4}
     if not walks:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import numpy as np
 from wbc.core.errors import InputError, finite_scalar
 from wbc.feet.dataset import StiffnessTable
 from wbc.feet.stiffness_model import DEFAULT_TABLE
-from wbc.sim.studies import FRESH_SEED, Cell, Study
+from wbc.sim.journal import Entry
+from wbc.sim.studies import FRESH_SEED, Cell, Study, found_entries
 from wbc.sim.terrain import terrain
 
 RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
@@ -141,6 +143,76 @@ def halfway(seeds: int = 6) -> Study:
         seeds=tuple(range(seeds)),
         metric="steps_done",
     )
+
+
+def stiffness_question(seeds: int = 6) -> Study:
+    """When does the stiffness of a sole matter?
+
+    A rigid sole of the same footprint, and soft ones from 1 to 100 Nm/rad with the paper's damping and with a twentieth
+    of it, on every rough family at the height where half of the walks fall; and all of it once more with a higher
+    swing, as a foot that does not touch needs no softness. Gains were fixed before; grounds are fresh.
+    """
+    heights = halfway_heights()
+    arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
+    for k in (1.0, 3.2, 10.0, 32.0, 100.0):
+        arms[f"{k:g}"] = {"foot": "soft", "stiffness": k}
+    for k in (3.2, 32.0):
+        arms[f"{k:g}, b/20"] = {"foot": "soft", "stiffness": k, "foot_changes": {"damping": 0.1}}
+    return Study(
+        name="stiffness",
+        about="when does the stiffness of a sole matter? every rough family, at heights that half of the walks survive",
+        base={"noise": "realistic", "plan": {"distance": QUESTION_DISTANCE}},
+        cells=tuple(
+            Cell(
+                f"{name}, {1e3 * height:.0f} mm, swing {1e3 * swing:.0f} mm",
+                {"terrain": name, "amplitude": height, "gait": {"swing_height": swing}},
+            )
+            for swing in SWINGS
+            for name, height in heights.items()
+        ),
+        arms=arms,
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="100",
+    )
+
+
+SWINGS = (0.06, 0.09)
+"""Swing heights, m: the paper's and a higher one."""
+
+
+def halfway_heights() -> dict[str, float]:
+    """Height of each family at which half of the walks of the study 'halfway' fell, m."""
+    data = json.loads((Path(__file__).parent / "data" / "halfway.json").read_text(encoding="utf-8"))
+    return {name: float(height) for name, height in data["heights_m"].items()}
+
+
+def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> dict[str, float]:
+    """Height of each ground at which half of the walks are completed, m.
+
+    Shares of completed walks are made to fall with the height (isotonic regression) and taken as linear between the
+    heights that were tried; a ground on which fewer than half fall everywhere has the greatest of these, and one on
+    which more than half fall everywhere the least.
+
+    Args:
+        study: Such as `halfway()`, with cells that differ in "terrain" and "amplitude".
+        entries: Those of a journal.
+        any_code: Take walks of other versions of the code, too.
+    """
+    from sklearn.isotonic import IsotonicRegression  # noqa: PLC0415 - takes a second to import
+
+    walks: dict[str, list[tuple[float, bool]]] = {}
+    for trial, entry in found_entries(study, entries, any_code=any_code):
+        if entry is not None and entry.status == "done" and entry.result is not None:
+            spec = trial.spec.to_json()
+            done = entry.result["outcome"] == "completed"
+            walks.setdefault(spec["terrain"], []).append((spec["amplitude"], done))
+    result = {}
+    for name, rows in walks.items():
+        height, done = np.array(rows, dtype=np.float64).T
+        tried = np.unique(height)
+        share = IsotonicRegression(increasing=False).fit(height, done).predict(tried)
+        result[name] = float(np.round(np.interp(-0.5, -share, tried), 4))
+    return result
 
 
 HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)

@@ -330,6 +330,23 @@ def _ending_text(cell: TableCell) -> str:
     return ", ".join(parts)
 
 
+def found_entries(
+    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
+) -> Iterator[tuple[StudyTrial, Entry | None]]:
+    """All trials of a study, each with what a journal has of it; None where it has not been run.
+
+    Args:
+        study: The study.
+        entries: Those of a journal, by key.
+        any_code: Take results of other versions of the code, too; else only those of the present one.
+    """
+    others = {trial_key(entry.spec, {}): entry for entry in entries.values()} if any_code else {}
+    version = provenance()
+    for trial in study.trials():
+        plain = trial.spec.to_json()
+        yield trial, entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
+
+
 def study_table(
     study: Study,
     entries: Mapping[str, Entry],
@@ -354,18 +371,14 @@ def study_table(
     """
     name = metric or study.metric or METRICS[study.kind]
     reference = study.reference or next(iter(study.arms))
-    others = {trial_key(entry.spec, {}): entry for entry in entries.values()} if any_code else {}
-    version = provenance()
     values: dict[tuple[str, str], dict[int, float]] = {}
     counts: dict[tuple[str, str], tuple[Counter[str], ...]] = {}
-    for trial in study.trials():
+    for trial, entry in found_entries(study, entries, any_code=any_code):
         place = (trial.cell, trial.arm)
         statuses, outcomes, reasons, directions = counts.setdefault(
             place, (Counter(), Counter(), Counter(), Counter())
         )
         mine = values.setdefault(place, {})
-        plain = trial.spec.to_json()
-        entry = entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
         statuses["missing" if entry is None else entry.status] += 1
         if entry is None or entry.status != "done" or entry.result is None:
             continue

@@ -28,6 +28,7 @@ ELSEWHERE = {
     "study run": "test_walks_command.py",
     "study table": "test_walks_command.py",
     "study best": "test_labels.py",
+    "study heights": "test_labels.py",
     "study dataset": "test_labels.py",
     "stiffness train": "test_labels.py",
     "stiffness judge": "test_labels.py",

@@ -24,7 +24,14 @@ from wbc.sim.labels import (
     stiffness_table,
 )
 from wbc.sim.provenance import provenance
-from wbc.sim.stiffness_studies import dataset, stiffness_grid, training_grounds
+from wbc.sim.stiffness_studies import (
+    QUESTION_GROUNDS,
+    dataset,
+    half_heights,
+    halfway,
+    stiffness_grid,
+    training_grounds,
+)
 from wbc.sim.walks import WalkSpec
 from wbc.sim.walks.result import Spread, objective
 
@@ -177,6 +184,34 @@ def test_labels_leave_out_what_did_not_end_and_what_others_have_run(tmp_path: Pa
         stiffness_table(study, {})
     with pytest.raises(InputError, match="windows"):
         stiffness_table(study, found, windows=1)
+
+
+def test_half_of_the_walks_fall_halfway(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    study = halfway(seeds=2)
+    path = tmp_path / "walks.jsonl"
+    with Journal(path) as journal:
+        for trial in study.trials():
+            spec = trial.spec.to_json()
+            high = {"boards": 0.0, "stones": 1.0}.get(spec["terrain"], 0.045)
+            done = spec["amplitude"] < high or (spec["amplitude"] == high and spec["seed"] == 0)
+            result = {"outcome": "completed" if done else "fell"}
+            journal.add(Entry(spec, "done", result, {"wall_s": 1.0}, None, provenance()))
+    assert cli.main(["study", "heights", "--journal", str(path), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)["heights_m"]
+    assert found == half_heights(study, read_journal(path))
+    assert found["boards"] == 0.02 and found["stones"] == 0.09 and found["sticks"] == 0.045
+    assert set(found) == set(QUESTION_GROUNDS)
+
+
+def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    journal, study = tmp_path / "walks.jsonl", tmp_path / "study.json"
+    journal_of(journal, 9.0)
+    study.write_text(json.dumps(small().to_json()))
+    assert cli.main(["study", "best", str(study), "--journal", str(journal), "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert {round(label["stiffness"]) for label in told["labels"].values()} == {9}
+    assert cli.main(["study", "best", str(study), "--journal", str(tmp_path / "none.jsonl")]) == 2
+    assert "no journal" in capfd.readouterr().err
 
 
 def test_the_model_of_the_library_is_the_model_of_its_table(

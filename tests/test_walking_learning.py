@@ -39,10 +39,19 @@ def test_tipping_over_an_edge_draws_it_in_to_the_cop(spin: tuple[float, float, f
     area = CarryingArea(SIZE)
     full = area.rectangle
     point = (0.03, 0.01)
-    rectangle = hold(area, press(*point), spin, 0.2)
+    rectangle = hold(area, press(*point), spin, 0.2 + area.settings.settling)
     expected = point[side // 2] + (0.005 if side % 2 else -0.005)
     assert rectangle[side] == pytest.approx(expected, abs=1e-6)
     assert [r for i, r in enumerate(rectangle) if i != side] == [r for i, r in enumerate(full) if i != side]
+
+
+def test_a_foot_that_has_just_landed_turns_without_losing_its_area() -> None:
+    area = CarryingArea(SIZE)
+    full = area.rectangle
+    assert hold(area, press(0.07, 0.0), (0.0, -0.8, 0.0), area.settings.settling - DT) == full
+    assert hold(area, press(0.07, 0.0), (0.0, -0.8, 0.0), 0.1)[0] > 0.0  # later it tips
+    area.reset()
+    assert hold(area, press(0.07, 0.0), (0.0, -0.8, 0.0), area.settings.settling - DT) == full
 
 
 def test_the_direction_is_that_of_a_real_rotation() -> None:
@@ -57,7 +66,7 @@ def test_lost_ground_comes_back_slowly_and_at_any_period() -> None:
     ends = []
     for dt in (0.005, 0.0025):
         area = CarryingArea(SIZE)
-        hold(area, press(0.0, 0.0), (0.0, 0.5, 0.0), 0.2, dt)
+        hold(area, press(0.0, 0.0), (0.0, 0.5, 0.0), 0.4, dt)
         ends.append(hold(area, press(0.0, 0.0), (0.0, 0.0, 0.0), 0.5, dt)[1])
     assert ends[0] == pytest.approx(ends[1], abs=2e-3)
     assert 0.02 < ends[0] < 0.035  # 50 mm/s for the time it rests, less the filter's

@@ -28,6 +28,8 @@ class CarryingSettings:
         smallest: Least half extent of the rectangle, m.
         recovery: Speed at which an edge comes back, m/s.
         filter_time: Low-pass of CoP and angular velocity, s.
+        settling: Time under load before anything is learnt, s: a foot that has just met the ground turns until it lies
+            on it, which looks like tipping the other way.
     """
 
     min_load: float = 50.0
@@ -36,6 +38,7 @@ class CarryingSettings:
     smallest: float = 0.01
     recovery: float = 0.05
     filter_time: float = 0.02
+    settling: float = 0.2
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -69,6 +72,7 @@ class CarryingArea:
             )
         self._low, self._high = -self._half, self._half.copy()
         self._signal = LowPass(self.settings.filter_time, 4)
+        self._loaded = 0.0  # for how long, s
 
     @property
     def rectangle(self) -> Rectangle:
@@ -79,6 +83,7 @@ class CarryingArea:
         """Believe in the whole sole again: it has left the ground."""
         self._low, self._high = -self._half, self._half.copy()
         self._signal.reset()
+        self._loaded = 0.0
 
     def update(self, wrench: Array, angular_velocity: Array, dt: float) -> Rectangle:
         """Take in one measurement.
@@ -99,9 +104,12 @@ class CarryingArea:
         if force < max(s.min_load, 1e-6):
             self._signal.reset()
             return self.rectangle
+        self._loaded += dt
         signal = self._signal.update(
             np.array([-wrench[4] / force, wrench[3] / force, angular_velocity[1], -angular_velocity[0]]), dt
         )
+        if self._loaded < s.settling:
+            return self.rectangle
         # Positive tipping: over the toe about +y, over the left edge about −x.
         point, tipping = np.clip(signal[:2], -self._half, self._half), signal[2:]
         over_high, over_low = tipping > s.tip_rate, tipping < -s.tip_rate

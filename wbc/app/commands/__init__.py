@@ -35,6 +35,7 @@ COMMANDS = {
     "study run": "wbc.app.commands.study:run",
     "study table": "wbc.app.commands.study:table",
     "study best": "wbc.app.commands.study:best",
+    "study heights": "wbc.app.commands.study:heights",
     "study dataset": "wbc.app.commands.study:dataset",
     "stiffness train": "wbc.app.commands.stiffness:train",
     "stiffness judge": "wbc.app.commands.stiffness:judge",

@@ -27,6 +27,7 @@ from wbc.sim.journal import SYNCS, Entry, Journal, check_journal_path, read_jour
 from wbc.sim.labels import Label, labels, stiffness_table
 from wbc.sim.provenance import provenance
 from wbc.sim.stiffness_studies import dataset as make_dataset
+from wbc.sim.stiffness_studies import half_heights
 from wbc.sim.studies import Study, study_table
 from wbc.sim.study_catalog import STUDIES, study_by_name
 from wbc.sim.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
@@ -222,6 +223,22 @@ def best(
         "labels": {cell: asdict(label) for cell, label in found.items()},
     }
     return output.report(data, labels_text(found))
+
+
+@reports
+def heights(
+    study: StudyName = "halfway",
+    /,
+    *,
+    journal: Path,
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the height of each ground at which half of the walks are completed, from what a journal has."""
+    chosen = part.part(study)
+    found = half_heights(chosen, entries_of(journal), any_code=part.any_code)
+    data = {"study": chosen.name, "provenance": dict(provenance()), "heights_m": found}
+    return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
 
 
 def labels_text(found: Mapping[str, Label]) -> str:
