@@ -229,7 +229,7 @@ def test_it_is_the_same_100_m_away_turned_and_mirrored(metre: Result) -> None:
     ids=["curve", "sideways", "backwards", "turn", "stairs"],
 )
 def test_it_walks_every_kind_of_plan(plan: FootstepPlan) -> None:
-    result = run(plan, replace(STEADY, ground_memory=0.0))
+    result = run(plan, replace(STEADY, ground_memory=0.0, rise_memory=0.0))
     assert not result.fell and result.walk.finished and result.walk.steps_done == len(plan)
     for end, wanted in zip(result.walk.phases.plan.final, plan.final, strict=True):
         np.testing.assert_allclose(end.position, wanted.position, atol=3e-3)
@@ -250,6 +250,25 @@ def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
     assert Event.EARLY_TOUCH_DOWN in kinds and Event.LATE_TOUCH_DOWN in kinds
     for step in result.walk.phases.plan.steps[2:]:  # each step knows the ground that it has found
         assert step.z == pytest.approx(ground(step.x, step.y), abs=2e-3)
+
+
+@pytest.mark.parametrize(("rise_memory", "late"), [(0.0, True), (0.1, False)])
+def test_feet_land_in_time_on_ground_that_keeps_falling(rise_memory: float, late: bool) -> None:
+    wanted: dict[int, tuple[float, float]] = {}
+
+    def note(walk: Walk, time: float) -> None:
+        if walk.phases.phase is Phase.SINGLE and walk.phases.elapsed <= 2 * DT:
+            step = walk.phases.plan.steps[walk.phases.step]
+            wanted[walk.phases.step] = step.x, step.z
+
+    def ground(x: float, y: float) -> float:
+        return -0.03 * x  # 4 mm a step
+
+    settings = replace(STEADY, rise_memory=rise_memory)
+    result = run(walk_distance(START, 3.0), settings, ground=ground, act=note)
+    assert not result.fell
+    errors = [z - ground(x, 0.0) for x, z in list(wanted.values())[-6:-1]]
+    assert (min(errors) > 0.003) if late else (np.abs(errors).max() < 0.001)
 
 
 def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_take_it() -> None:

@@ -46,6 +46,8 @@ class WalkSettings:
         feedback: Share of the measured DCM error from which the pattern is planned: 0 plans on from the plan and
             leaves the error to the stabilizer, 1 plans from where the robot is.
         ground_memory: Share of an unexpected height of a landing that the next landings expect too.
+        rise_memory: Share of it by which the expected rise from step to step changes. Where the ground keeps rising, or
+            the estimate keeps drifting, as it does by a millimetre or two a step, feet would always land too early.
     """
 
     preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.01)))
@@ -54,11 +56,13 @@ class WalkSettings:
     replan: float = 0.1
     feedback: float = 0.0
     ground_memory: float = 0.5
+    rise_memory: float = 0.1
 
     def __post_init__(self) -> None:
         positive("time between plans (s)", self.replan)
         finite_scalar("feedback of the pattern", self.feedback, low=0.0, high=1.0)
         finite_scalar("ground_memory", self.ground_memory, low=0.0, high=1.0)
+        finite_scalar("rise_memory", self.rise_memory, low=0.0, high=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +154,7 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), Pendulum.at_rest(com, float(middle[2])))
         self._time = 0.0  # since the pattern was planned
         self._ground = 0.0  # height that landings have had over the plan
+        self._rise = 0.0  # by how much it grows from step to step
         self._events: tuple[Event, ...] = ()
 
     @property
@@ -228,6 +233,7 @@ class Walk:
         """Start a swing from where the foot is."""
         plan = self.phases.plan
         step = plan.steps[self.phases.step]
+        self._ground += self._rise
         landing = replace(step, z=step.z + self._ground)
         self.phases.land(landing, carry=False)
         side = SIDES.index(step.side)
@@ -243,7 +249,9 @@ class Walk:
         # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
         self._feet[side] = FootMotion.at_rest(pin.SE3(placements[side]))
         landed = Footstep.of(wanted.side, placements[side])
-        self._ground += self.settings.ground_memory * (landed.z - wanted.z)
+        surprise = landed.z - wanted.z
+        self._ground += self.settings.ground_memory * surprise
+        self._rise += self.settings.rise_memory * surprise
         # Its tilt is that of a stone or of a correction: the pattern wants to know place and heading alone.
         self.phases.land(replace(landed, pitch=wanted.pitch, roll=wanted.roll), carry=False)
         self._swing = None
