@@ -13,8 +13,11 @@ from matplotlib.patches import Polygon
 
 import wbc
 from wbc.core.errors import Array
+from wbc.feet.dataset import StiffnessTable
 from wbc.feet.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.feet.scan import resample
+from wbc.feet.stiffness_model import DEFAULT_TABLE
+from wbc.feet.stiffness_plot import draw_model, labels_figure
 from wbc.sim.terrain import terrain
 from wbc.walking.footsteps import Footstep, FootstepPlan
 from wbc.walking.lipm import Pendulum
@@ -111,6 +114,16 @@ def draw_roughness(path: Path) -> None:
     plt.close(figure)
 
 
+def draw_labels(path: Path) -> None:
+    """Best stiffness of every training ground against its amplitude."""
+    labels_figure(StiffnessTable.load(DEFAULT_TABLE)).savefig(path)
+
+
+def draw_judged(path: Path) -> None:
+    """How well the model that comes with the library does on grounds that it has not seen."""
+    draw_model(StiffnessTable.load(DEFAULT_TABLE), path)
+
+
 def main() -> None:
     """Draw all figures."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
@@ -123,7 +136,13 @@ def main() -> None:
         "font.family": "sans-serif",
         "path.simplify_threshold": 0.5,
     }
-    for name, draw in (("pattern.svg", draw_pattern), ("roughness.svg", draw_roughness)):
+    pictures = {
+        "pattern.svg": draw_pattern,
+        "roughness.svg": draw_roughness,
+        "stiffness_labels.svg": draw_labels,
+        "stiffness_model.png": draw_judged,
+    }
+    for name, draw in pictures.items():
         draw(folder / name)
         print(f"wrote {folder / name}")
 

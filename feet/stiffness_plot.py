@@ -115,3 +115,34 @@ def _draw_trends(axes: Any, table: StiffnessTable) -> None:
         axes.plot(1e3 * amplitudes, best, ".-", label=ground)
     axes.set(xlabel="amplitude of the ground (mm)", ylabel="best stiffness (Nm/rad)", title="by ground")
     axes.legend(fontsize=6, ncols=2)
+
+
+def labels_figure(table: StiffnessTable) -> Figure:
+    """Best stiffness against amplitude, a panel per ground, with the range of nearly best stiffness."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - as above
+
+    grounds = list(dict.fromkeys(table.ground.tolist()))
+    columns = min(4, len(grounds))
+    rows = -(-len(grounds) // columns)
+    figure = Figure(figsize=(2.4 * columns, 1.0 + 1.8 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
+    for panel in panels.flat[len(grounds) :]:
+        panel.set_axis_off()
+    for panel, ground in zip(panels.flat, grounds, strict=False):
+        first = [
+            int(np.flatnonzero((table.ground == ground) & (table.amplitude == amplitude))[0])
+            for amplitude in np.unique(table.amplitude[table.ground == ground])
+        ]
+        amplitude, best = 1e3 * table.amplitude[first], table.stiffness[first]
+        low, high = table.stiffness_low[first], table.stiffness_high[first]
+        if np.isfinite(low).all() and np.isfinite(high).all():
+            panel.vlines(amplitude, low, high, color="tab:blue", alpha=0.35, linewidth=5.0)
+        panel.plot(amplitude, best, "o-", color="tab:blue", markersize=4.0, linewidth=1.0)
+        panel.set_yscale("log")
+        panel.set_title(ground.replace("_", " "), fontsize=9)
+        panel.grid(alpha=0.3)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("k (Nm/rad)", fontsize=9)
+    for panel in panels[-1]:
+        panel.set_xlabel("amplitude (mm)", fontsize=9)
+    return figure
