@@ -128,7 +128,11 @@ class Rig:
 
 def make_task(policy: object = None, foot: VariableStiffnessFoot = FOOT, **timing: object) -> StiffnessTask:
     chosen = FixedPolicy(20.0) if policy is None else policy
-    return StiffnessTask(ROBOT, foot, chosen, StiffnessTiming(**timing))  # type: ignore[arg-type]
+    return StiffnessTask(ROBOT, foot, chosen, StiffnessTiming(**{"decide_at": PAPER_DECIDES, **timing}))  # type: ignore[arg-type]
+
+
+PAPER_DECIDES = 0.75
+"""Share of the single support at which the paper decides."""
 
 
 @pytest.fixture(scope="module")
