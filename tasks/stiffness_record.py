@@ -29,9 +29,9 @@ class StiffnessTiming:
         scan: How hits become a profile.
         history: Number of steps that are remembered.
 
-    Source: the paper decides at 75 % of the single support (section IV-C). On rough ground a foot lands before its time,
-    on 40 mm stones by up to 0.19 s, and an actuator needs 0.1 s and more: at 65 % it is ready in time. 0.15 m is half of what the toe passes over
-    in a step of 0.145 m; deadline and tolerance are chosen here.
+    Source: the paper decides at 75 % of the single support (section IV-C). On rough ground a foot lands before its
+    time, on 40 mm stones by up to 0.19 s, and an actuator needs 0.1 s and more: at 65 % it is ready in time. 0.15 m is
+    half of what the toe passes over in a step of 0.145 m; deadline and tolerance are chosen here.
     """
 
     scan_from: float = 0.0
