@@ -223,7 +223,7 @@ class StiffnessTable:
         target = Path(path)
         if not target.is_file():
             raise InputError(f"no stiffness table '{target}'")
-        first, _, rest = target.read_text(encoding="utf-8").partition("\n")
+        first, _, rest = read_text(target, FORMAT).partition("\n")
         head = parse_head(first.removeprefix("#"), FORMAT, VERSION, target)
         for key in ("recipe", "made"):
             if key not in head:
@@ -242,6 +242,24 @@ class StiffnessTable:
         """Hash of rows and recipe, hex digits: equal tables, equal hash, on every machine."""
         text = json.dumps([self.columns(), asdict(self.recipe)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def read_text(path: Path, kind: str) -> str:
+    """Read a text file.
+
+    Args:
+        path: File.
+        kind: What it should be, for the message.
+
+    Raises:
+        InputError: It cannot be read, or is no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not a {kind}: it is no text") from error
 
 
 def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc._version import __version__
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
 from wbc.feet.clusters import Clusters
-from wbc.feet.dataset import ProfileRecipe, StiffnessTable, parse_head
+from wbc.feet.dataset import ProfileRecipe, StiffnessTable, parse_head, read_text
 from wbc.feet.features import PAPER_FEATURES, FeatureSet
 
 FORMAT = "wbc stiffness model"
@@ -234,7 +234,7 @@ class StiffnessModel:
         target = Path(path)
         if not target.is_file():
             raise InputError(f"no stiffness model '{target}'")
-        given = parse_head(target.read_text(encoding="utf-8"), FORMAT, VERSION, target)
+        given = parse_head(read_text(target, FORMAT), FORMAT, VERSION, target)
         try:
             settings = dict(given["settings"])
             clusters = Clusters(tuple(settings.pop("clusters")["edges"]))

@@ -15,6 +15,10 @@ from wbc._version import __version__
 PARTS = ("core", "feet", "robots", "sim", "tasks", "walking")
 """Parts of the package that can change the result of a trial; the command line and the pictures cannot."""
 
+FOUND = "data"
+"""Folders of what studies have found, in feet and sim: models and tables are no code. A walk that uses one has its hash
+in the spec."""
+
 SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
 """Files that count."""
 
@@ -30,7 +34,9 @@ def code_version() -> str:
     for part in PARTS:
         folder = root / part
         for path in sorted(
-            p for p in folder.rglob("*") if p.suffix in SUFFIXES and "__pycache__" not in p.parts
+            p
+            for p in folder.rglob("*")
+            if p.suffix in SUFFIXES and not {"__pycache__", FOUND} & set(p.relative_to(folder).parts)
         ):
             digest.update(f"{part}/{path.relative_to(folder).as_posix()}\0".encode())
             digest.update(path.read_bytes())

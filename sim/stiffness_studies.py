@@ -16,6 +16,10 @@ from wbc.feet.stiffness_model import DEFAULT_TABLE
 from wbc.sim.journal import Entry
 from wbc.sim.studies import FRESH_SEED, Cell, Study, found_entries
 from wbc.sim.terrain import terrain
+from wbc.sim.walks.spec import WalkSpec
+
+DATA = Path(__file__).parent / "data"
+"""What these studies have found, and others rest on."""
 
 RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Cut-offs of the unidirectional grounds: seven between 0.0001 and 0.1 (the paper, section IV-B)."""
@@ -61,7 +65,7 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
         distance: Length of a walk, m.
 
     Raises:
-        InputError: Fewer than one seed, one amplitude or two stiffnesses, or no distance.
+        InputError: Fewer than one seed, one amplitude or four stiffnesses, or no distance.
 
     Source: the paper, section IV-B.
     """
@@ -70,7 +74,7 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
         ("amplitudes", amplitudes, 1),
         ("evaluations", evaluations, 4),
     ):
-        if isinstance(value, bool) or int(value) != value or value < least:
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise InputError(
                 f"{name} of the dataset must be a whole number of at least {least}, got {value!r}"
             )
@@ -95,6 +99,12 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
 def cell_name(ground: str, amplitude: float) -> str:
     """Name of the cell of a ground at an amplitude (m)."""
     return f"{ground}, {1e3 * amplitude:.1f} mm"
+
+
+def ground_of(cell: str) -> str:
+    """The ground in the name of a cell; the whole name if it says no amplitude."""
+    ground, separator, height = cell.rpartition(", ")
+    return ground if separator and height.endswith(" mm") else cell
 
 
 QUESTION_GROUNDS = (
@@ -148,9 +158,9 @@ def halfway(seeds: int = 6) -> Study:
 def stiffness_question(seeds: int = 6) -> Study:
     """When does the stiffness of a sole matter?
 
-    A rigid sole of the same footprint, and soft ones from 1 to 100 Nm/rad with the paper's damping and with a twentieth
-    of it, on every rough family at the height where half of the walks fall; and all of it once more with a higher
-    swing, as a foot that does not touch needs no softness. Gains were fixed before; grounds are fresh.
+    A rigid sole of the same footprint, and soft ones from 1 to 100 Nm/rad, two of them with a twentieth of the paper's
+    damping, too, on every rough family at the height where half of the walks fall; and all of it once more with a
+    higher swing, as a foot that does not touch needs no softness. Gains were fixed before; grounds are fresh.
     """
     heights = halfway_heights()
     arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
@@ -182,7 +192,7 @@ SWINGS = (0.06, 0.09)
 
 def halfway_heights() -> dict[str, float]:
     """Height of each family at which half of the walks of the study 'halfway' fell, m."""
-    data = json.loads((Path(__file__).parent / "data" / "halfway.json").read_text(encoding="utf-8"))
+    data = _found("halfway.json", "wbc study heights")
     return {name: float(height) for name, height in data["heights_m"].items()}
 
 
@@ -190,14 +200,22 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
     """Height of each ground at which half of the walks are completed, m.
 
     Shares of completed walks are made to fall with the height (isotonic regression) and taken as linear between the
-    heights that were tried; a ground on which fewer than half fall everywhere has the greatest of these, and one on
-    which more than half fall everywhere the least.
+    heights that were tried; if the share is a half over a range, the middle of it is taken. A ground on which fewer
+    than half fall everywhere has the greatest of these heights, one on which more than half fall everywhere the least.
 
     Args:
         study: Such as `halfway()`, with cells that differ in "terrain" and "amplitude".
         entries: Those of a journal.
         any_code: Take walks of other versions of the code, too.
+
+    Raises:
+        InputError: A study of another kind than walks, or with several arms.
     """
+    if study.kind != WalkSpec.kind or len(study.arms) != 1:
+        raise InputError(
+            f"half heights come from walks with a single arm; study '{study.name}' is of the kind '{study.kind}' with "
+            f"the arms {', '.join(study.arms)}"
+        )
     from sklearn.isotonic import IsotonicRegression  # noqa: PLC0415 - takes a second to import
 
     walks: dict[str, list[tuple[float, bool]]] = {}
@@ -205,13 +223,15 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
         if entry is not None and entry.status == "done" and entry.result is not None:
             spec = trial.spec.to_json()
             done = entry.result["outcome"] == "completed"
-            walks.setdefault(spec["terrain"], []).append((spec["amplitude"], done))
+            walks.setdefault(ground_of(trial.cell), []).append((spec["amplitude"], done))
     result = {}
     for name, rows in walks.items():
         height, done = np.array(rows, dtype=np.float64).T
         tried = np.unique(height)
-        share = IsotonicRegression(increasing=False).fit(height, done).predict(tried)
-        result[name] = float(np.round(np.interp(-0.5, -share, tried), 4))
+        share = IsotonicRegression(increasing=False).fit(height, done).predict(tried).round(9)
+        # At a plateau of a half the two directions find its two ends.
+        ends = np.interp(-0.5, -share, tried), np.interp(0.5, share[::-1], tried[::-1])
+        result[name] = float(np.round(np.mean(ends), 4))
     return result
 
 
@@ -259,31 +279,52 @@ def unknown_ground(seeds: int = 20) -> Study:
 
     The arms: the robot's own flat sole; a rigid one of the soft footprint, which tells size from softness; soft ones
     of the paper's 5 Nm/rad and of the median of all best stiffnesses that the model was trained on; the variable one;
-    and an oracle that knows the best fixed stiffness of each kind and height of ground.
+    and an oracle that knows the best fixed stiffness of each kind and height of ground, once the study 'oracle' has
+    been run.
     """
     median = float(f"{np.median(StiffnessTable.load(DEFAULT_TABLE).stiffness):.3g}")
-    best = oracle_choice()
+    arms: dict[str, dict[str, Any]] = {
+        "flat": {"foot": "flat"},
+        "rigid": {"foot": "rigid"},
+        "soft 5": {"foot": "soft", "stiffness": 5.0},
+        "soft, median": {"foot": "soft", "stiffness": median},
+        "variable": {"foot": "variable"},
+    }
+    cells = _unknown_cells()
+    if oracle_known():
+        best = oracle_choice()
+        arms["oracle"] = {"foot": "soft"}
+        cells = tuple(replace(cell, own={"oracle": {"stiffness": best[cell.name]}}) for cell in cells)
     return Study(
         name="unknown_ground",
         about="3 m over ground that nothing was trained or tuned on, all soles",
         base={"noise": "realistic", "plan": {"distance": 3.0}},
-        cells=tuple(
-            replace(cell, own={"oracle": {"stiffness": best[cell.name]}}) for cell in _unknown_cells()
-        ),
-        arms={
-            "flat": {"foot": "flat"},
-            "rigid": {"foot": "rigid"},
-            "soft 5": {"foot": "soft", "stiffness": 5.0},
-            "soft, median": {"foot": "soft", "stiffness": median},
-            "variable": {"foot": "variable"},
-            "oracle": {"foot": "soft"},
-        },
+        cells=cells,
+        arms=arms,
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         reference="soft 5",
     )
 
 
+def oracle_known() -> bool:
+    """True if the study 'oracle' has been run, and what it found is kept with the library."""
+    return (DATA / "oracle.json").is_file()
+
+
 def oracle_choice() -> dict[str, float]:
     """Best fixed stiffness of each of the unknown grounds, Nm/rad: cell → stiffness, as the study 'oracle' found it."""
-    data = json.loads((Path(__file__).parent / "data" / "oracle.json").read_text(encoding="utf-8"))
+    data = _found("oracle.json", "wbc study best oracle")
     return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}
+
+
+def _found(file: str, command: str) -> dict[str, Any]:
+    """What an earlier study has found, as it is kept with the library.
+
+    Raises:
+        InputError: It is not there.
+    """
+    path = DATA / file
+    if not path.is_file():
+        raise InputError(f"no {path}: `{command} --journal JOURNAL --json` prints what belongs there")
+    data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return data

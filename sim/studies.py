@@ -20,6 +20,7 @@ from wbc.core.errors import InputError, choose, unknown_name
 from wbc.sim.comparison import Estimate, mean_interval, paired_difference
 from wbc.sim.journal import Entry, trial_key
 from wbc.sim.provenance import provenance
+from wbc.sim.sweep import by_spec
 from wbc.sim.trials import Trial, trial_from_json
 
 FRESH_SEED = 100
@@ -340,7 +341,7 @@ def found_entries(
         entries: Those of a journal, by key.
         any_code: Take results of other versions of the code, too; else only those of the present one.
     """
-    others = {trial_key(entry.spec, {}): entry for entry in entries.values()} if any_code else {}
+    others = by_spec(entries.values()) if any_code else {}
     version = provenance()
     for trial in study.trials():
         plain = trial.spec.to_json()

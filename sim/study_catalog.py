@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from wbc.core.errors import choose
-from wbc.sim.stiffness_studies import dataset, halfway, oracle, unknown_ground
+from wbc.sim.stiffness_studies import dataset, halfway, oracle, stiffness_question, unknown_ground
 from wbc.sim.studies import FRESH_SEED, Cell, Study
 
 
@@ -105,6 +105,7 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "push_recovery": push_recovery,
     "dataset": dataset,
     "halfway": halfway,
+    "stiffness": stiffness_question,
     "oracle": oracle,
     "unknown_ground": unknown_ground,
 }

@@ -24,7 +24,7 @@ from typing import Any
 from wbc.core.errors import InputError, WbcError, positive
 from wbc.sim.journal import Entry, Journal, trial_key
 from wbc.sim.provenance import provenance
-from wbc.sim.trials import Outcome, Trial, run_trial
+from wbc.sim.trials import Outcome, Trial, run_trial, trial_from_json
 
 TIMEOUT = 600.0
 """Wall time that a trial may take unless told otherwise, s: a walk of 22 steps takes some ten seconds."""
@@ -127,7 +127,7 @@ def sweep(
     begin = time.perf_counter()
     version = provenance()
     trials = {trial_key(plain, version): (spec, plain) for spec in specs for plain in [spec.to_json()]}
-    known = _known(journal, any_code=any_code)
+    known = by_spec(journal.entries.values()) if any_code else {}
     summary = SweepSummary(len(trials))
     pending: list[tuple[Trial, dict[str, Any]]] = []
     for key, (spec, plain) in trials.items():
@@ -161,9 +161,19 @@ def sweep(
     return summary
 
 
-def _known(journal: Journal, *, any_code: bool) -> dict[str, Entry]:
-    """Entries by their spec alone, whatever code made them; none unless they are wanted."""
-    return {trial_key(entry.spec, {}): entry for entry in journal.entries.values()} if any_code else {}
+def by_spec(entries: Iterable[Entry]) -> dict[str, Entry]:
+    """Entries by their spec alone, whatever code made them.
+
+    Specs are read anew, so that one that an earlier version wrote is that of today; those that cannot be read any more
+    are left out.
+    """
+    found = {}
+    for entry in entries:
+        try:
+            found[trial_key(trial_from_json(entry.spec).to_json(), {})] = entry
+        except (InputError, TypeError):
+            continue
+    return found
 
 
 Pending = list[tuple[Trial, dict[str, Any]]]

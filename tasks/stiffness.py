@@ -55,7 +55,7 @@ class StiffnessTask:
             robot: Names the soles, left first; its state is not used.
             foot: The feet: place of the range sensor, actuator and stiffness at the start.
             policy: Who decides; a plain function of a `SwingScan` will do.
-            timing: When; the paper's when None.
+            timing: When; the defaults when None.
 
         Raises:
             InputError: A foot without a stiffness to set, a robot without two soles, a policy that cannot work with

@@ -78,7 +78,7 @@ class StiffnessPolicy(ABC):
     needs_scan: ClassVar[bool] = True
 
     def prepare(self, scan: ScanSettings) -> None:  # noqa: B027 - optional
-        """Check that it can work with such profiles, and do whatever is slow the first time; called once, by the task.
+        """Check that it can work with such profiles, and do whatever is slow the first time.
 
         Raises:
             InputError: It cannot.
@@ -225,7 +225,8 @@ def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -
     """Make a policy of your own available by name, replacing one of the same name.
 
     Args:
-        name: Name for `stiffness_policy` and the command line.
+        name: Name for `stiffness_policy`, and for walks. A sweep runs them in processes of their own: register it in a
+            module that these import, too. What a name stands for is no part of a journal's keys.
         make: Its class, or a function of named parameters that returns one.
     """
     _POLICIES[name] = make

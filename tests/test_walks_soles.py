@@ -101,13 +101,44 @@ def test_a_policy_of_ones_own_and_a_fallback() -> None:
 
     changes = {"stiffness.min_length": 0.1, "stiffness.fallback": 12.0, "stiffness.min_coverage": 1.0}
     trial = WalkTrial(replace(SPEC, changes=tuple(changes.items())), policy=own)
-    steps = trial.run().stiffness
-    assert steps is not None and asked
+    result = trial.run()
+    steps = result.stiffness
+    assert steps is not None and asked and result.policy == "own"
+    assert {step["fallback"] is None for step in steps} == {True, False}
     for step in steps:
         wanted = 33.0 if step["fallback"] is None else 12.0
         assert step["wanted_nm_per_rad"] == wanted
     with pytest.raises(InputError, match="variable stiffness"):
         WalkTrial(WalkSpec(foot="soft"), policy=own)
+
+
+def test_equal_policies_are_equal_specs() -> None:
+    whole = replace(SPEC, policy="fixed", policy_params=(("stiffness", 5),))
+    assert whole == replace(SPEC, policy="fixed", policy_params=(("stiffness", 5.0),))
+    assert json.dumps(whole.to_json()) == json.dumps(WalkSpec.from_json(whole.to_json()).to_json())
+    assert SPEC == replace(SPEC, policy_params=()) == replace(SPEC, policy_params=(("path", None),))
+    assert "sha256" in dict(SPEC.policy_params)  # of the model that comes with the library
+    assert "policy" not in WalkSpec(foot="soft").to_json()
+
+
+def test_a_slow_sensor_is_not_taken_for_a_quick_one() -> None:
+    trial = WalkTrial(replace(SPEC, changes={"range_sensor.rate": 50.0}))
+    assert trial.walking.stiffness is not None and trial.walking.stiffness.timing.sensor_rate == 50.0
+    perfect = WalkTrial(
+        replace(SPEC, noise="none", changes={"range_sensor.greatest": 0.3, "range_sensor.noise": 0.5})
+    )
+    readings = [perfect.plant.measure().sole_range[0] for _ in range(3)]
+    assert np.ptp(readings) == 0.0 and readings[0] < 0.05
+
+
+def test_the_robot_starts_where_the_controller_takes_it_to_be() -> None:
+    for foot in ("flat", "rigid", "soft", "variable"):
+        trial = WalkTrial(WalkSpec(foot=foot, noise="none", start=(0.4, 0.1, 0.0)))
+        believed = trial.walking.controller.robot.placement(
+            trial.walking.controller.robot.soles[0].frame
+        ).translation
+        true = trial.plant.data.site(trial.plant.feet[0].wrench_site).xpos
+        assert true[:2] == pytest.approx(believed[:2], abs=1e-6), foot
 
 
 def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
@@ -132,6 +163,12 @@ def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
         ({"policy": "best"}, "fixed, model"),
         ({"policy": "fixed", "policy_params": (("stifness", 5.0),)}, "stiffness"),
         ({"policy": "model", "policy_params": (("path", "nowhere.json"),)}, "nowhere.json"),
+        ({"policy": "model", "policy_params": (("path", 5),)}, "name of a file"),
+        ({"policy": "model", "policy_params": (("path", "/bin/ls"),)}, "no text"),
+        ({"policy": "model", "policy_params": (("sha256", "0123"),)}, "has changed"),
+        ({"policy": "fixed", "policy_params": (("sha256", "0123"),)}, "leave it out"),
+        ({"policy": "fixed", "policy_params": (("stiffness", 1000.0),)}, "1000"),
+        ({"changes": (("stiffness.sensor_rate", 50.0),)}, "follows from 'range_sensor.rate'"),
         ({"changes": (("stiffness.fallback", 1000.0),)}, "1000"),
         ({"changes": (("stiffness.scan.step", 0.01),)}, "trained on profiles with a step"),
         ({"changes": (("stiffness.decide_at", 1.5),)}, "decide at"),
@@ -145,7 +182,7 @@ def test_bad_input(changes: dict[str, Any], message: str) -> None:
 def test_the_main_job_tells_about_its_soles(capfd: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["walk", "--distance", "0.3"]) == 0
     text = capfd.readouterr().out
-    assert "variable feet, stones, 20 mm" in text and "soles     set by the model" in text
+    assert "variable feet, stones, 20 mm" in text and "soles     set by the policy 'model'" in text
     assert cli.main(["walk", "--distance", "0.15", "--json"]) == 0
     data = json.loads(capfd.readouterr().out)
     assert data["spec"]["policy"] == "model" and isinstance(data["stiffness"], list)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError
 from wbc.feet import Foot, VariableStiffnessFoot
+from wbc.feet.stiffness_model import DEFAULT_MODEL
 from wbc.sim.changes import Changes, as_changes
-from wbc.tasks.stiffness_policy import StiffnessPolicy, stiffness_policy
+from wbc.tasks.stiffness_policy import FixedPolicy, StiffnessPolicy, stiffness_policy
 from wbc.tasks.stiffness_record import StiffnessTiming
 
 DEFAULT_POLICY = "model"
@@ -37,20 +39,42 @@ def checked_policy(
             actuator cannot set, or a value out of range.
     """
     if not isinstance(foot, VariableStiffnessFoot):
-        if name is not None or parameters:
+        if name is not None or set(dict(parameters)) - {CONTENT}:  # the hash is left of another foot's policy
             raise InputError(
                 f"a stiffness policy ('{name or DEFAULT_POLICY}') needs feet of variable stiffness: foot 'variable'"
             )
         return None, ()
     chosen = DEFAULT_POLICY if name is None else name
-    values = dict(parameters)
-    make_policy(chosen, parameters).prepare(timing.scan)
-    if timing.fallback is not None:
-        foot.actuator.check(timing.fallback)
+    # Equal policies are equal specs: whole numbers become numbers, and what is None is left out.
+    values = {
+        key: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        for key, value in parameters
+        if value is not None
+    }
     file = values.get(FILE)
-    if isinstance(file, str):
-        values[CONTENT] = file_hash(file)
+    if file is not None and not isinstance(file, str):
+        raise InputError(f"{FILE} of a stiffness policy must be the name of a file, got {file!r}")
+    policy = make_policy(chosen, as_changes(values))
+    policy.prepare(timing.scan)
+    for wanted in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None):
+        if wanted is not None:
+            foot.actuator.check(wanted)
+    used = _file(chosen, values)
+    if used is not None:
+        values[CONTENT] = file_hash(used)
+    elif CONTENT in values:
+        raise InputError(
+            f"{CONTENT} says what is in a file, but the policy '{chosen}' has none; leave it out"
+        )
     return chosen, as_changes(values)
+
+
+def _file(name: str, values: Mapping[str, Any]) -> str | None:
+    """The file that a policy is read from; None if there is none."""
+    file = values.get(FILE)
+    if file is None and name == DEFAULT_POLICY:
+        return str(DEFAULT_MODEL)
+    return file if isinstance(file, str) else None
 
 
 def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
@@ -61,12 +85,12 @@ def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
         InputError: A value out of range, or a file whose content is not the one that was specified.
     """
     values: dict[str, Any] = dict(parameters)
-    content = values.pop(CONTENT, None)
-    if content is not None and isinstance(values.get(FILE), str):
-        found = file_hash(values[FILE])
+    content, file = values.pop(CONTENT, None), _file(name, values)
+    if content is not None and file is not None:
+        found = file_hash(file)
         if found != content:
             raise InputError(
-                f"{values[FILE]} has changed: its hash is {found}, the walk was specified with {content}"
+                f"{file} has changed: its hash is {found}, the walk was specified with {content}"
             )
     return stiffness_policy(name, **values)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,8 +68,10 @@ class WalkTrial:
         """
         self._begin = time.perf_counter()
         self.spec = spec
+        self._policy = spec.policy if policy is None else _name(policy)
         prepared = self._prepared = spec.prepared()
         with threadpool_limits(1):
+            robot = prepared.robot()
             self.plant = Plant(
                 prepared.own,
                 foot=prepared.foot,
@@ -80,10 +83,12 @@ class WalkTrial:
                 seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
                 physics=prepared.settings.physics,
             )
-            if any(spec.start):
-                start = moved(self.plant.robot.half_sitting, spec.start)
+            # Where the controller takes it to be: other soles lie elsewhere under the ankles.
+            own, worn = self.plant.robot.half_sitting, robot.half_sitting
+            shift = (worn[0] - own[0], worn[1] - own[1], 0.0)
+            if any(spec.start) or any(shift):
+                start = moved(moved(own, shift), spec.start)
                 self.plant.reset(self.plant.on_ground(start))
-            robot = prepared.robot()
             observer = Observer(robot, prepared.settings.observer, adopt=spec.mode == "torque")
             observer.reset(prepared.configuration)
             robot.update(prepared.configuration, np.zeros(robot.nv))
@@ -181,7 +186,7 @@ class WalkTrial:
             outcome = "completed" if walking.finished else "unfinished"
         planned, figures = len(self._prepared.plan), self._meter.figures()
         return WalkResult(
-            **identity(self.spec),
+            **(identity(self.spec) | {"policy": self._policy}),
             outcome=outcome,
             steps_planned=planned,
             steps_done=walking.steps_done,
@@ -245,24 +250,33 @@ class WalkTrial:
         self.plant.push(push.body, force * along, push.duration)
 
 
+def _name(policy: PolicyLike) -> str:
+    """What a policy that has no name is called."""
+    return policy.__name__ if hasattr(policy, "__name__") else type(policy).__name__
+
+
 def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None:
     """The range sensor under each toe; None of soles whose stiffness nobody sets."""
     if spec.policy is None:
         return None
-    return RangeSensor() if spec.noise == "none" else settings.range_sensor
+    sensor = settings.range_sensor
+    if spec.noise == "none":
+        sensor = replace(sensor, noise=0.0, relative_noise=0.0, resolution=0.0, dropout=0.0)
+    return sensor
 
 
 def _stiffness_task(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, policy: PolicyLike | None
 ) -> StiffnessTask | None:
     """What sets the soles while they swing; None of soles without a stiffness to set."""
-    foot = prepared.foot
+    foot, settings = prepared.foot, prepared.settings
     if not isinstance(foot, VariableStiffnessFoot) or spec.policy is None:
         if policy is not None:
             raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
         return None
     chosen = make_policy(spec.policy, spec.policy_params) if policy is None else policy
-    return StiffnessTask(robot, foot, chosen, prepared.settings.stiffness)
+    timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate)
+    return StiffnessTask(robot, foot, chosen, timing)
 
 
 LIFTED = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)

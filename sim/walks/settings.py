@@ -20,8 +20,12 @@ from wbc.walking.walk import WalkSettings
 PRESETS = ("default", "legacy")
 """Names of settings: what walks best on all soles, and mc_rtc's plain law."""
 
-ELSEWHERE = {"mode": "mode", "physics.timestep": "timestep"}
-"""Settings that are options of their own: name of the setting → name of the option."""
+ELSEWHERE = {
+    "mode": "the option 'mode'",
+    "physics.timestep": "the option 'timestep'",
+    "stiffness.sensor_rate": "'range_sensor.rate'",
+}
+"""Settings that follow from others: name of the setting → what to change instead."""
 
 
 @dataclass(frozen=True)
@@ -88,5 +92,5 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
     normal = normal_changes(TrialSettings.preset(preset), changes)
     for path, _ in normal:
         if path in ELSEWHERE:
-            raise InputError(f"'{path}' is not a setting to be changed but the option '{ELSEWHERE[path]}'")
+            raise InputError(f"'{path}' is not a setting to be changed, it follows from {ELSEWHERE[path]}")
     return normal

@@ -180,6 +180,8 @@ class WalkSpec:
         data["gait"] = {name: None if v is None else float(v) for name, v in asdict(self.gait).items()}
         data["start"] = list(self.start)
         data["pushes"] = [push.to_json() for push in self.pushes]
+        if self.policy is None:
+            del data["policy"], data["policy_params"]
         return {"kind": self.kind, **data}
 
     @staticmethod

@@ -14,6 +14,7 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.feet.comparison import (
     amplitude_trends,
+    candidates,
     compare,
     comparison_table,
     learning_curve,
@@ -22,7 +23,8 @@ from wbc.feet.comparison import (
 from wbc.feet.dataset import StiffnessTable
 from wbc.feet.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
 from wbc.feet.stiffness_model import DEFAULT_TABLE, Kind, ModelSettings, StiffnessModel
-from wbc.feet.stiffness_plot import draw_model
+from wbc.feet.stiffness_plot import PICTURES, draw_model
+from wbc.feet.validation import Candidate
 
 TablePath = Annotated[
     Path,
@@ -105,9 +107,14 @@ def judge(
     data = StiffnessTable.load(table)
     settings = model.settings(data)
     if plot is not None:
-        draw_model(data, plot, settings)
-    results = compare(data, folds=folds)
+        check_target("a picture", plot, PICTURES)
+    judged = candidates()
+    if settings != ModelSettings():
+        judged = (Candidate.of(settings, "the model asked for"), *judged)
     curve = learning_curve(data, settings)
+    results = compare(data, judged, folds=folds)
+    if plot is not None:
+        draw_model(data, plot, settings)
     trends = amplitude_trends(data)
     components = principal_components(data, settings.features)
     selection = select_features(data.values)

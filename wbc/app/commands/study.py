@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -24,11 +25,10 @@ from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError, choose
 from wbc.sim.journal import SYNCS, Entry, Journal, check_journal_path, read_journal
-from wbc.sim.labels import Label, labels, stiffness_table
-from wbc.sim.provenance import provenance
+from wbc.sim.labels import Label, check_windows, labels, stiffness_table
 from wbc.sim.stiffness_studies import dataset as make_dataset
 from wbc.sim.stiffness_studies import half_heights
-from wbc.sim.studies import Study, study_table
+from wbc.sim.studies import Study, found_entries, study_table
 from wbc.sim.study_catalog import STUDIES, study_by_name
 from wbc.sim.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
 
@@ -110,6 +110,9 @@ class DatasetOptions:
     separate: bool = False
     any_code: bool = False
 
+    def __post_init__(self) -> None:
+        check_windows(self.windows)
+
     def study(self) -> Study:
         """The walks."""
         return make_dataset(self.seeds, self.amplitudes, self.evaluations, self.distance)
@@ -119,6 +122,22 @@ class DatasetOptions:
         names = ("seeds", "amplitudes", "evaluations", "distance", "windows")
         words = "wbc study dataset " + " ".join(f"--{name} {getattr(self, name):g}" for name in names)
         return words + (" --separate" if self.separate else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BestOptions:
+    """From which walks.
+
+    Attributes:
+        journal: File that `wbc study run` has written.
+        separate: Find the best stiffness of each cell from its own walks alone; otherwise what the others have in
+            common fills in what these leave open.
+        any_code: Take walks of other versions of the code, too.
+    """
+
+    journal: Path
+    separate: bool = False
+    any_code: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,10 +159,18 @@ class TableOptions:
 @reports
 def list_studies(*, output: OutputOptions = Output()) -> Report:
     """List the studies that come with the library."""
-    studies = [study_by_name(name) for name in STUDIES]
-    facts = [{"name": s.name, "about": s.about, "trials": sum(1 for _ in s.trials())} for s in studies]
-    lines = [f"{fact['name']:<22} {fact['trials']:>5} trials  {fact['about']}" for fact in facts]
+    facts = [_study_facts(name) for name in STUDIES]
+    lines = [f"{fact['name']:<22} {fact['trials'] or '':>5} trials  {fact['about']}" for fact in facts]
     return output.report({"studies": facts}, "\n".join(lines))
+
+
+def _study_facts(name: str) -> dict[str, Any]:
+    """What there is to say of a study; of one that rests on another that has not been run, what is missing."""
+    try:
+        study = study_by_name(name)
+    except InputError as error:
+        return {"name": name, "about": f"not yet: {error}", "trials": None}
+    return {"name": name, "about": study.about, "trials": sum(1 for _ in study.trials())}
 
 
 @reports
@@ -188,7 +215,7 @@ def dataset(
     summary = run_trials(study, options, any_code=size.any_code)
     entries = read_journal(options.journal)
     found = labels(study, entries, pooled=not size.separate, any_code=size.any_code)
-    made = {"command": size.command(), "provenance": dict(provenance()), "walks": summary.counts}
+    made = {"command": size.command(), **origin(study, entries, any_code=size.any_code)}
     table = stiffness_table(study, found, windows=size.windows, made=made)
     table.save(target)
     data = {
@@ -210,16 +237,20 @@ def best(
     study: StudyName,
     /,
     *,
-    journal: Path,
-    part: Flat[PartOptions] = PartOptions(),
+    options: Flat[BestOptions],
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from what its journal has."""
-    chosen = part.part(study)
-    found = labels(chosen, entries_of(journal), any_code=part.any_code)
+    chosen, entries = read_study(study), entries_of(options.journal)
+    found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
+    if not found:
+        raise InputError(
+            f"{options.journal} has no cell of '{chosen.name}' with walks of enough stiffnesses; run the study"
+        )
     data = {
         "study": chosen.name,
-        "provenance": dict(provenance()),
+        "separate": options.separate,
+        **origin(chosen, entries, any_code=options.any_code),
         "labels": {cell: asdict(label) for cell, label in found.items()},
     }
     return output.report(data, labels_text(found))
@@ -235,9 +266,11 @@ def heights(
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the height of each ground at which half of the walks are completed, from what a journal has."""
-    chosen = part.part(study)
-    found = half_heights(chosen, entries_of(journal), any_code=part.any_code)
-    data = {"study": chosen.name, "provenance": dict(provenance()), "heights_m": found}
+    chosen, entries = part.part(study), entries_of(journal)
+    found = half_heights(chosen, entries, any_code=part.any_code)
+    if not found:
+        raise InputError(f"{journal} has no walks of '{chosen.name}'; run the study")
+    data = {"study": chosen.name, **origin(chosen, entries, any_code=part.any_code), "heights_m": found}
     return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
 
 
@@ -310,6 +343,17 @@ def table(
         any_code=part.any_code,
     )
     return output.report(made.to_json(), made.markdown())
+
+
+def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
+    """What was walked, by which code: counts of trials by status, and the versions that made them."""
+    used = [entry for _, entry in found_entries(study, entries, any_code=any_code) if entry is not None]
+    versions = {json.dumps(entry.version, sort_keys=True) for entry in used}
+    return {
+        "trials": dict(Counter(entry.status for entry in used)),
+        "versions": [json.loads(version) for version in sorted(versions)],
+        "seeds": list(study.seeds),
+    }
 
 
 def entries_of(journal: Path) -> dict[str, Entry]:

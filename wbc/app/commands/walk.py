@@ -302,7 +302,7 @@ def soles_text(result: WalkResult) -> list[str]:
         return []
     decided = [step["commanded_nm_per_rad"] for step in steps if step["fallback"] is None]
     reached = sum(step["reached"] for step in steps)
-    text = f"  soles     set by the {result.policy} in {len(decided)} of {len(steps)} swings"
+    text = f"  soles     set by the policy '{result.policy}' in {len(decided)} of {len(steps)} swings"
     if decided:
         low, middle, high = (f"{k:.3g}" for k in np.percentile(decided, (0, 50, 100)))
         text += f" to {low} … {high} Nm/rad, median {middle}"
@@ -310,13 +310,15 @@ def soles_text(result: WalkResult) -> list[str]:
     reasons = Counter(re.split("[:,]", step["fallback"])[0] for step in steps if step["fallback"] is not None)
     if reasons:
         kept = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
-        lines.append(f"            others keep their stiffness ({kept})")
+        lines.append(f"            the others fell back ({kept})")
     errors = [step["profile_error_m"] for step in steps if step["profile_error_m"] is not None]
     if errors:
         mean, most = (1e3 * float(np.mean([error[part] for error in errors])) for part in ("mean", "p95"))
         clock = result.clock.decision_us if result.clock is not None else None
         time = "" if clock is None else f"; decided in {clock['median']:.0f} us, {clock['max']:.0f} at most"
-        lines.append(f"  scan      {mean:.1f} mm from the true ground, 95 % within {most:.1f} mm{time}")
+        lines.append(
+            f"  scan      {mean:.1f} mm from the true ground, 95 % of a scan within {most:.1f} mm{time}"
+        )
     return lines
 
 
