@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.clusters import Clusters
 from wbc.feet.comparison import (
@@ -19,11 +20,11 @@ from wbc.feet.comparison import (
     principal_components,
 )
 from wbc.feet.dataset import REQUIRED, ProfileRecipe, StiffnessTable
-from wbc.feet.features import WINDOW_FEATURES, FeatureSet
+from wbc.feet.features import WINDOW_FEATURES, FeatureSet, select_features
 from wbc.feet.roughness import PARAMETERS, RoughnessSettings, roughness
 from wbc.feet.scan import PROFILE_STEP
 from wbc.feet.stiffness_model import ModelSettings, StiffnessModel
-from wbc.feet.stiffness_plot import draw_model
+from wbc.feet.stiffness_plot import draw_model, labels_figure
 from wbc.feet.validation import PROTOCOLS, Candidate, cross_validate
 
 PLAIN = ("Sz", "sqrt(P)", "Sku")
@@ -489,3 +490,42 @@ def test_the_picture_is_drawn(table: StiffnessTable, tmp_path: Path) -> None:
     for path, message in ((tmp_path / "model.txt", "must end in"), (tmp_path / "no" / "m.png", "no folder")):
         with pytest.raises(InputError, match=message):
             draw_model(table, path)
+
+
+def test_labels_are_drawn_where_they_are(table: StiffnessTable) -> None:
+    figure = labels_figure(table)
+    grounds = list(dict.fromkeys(table.ground.tolist()))
+    drawn = [panel for panel in figure.axes if panel.lines]
+    assert [panel.get_title() for panel in drawn] == [ground.replace("_", " ") for ground in grounds]
+    mine = table.ground == grounds[0]
+    heights = np.unique(table.amplitude[mine])
+    best = [table.stiffness[mine & (table.amplitude == height)][0] for height in heights]
+    np.testing.assert_allclose(drawn[0].lines[-1].get_xydata(), np.stack([1e3 * heights, best], axis=1))
+
+
+def test_the_command_judges_a_table(
+    table: StiffnessTable, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.csv"
+    table.save(path)
+    words = [
+        "stiffness",
+        "judge",
+        str(path),
+        "--features",
+        "select",
+        "--neighbours",
+        "3",
+        "--folds",
+        "2",
+        "--json",
+    ]
+    assert cli.main(words) == 0
+    told = json.loads(capfd.readouterr().out)
+    asked = [row for row in told["validation"] if row["model"] == "the model asked for"]
+    assert {row["split"] for row in asked} == {"grounds", "amplitudes", "shuffled", "paper"}
+    chosen = select_features(table.values).kept
+    same = cross_validate(table, ModelSettings(tuple(chosen), neighbours=3), "grounds", folds=2)
+    assert next(row["accuracy"] for row in asked if row["split"] == "grounds") == pytest.approx(same.accuracy)
+    assert told["rows"] == len(table) and set(told["amplitude_trends"]) == set(table.ground.tolist())
+    assert sum(told["explained_variance"]) == pytest.approx(1.0)

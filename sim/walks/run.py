@@ -275,7 +275,9 @@ def _stiffness_task(
             raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
         return None
     chosen = make_policy(spec.policy, spec.policy_params) if policy is None else policy
-    timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate)
+    # The result tells of every swing, and there may be some more than were planned.
+    history = max(settings.stiffness.history, 2 * len(prepared.plan))
+    timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate, history=history)
     return StiffnessTask(robot, foot, chosen, timing)
 
 
