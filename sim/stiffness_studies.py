@@ -52,7 +52,13 @@ def stiffness_grid(evaluations: int) -> tuple[float, ...]:
     return tuple(float(f"{k:.3g}") for k in np.geomspace(SOFTEST, STIFFEST, evaluations))
 
 
-def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance: float = 3.0) -> Study:
+def dataset(
+    seeds: int = 2,
+    amplitudes: int = 5,
+    evaluations: int = 16,
+    distance: float = 3.0,
+    height: float = 1.0,
+) -> Study:
     """Walks on soft soles of many stiffnesses: which one is best on which ground, at which amplitude?
 
     Stiffnesses share grounds and sensor errors, so that each ground compares them with one another. The paper's 6,000
@@ -63,6 +69,7 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
         amplitudes: Amplitudes of each kind of ground.
         evaluations: Stiffnesses.
         distance: Length of a walk, m.
+        height: Amplitudes over those of the paper: on grounds that every walk survives, steps say nothing.
 
     Raises:
         InputError: Fewer than one seed, one amplitude or four stiffnesses, or no distance.
@@ -79,10 +86,11 @@ def dataset(seeds: int = 2, amplitudes: int = 5, evaluations: int = 16, distance
                 f"{name} of the dataset must be a whole number of at least {least}, got {value!r}"
             )
     length = finite_scalar("distance of the dataset's walks (m)", distance, low=0.0, open_low=True)
+    factor = finite_scalar("height of the dataset's grounds over the paper's", height, low=0.0, open_low=True)
     cells = tuple(
         Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
         for name, (values, (low, high)) in training_grounds().items()
-        for amplitude in np.linspace(low, high, amplitudes).round(6).tolist()
+        for amplitude in (factor * np.linspace(low, high, amplitudes)).round(6).tolist()
     )
     return Study(
         name="dataset",

@@ -168,7 +168,9 @@ def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
     amplitudes = sorted({dict(cell.values)["amplitude"] for cell in study.cells})
     assert amplitudes[0] == 0.01 and amplitudes[-1] == 0.04
     assert sum(1 for _ in dataset(seeds=2, evaluations=50).trials()) == 6000
-    for bad in ({"seeds": 0}, {"amplitudes": 0}, {"evaluations": 3}, {"distance": 0.0}):
+    higher = {dict(cell.values)["amplitude"] for cell in dataset(height=1.5).cells}
+    assert max(higher) == pytest.approx(0.06)
+    for bad in ({"height": 0.0}, {"seeds": 0}, {"amplitudes": 0}, {"evaluations": 3}, {"distance": 0.0}):
         with pytest.raises(InputError, match="dataset"):
             dataset(**bad)  # type: ignore[arg-type]
 

@@ -95,6 +95,7 @@ class DatasetOptions:
         amplitudes: Amplitudes of each of the twelve kinds of ground.
         evaluations: Stiffnesses that are tried on each ground.
         distance: Length of a walk, m.
+        height: Amplitudes over those of the paper; higher grounds tell more where every walk is survived.
         windows: Profiles that are cut out of each ground, as long as a foot's scan.
         separate: Find the best stiffness of each ground from its own walks alone, as in the paper; otherwise what all
             grounds have in common fills in what these leave open.
@@ -106,6 +107,7 @@ class DatasetOptions:
     amplitudes: int = 5
     evaluations: int = 16
     distance: float = 3.0
+    height: float = 1.0
     windows: int = 6
     separate: bool = False
     any_code: bool = False
@@ -115,11 +117,11 @@ class DatasetOptions:
 
     def study(self) -> Study:
         """The walks."""
-        return make_dataset(self.seeds, self.amplitudes, self.evaluations, self.distance)
+        return make_dataset(self.seeds, self.amplitudes, self.evaluations, self.distance, self.height)
 
     def command(self) -> str:
         """The command that makes the same table."""
-        names = ("seeds", "amplitudes", "evaluations", "distance", "windows")
+        names = ("seeds", "amplitudes", "evaluations", "distance", "height", "windows")
         words = "wbc study dataset " + " ".join(f"--{name} {getattr(self, name):g}" for name in names)
         return words + (" --separate" if self.separate else "")
 
