@@ -283,7 +283,7 @@ def labels_text(found: Mapping[str, Label]) -> str:
         near = f"{label.nearly_low:.3g} … {label.nearly_high:.3g}"
         sure = f"{label.best_low:.3g} … {label.best_high:.3g}"
         lines.append(
-            f"  {cell:<30} {label.stiffness:4.3g}  {near:^14} {sure:^14} {label.J:8.1f} {label.gain:8.1f}"
+            f"  {cell:<30} {label.stiffness:4.3g}  {near:^14} {sure:^14} {label.J:8.3g} {label.gain:8.2g}"
         )
     return "\n".join(lines)
 
