@@ -193,9 +193,8 @@ class StiffnessTask:
         # What is wanted may lie beyond the actuator, or too far to get there before the landing.
         target = min(max(wanted, self.actuator.low), self.actuator.high)
         if target != self._command[side]:
-            self._command[side] = reachable(
-                self.actuator, actual, target, time_left, 0.5 * self.timing.tolerance
-            )
+            sure = max(time_left - self.timing.early_landing, 0.0)
+            self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
         self._decided_at = measurement.time
         self._record = StepStiffness(
             side=SIDES[side],

@@ -20,6 +20,7 @@ class StiffnessTiming:
         scan_from: Share of the single support at which scanning starts.
         decide_at: Share of the single support at which the stiffness is decided; the rest is for the actuator.
         deadline: Least time before the landing at which a stiffness may still be changed, s.
+        early_landing: How much before its time a landing may come, s: only what is reached even then is commanded.
         min_length: Shortest profile that is good enough, m.
         min_coverage: Least share of a profile's samples that must have been seen.
         fallback: Stiffness to command when there is no decision, Nm/rad; None keeps the last one.
@@ -30,13 +31,14 @@ class StiffnessTiming:
         history: Number of steps that are remembered.
 
     Source: the paper decides at 75 % of the single support (section IV-C). On rough ground a foot lands before its
-    time, on 40 mm stones by up to 0.19 s, and an actuator needs 0.1 s and more: at 65 % it is ready in time. 0.15 m is
-    half of what the toe passes over in a step of 0.145 m; deadline and tolerance are chosen here.
+    time, on 40 mm stones by up to 0.19 s, and an actuator needs 0.1 s and more: hence 65 %, and 0.15 s for an early
+    landing. 0.15 m is half of what the toe passes over in a step of 0.145 m; deadline and tolerance are chosen here.
     """
 
     scan_from: float = 0.0
     decide_at: float = 0.65
     deadline: float = 0.05
+    early_landing: float = 0.15
     min_length: float = 0.15
     min_coverage: float = 0.5
     fallback: float | None = None
@@ -51,6 +53,7 @@ class StiffnessTiming:
             "share of the single support to decide at", self.decide_at, low=start, high=1.0, open_low=True
         )
         non_negative("deadline of the stiffness (s)", self.deadline)
+        non_negative("early landing (s)", self.early_landing)
         least = (LEAST_SAMPLES - 1) * self.scan.step
         finite_scalar("shortest profile (m)", self.min_length, low=least)
         finite_scalar("least coverage of a profile", self.min_coverage, low=0.0, high=1.0)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from wbc.core.errors import InputError, UnknownNameError, WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
-from wbc.feet import SoftFoot, StiffnessActuator, VariableStiffnessFoot
+from wbc.feet import SoftFoot, StiffnessActuator, StiffnessState, VariableStiffnessFoot
 from wbc.feet.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.roughness import PARAMETERS, profile_roughness, roughness
 from wbc.feet.scan import PROFILE_STEP, ScanSettings, toe_sensor, windows
@@ -128,11 +128,11 @@ class Rig:
 
 def make_task(policy: object = None, foot: VariableStiffnessFoot = FOOT, **timing: object) -> StiffnessTask:
     chosen = FixedPolicy(20.0) if policy is None else policy
-    return StiffnessTask(ROBOT, foot, chosen, StiffnessTiming(**{"decide_at": PAPER_DECIDES, **timing}))  # type: ignore[arg-type]
+    return StiffnessTask(ROBOT, foot, chosen, StiffnessTiming(**{**PAPER, **timing}))  # type: ignore[arg-type]
 
 
-PAPER_DECIDES = 0.75
-"""Share of the single support at which the paper decides."""
+PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
+"""The paper decides at three quarters of the single support, and feet land in time."""
 
 
 @pytest.fixture(scope="module")
@@ -385,6 +385,21 @@ def test_policies_have_names() -> None:
         stiffness_policy("fixed", stiffness=-1.0)
     register_stiffness_policy("always 3", lambda: FixedPolicy(3.0))
     assert stiffness_policy("always 3") == FixedPolicy(3.0)
+
+
+def test_what_is_commanded_is_reached_even_by_an_early_landing() -> None:
+    """A jump that the planned time is enough for is cut to what an earlier landing leaves time for."""
+    whole, sure = (make_task(FixedPolicy(75.0), decide_at=0.65, early_landing=early) for early in (0.0, 0.15))
+    commands = []
+    for task in (whole, sure):
+        rig = Rig(task, terrain("cobble_stones", amplitude=0.02, seed=4))
+        rig.step()
+        commands.append(rig.task.command[0])
+    assert commands[0] == 75.0 and 20.0 < commands[1] < 60.0
+    state = StiffnessState(5.0, 5.0, 5.0)
+    assert FOOT.actuator.advance(state, commands[1], 0.28 - 0.15).actual == pytest.approx(
+        commands[1], abs=0.5
+    )
 
 
 # --- fallbacks --------------------------------------------------------------------------------------------------------
