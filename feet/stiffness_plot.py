@@ -114,7 +114,7 @@ def _draw_trends(axes: Any, table: StiffnessTable) -> None:
         best = [table.stiffness[mine & (table.amplitude == a)].mean() for a in amplitudes]
         axes.plot(1e3 * amplitudes, best, ".-", label=ground)
     axes.set(xlabel="amplitude of the ground (mm)", ylabel="best stiffness (Nm/rad)", title="by ground")
-    axes.legend(fontsize=6, ncols=2)
+    axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def labels_figure(table: StiffnessTable) -> Figure:
