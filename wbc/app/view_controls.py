@@ -6,7 +6,8 @@ down with its time, and results say that there were any.
     push        a push on the torso, from the robot's front, back or sides
     stop        the walk comes to a stand safely, with the step that it takes
     gains       of the stabilizer, from the next tick on
-    stiffness   of variable soles: each foot gets it in its next swing, as if a policy had decided so
+    stiffness   of variable soles: each foot gets it in its next swing, as if a policy had decided so, or as much of it
+                as its actuator is sure to set before the landing
 
 Not offered: footsteps, velocity, gait, terrain and seed are checked before a walk starts and belong to another run. The
 stiffness of a passive sole is what it is made of, so it is fixed. There is no way back in time; record the run and
