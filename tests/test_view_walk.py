@@ -539,6 +539,10 @@ def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) 
             tick(trial)
             view.update()
         assert [entry["what"] for entry in view.interventions] == ["push"]
+        before = view.frames  # the picture in which the push was asked for does not tell of it yet
+        while view.frames < before + 2:
+            tick(trial)
+            view.update()
         browser.wait('document.getElementById("text").textContent.includes("pushed forward")')
         assert not browser.errors
         assert all(url.startswith((view.url, "data:")) for url in browser.requests)
