@@ -417,7 +417,7 @@ def test_a_bias_is_taken_out_of_all_three_errors() -> None:
 
 def test_foot_heights_settle_and_leak() -> None:
     gains = StabilizerGains(force_difference=1e-4, height_leak=1.0, support_height_leak=3.0)
-    f = FootAdmittance(gains)
+    f = FootAdmittance(gains.for_mass(39.0))
     for _ in range(100):
         f.update(feet(350.0, 250.0), feet(300.0, 300.0), (True, True), DT)
     left, right = f.correction(0), f.correction(1)
@@ -494,3 +494,15 @@ def test_changing_gains_keeps_what_was_learnt() -> None:
     np.testing.assert_allclose(after.errors.average, before.errors.average, rtol=0.05)
     s.reset()
     assert np.abs(tick(s, com=[0.01, 0.0, HEIGHT]).errors.average).max() < 1e-4
+
+
+def test_heavier_robots_yield_slower_unless_told_otherwise() -> None:
+    for mass, expected in ((33.0, 0.05), (39.0, 0.05), (90.0, 2.0 / 90.0)):
+        stabilizer = Stabilizer(mass, WrenchDistribution(SIZES))
+        assert stabilizer.gains.cop_admittance == pytest.approx((expected, expected))
+        stabilizer.gains = StabilizerGains(dcm_p=3.0)
+        assert stabilizer.gains.cop_admittance == pytest.approx((expected, expected))
+        stabilizer.gains = StabilizerGains(cop_admittance=0.03)
+        assert stabilizer.gains.cop_admittance == (0.03, 0.03)
+    with pytest.raises(InputError, match="mass"):
+        StabilizerGains().for_mass(0.0)

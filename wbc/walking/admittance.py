@@ -68,6 +68,7 @@ def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[f
     Returns:
         Rates about the sole's x and y axes, rad/s, clamped.
     """
+    assert gains.cop_admittance is not None, "gains.for_mass(mass) fills it in"
     along, across = pair(gains.cop_admittance)
     bound = gains.max_angular_velocity
     roll = across * float(measured[3] - target[3])

@@ -83,7 +83,7 @@ class Stabilizer:
         self.mass = positive("mass (kg)", mass)
         self.enabled = True
         self.distribution = distribution
-        self._gains = gains or StabilizerGains()
+        self._gains = (gains or StabilizerGains()).for_mass(self.mass)
         self._feedback = DcmFeedback(self._gains)
         self.feet = FootAdmittance(self._gains)
         self._com = ComAdmittance(self._gains)
@@ -97,6 +97,7 @@ class Stabilizer:
 
     @gains.setter
     def gains(self, gains: StabilizerGains) -> None:
+        gains = gains.for_mass(self.mass)
         old, self._gains = self._gains, gains
         self._feedback.gains = self.feet.gains = self._com.gains = gains
         self._wrench.time_constant = gains.wrench_time
