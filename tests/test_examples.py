@@ -19,7 +19,7 @@ import wbc
 
 FOLDER = Path(__file__).parent.parent / "examples"
 STANDING = ("own_robot", "own_task", "push_recovery", "reach", "squat", "stand")
-WALKING = ("walk", "walk_push", "walk_stairs", "walk_stones", "walk_tune", "walk_velocity")
+WALKING = ("walk", "walk_push", "walk_soles", "walk_stairs", "walk_stones", "walk_tune", "walk_velocity")
 NAMES = (*STANDING, *WALKING)
 
 Load = Callable[[str], ModuleType]
@@ -176,6 +176,14 @@ def test_walk_on_stones_feels_them(load: Load) -> None:
     result = walk(load("walk_stones"), "--distance", "0.2", "--amplitude", "0.015")
     assert result["outcome"] == "completed"
     assert result["early_landings"] + result["late_landings"] > 0  # nobody knew of the stones
+
+
+def test_walk_sets_its_soles(load: Load) -> None:
+    module = load("walk_soles")
+    own = walk(module, "--distance", "0.35")
+    assert own["policy"] == "SofterWhereItIsRough" and own["decided"] > 0
+    assert 2.0 <= own["softest_nm_per_rad"] <= own["stiffest_nm_per_rad"] <= 60.0
+    assert walk(module, "--distance", "0.35", "--policy", "fixed")["stiffest_nm_per_rad"] == 5.0
 
 
 def test_walk_climbs(load: Load) -> None:
