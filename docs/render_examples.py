@@ -1,0 +1,129 @@
+"""Draw the sheet of all examples: `python docs/render_examples.py [FILE]`; without a display set MUJOCO_GL=egl.
+
+Every example is run as it is, and drawn at one instant.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from wbc.app.replay.stage import Stage
+from wbc.app.view_source import PlantSource
+from wbc.sim import Plant
+from wbc.sim.walks import WalkHook, WalkTick
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+INSTANTS = {
+    "stand": 1.0,
+    "squat": 2.5,
+    "reach": 3.0,
+    "push_recovery": 0.9,
+    "walk": 4.6,
+    "walk_velocity": 4.6,
+    "walk_stones": 5.7,
+    "walk_soles": 6.9,
+    "walk_stairs": 5.7,
+    "walk_push": 4.9,
+    "walk_tune": 3.4,
+    "own_task": 3.0,
+    "own_robot": 1.0,
+}
+"""When each example is drawn, s."""
+
+SIZE = (300, 260)
+"""Of one picture, pixels."""
+
+COLUMNS = 5
+
+
+class Catcher(WalkHook):
+    """Takes a picture of a plant when its time has come."""
+
+    def __init__(self, instant: float) -> None:
+        self.instant, self.picture = instant, None
+        self.plant: Plant | None = None
+
+    def update(self) -> None:
+        """Look at the plant; called once a tick."""
+        assert self.plant is not None
+        if self.picture is None and self.plant.time >= self.instant - 1e-9:
+            self.picture = photograph(self.plant)
+
+    def tick(self, tick: WalkTick) -> None:
+        """The same for walks that `run_walk` runs."""
+        self.plant = tick.plant
+        self.update()
+
+
+def photograph(plant: Plant) -> Image.Image:
+    """Draw a plant as it is now, as a replay would be drawn."""
+    source = PlantSource(plant)
+    scene = source.scene
+    nothing = SimpleNamespace(moving=())
+    shown: Any = SimpleNamespace(
+        plant=plant, scene=scene, overlays=nothing, moving=scene.moving, sole_paths=()
+    )
+    stage = Stage(shown, *SIZE)
+    snapshot = source.snapshot()
+    stage.set(scene.frame(snapshot))
+    camera = mujoco.MjvCamera()
+    camera.distance, camera.azimuth, camera.elevation = 3.3 * scene.size, 130.0, -14.0
+    camera.lookat[:] = (*snapshot.com[:2], scene.floor + 0.85 * scene.size)
+    renderer = mujoco.Renderer(stage.model, SIZE[1], SIZE[0])
+    try:
+        renderer.update_scene(stage.data, camera)
+        return Image.fromarray(renderer.render())
+    finally:
+        renderer.close()
+
+
+def picture_of(name: str, instant: float) -> Image.Image:
+    """Run an example, and take its picture."""
+    module, common = importlib.import_module(name), importlib.import_module("_common")
+    catcher = Catcher(instant)
+
+    @contextlib.contextmanager
+    def watch(self: Any, plant: Plant, walking: Any = None) -> Iterator[Catcher]:
+        if catcher.picture is None:
+            catcher.plant = plant
+        yield catcher
+
+    common.Options.watch = watch
+    common.Options.hooks = lambda self: [catcher]
+    module.main([])
+    if catcher.picture is None:
+        raise RuntimeError(f"{name} ended before {instant:g} s")
+    return catcher.picture
+
+
+def main() -> None:
+    """Draw the sheet."""
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images" / "examples.png"
+    sys.path.insert(0, str(EXAMPLES))
+    missing = {p.stem for p in EXAMPLES.glob("*.py")} - {"_common"} - set(INSTANTS)
+    if missing:
+        raise RuntimeError(f"no instant for {', '.join(sorted(missing))}")
+    rows = -(-len(INSTANTS) // COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * SIZE[0], rows * SIZE[1]), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
+    for i, (name, instant) in enumerate(INSTANTS.items()):
+        corner = np.array([i % COLUMNS, i // COLUMNS]) * SIZE
+        sheet.paste(picture_of(name, instant), tuple(corner.tolist()))
+        draw.text(tuple((corner + (8, 6)).tolist()), f"{name}.py", fill="black", font=font)
+    sheet.quantize(128).save(path, optimize=True)
+    print(f"wrote {path}")
+
+
+if __name__ == "__main__":
+    main()
