@@ -252,6 +252,12 @@ def test_slats_leave_gaps_to_the_floor_of_the_pit() -> None:
     assert min(widths) >= 0.02 and max(widths) <= 0.035
 
 
+@pytest.mark.parametrize("name", ["floor_tiles", "large_floor_tiles", "stone_bricks"])
+def test_high_plates_do_not_lean_out_of_the_track(name: str) -> None:
+    for seed in range(20):
+        assert terrain(name, 0.1, seed).shapes  # the ground is checked as it is built
+
+
 def test_height_field_of_solids_lies_on_the_solids() -> None:
     for name in SOLID:
         solid = terrain(name, seed=4)

@@ -125,6 +125,7 @@ def test_torque_tilt_and_touchdowns_are_those_of_the_plant(seen: tuple[WalkResul
     result, notes = seen
     assert result.peak_torque_ratio == pytest.approx(notes.torque, rel=1e-12)
     assert 0.0 < result.peak_torque_ratio <= 1.0 + 1e-9
+    assert result.torque_ratio.mean is not None and 0.0 < result.torque_ratio.mean < result.peak_torque_ratio
     down = result.touchdowns
     assert down.early + down.on_time + down.late + down.missed == 2
     assert down.early == notes.events.count(Event.EARLY_TOUCH_DOWN)

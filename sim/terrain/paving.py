@@ -12,7 +12,7 @@ from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.base import ShapeFamily, family, param
 from wbc.sim.terrain.shapes import Cylinder, Shape
 from wbc.sim.terrain.site import Site, centred
-from wbc.sim.terrain.solids import plate
+from wbc.sim.terrain.solids import BURIED, plate
 
 SHORTEST_CUT = 0.25
 """A brick cut by the edge of the track is left out when it is shorter than this share of itself."""
@@ -23,7 +23,8 @@ def _laid(
 ) -> Iterator[Shape]:
     """Lay plates in rows along x, every other row shifted by `bond` plate lengths, with joints between them.
 
-    Heights belong to the highest corner; `tilt` is the rise over a plate as a share of the amplitude.
+    Heights belong to the highest corner; `tilt` is the rise over a plate as a share of the amplitude, less where a high
+    plate would lean over its joint.
     """
     pitch = (size[0] + joint, size[1] + joint)
     site.require(*pitch)
@@ -43,8 +44,9 @@ def _laid(
     tops = site.tops(n, lowest)
     rises = site.draws.uniform(-tilt / 2.0, tilt / 2.0, 2 * n).reshape(n, 2) * site.amplitude
     for (x, y, length), top, rise in zip(places, tops, rises, strict=True):
-        slope = (float(rise[0]) / size[0], float(rise[1]) / size[1])
-        yield plate(x, y, (length, size[1]), float(top), slope=slope)
+        steepest = joint / 2.0 / (float(top) + BURIED)
+        slope = [float(s) for s in np.clip(rise / size, -steepest, steepest)]
+        yield plate(x, y, (length, size[1]), float(top), slope=(slope[0], slope[1]))
 
 
 @family("stone_bricks")

@@ -65,6 +65,8 @@ class WalkMeter:
         self._events: Counter[Event] = Counter()
         self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
         self._torque = np.zeros(plant.robot.na)
+        self._limits = np.asarray(plant.description.torque_limit)
+        self._effort: list[float] = []
         self._impact: float | None = None
         self._impact_until = -math.inf
         self._landed = 0
@@ -89,7 +91,9 @@ class WalkMeter:
 
     def after_step(self) -> None:
         """Take in what the plant did with the command."""
-        np.maximum(self._torque, np.abs(self._plant.joint_torque), out=self._torque)
+        torque = np.abs(self._plant.joint_torque)
+        np.maximum(self._torque, torque, out=self._torque)
+        self._effort.append(float((torque / self._limits).max()))
 
     def _notice_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
         phases, now = self._walking.walk.phases, measurement.time
@@ -168,8 +172,7 @@ class WalkMeter:
 
     def figures(self) -> dict[str, Any]:
         """The fields of a `WalkResult` that are measured here."""
-        limits = np.asarray(self._plant.description.torque_limit)
-        ratios = self._torque / limits
+        ratios = self._torque / self._limits
         worst = int(np.argmax(ratios))
         count = self._events
         return {
@@ -179,6 +182,7 @@ class WalkMeter:
             "dcm_error_max": max(self._dcm, default=None),
             "peak_torque_ratio": float(ratios[worst]),
             "peak_torque_joint": self._plant.robot.joint_names[worst],
+            "torque_ratio": spread(self._effort),
             "touchdowns": Touchdowns(
                 count[Event.EARLY_TOUCH_DOWN],
                 count[Event.TOUCH_DOWN],

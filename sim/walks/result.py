@@ -127,6 +127,7 @@ class WalkResult:
         dcm_error_max: m.
         peak_torque_ratio: Greatest joint torque over its limit, at the ends of the control periods.
         peak_torque_joint: Which joint.
+        torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
         touchdowns: How feet met the ground.
         impact: Greatest normal force on a foot within 0.1 s after it touched down, over the robot's weight; None
             without a touch-down. Forces are means over a control period.
@@ -166,6 +167,7 @@ class WalkResult:
     dcm_error_max: float | None
     peak_torque_ratio: float
     peak_torque_joint: str
+    torque_ratio: Spread
     touchdowns: Touchdowns
     impact: float | None
     sole_roll: Spread
