@@ -1,4 +1,4 @@
-"""Studies: which trials answer a question, and the table that they make.
+"""Studies: which trials answer a question.
 
 A study has cells (grounds, say) and arms (soles, say); every arm is tried in every cell with the same seeds, so that
 arms can be compared in pairs. It is data: the ones below are made by functions, others are read from JSON::
@@ -11,13 +11,11 @@ arms can be compared in pairs. It is data: the ones below are made by functions,
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wbc.core.errors import InputError, choose, unknown_name
-from wbc.sim.comparison import Estimate, mean_interval, paired_difference
 from wbc.sim.journal import Entry, trial_key
 from wbc.sim.provenance import provenance
 from wbc.sim.sweep import by_spec
@@ -218,119 +216,6 @@ def merged(*parts: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-# What came out
-
-
-@dataclass(frozen=True)
-class TableCell:
-    """What one arm did in one cell.
-
-    Attributes:
-        cell: Name.
-        arm: Name.
-        estimate: Of the metric.
-        difference: To the reference arm, pair by pair; None of the reference itself.
-        statuses: Status of the trials → number; "missing" have not been run.
-        outcomes: How walks ended → number.
-        fall_reasons: Why robots fell → number.
-        directions: Where falls began to go → number.
-    """
-
-    cell: str
-    arm: str
-    estimate: Estimate
-    difference: Estimate | None
-    statuses: dict[str, int]
-    outcomes: dict[str, int]
-    fall_reasons: dict[str, int]
-    directions: dict[str, int]
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "cell": self.cell,
-            "arm": self.arm,
-            **self.estimate.to_json(),
-            "difference": None if self.difference is None else self.difference.to_json(),
-            "statuses": self.statuses,
-            "outcomes": self.outcomes,
-            "fall_reasons": self.fall_reasons,
-            "directions": self.directions,
-        }
-
-
-@dataclass(frozen=True)
-class StudyTable:
-    """The table of a study.
-
-    Attributes:
-        study: The study.
-        metric: What it is about.
-        completed_only: Only walks that were completed count.
-        reference: Arm that the others are compared with.
-        cells: Row by row.
-    """
-
-    study: Study
-    metric: str
-    completed_only: bool
-    reference: str
-    cells: tuple[TableCell, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "study": self.study.name,
-            "metric": self.metric,
-            "completed_only": self.completed_only,
-            "confidence": 0.95,
-            "reference": self.reference,
-            "cells": [cell.to_json() for cell in self.cells],
-        }
-
-    def markdown(self) -> str:
-        """Three tables: means, paired differences, and how walks ended."""
-        arms = list(self.study.arms)
-        rows = [cell.name for cell in self.study.cells]
-        found = {(cell.cell, cell.arm): cell for cell in self.cells}
-        which = ", completed walks alone" if self.completed_only else ""
-        parts = [f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(rows, arms, found, _mean_text)]
-        if len(arms) > 1:
-            title = f"Difference to '{self.reference}' on the same seeds: mean [95 % interval]"
-            others = [arm for arm in arms if arm != self.reference]
-            parts.append(title + "\n\n" + _grid(rows, others, found, _difference_text))
-        if any(cell.outcomes for cell in self.cells):
-            parts.append("How they ended\n\n" + _grid(rows, arms, found, _ending_text))
-        return "\n\n".join(parts)
-
-
-def _grid(rows: list[str], columns: list[str], cells: Mapping[tuple[str, str], TableCell], text: Any) -> str:
-    lines = ["| | " + " | ".join(columns) + " |", "|---|" + "---|" * len(columns)]
-    for row in rows:
-        values = [text(cells[row, column]) if (row, column) in cells else "" for column in columns]
-        lines.append(f"| {row} | " + " | ".join(values) + " |")
-    return "\n".join(lines)
-
-
-def _mean_text(cell: TableCell) -> str:
-    return f"{cell.estimate.text()} ({cell.estimate.n})"
-
-
-def _difference_text(cell: TableCell) -> str:
-    return "" if cell.difference is None else f"{cell.difference.text()} ({cell.difference.n})"
-
-
-def _ending_text(cell: TableCell) -> str:
-    total = sum(cell.outcomes.values())
-    parts = [f"{cell.outcomes.get('completed', 0)} of {total} completed"]
-    parts += [f"{n} {reason}" for reason, n in sorted(cell.fall_reasons.items(), key=lambda item: -item[1])]
-    parts += [f"{n} {direction}" for direction, n in sorted(cell.directions.items(), key=lambda i: -i[1])]
-    parts += [f"{cell.outcomes[name]} {name}" for name in ("unfinished",) if cell.outcomes.get(name)]
-    bad = ("diverged", "timeout", "crashed", "missing")
-    parts += [f"{cell.statuses[name]} {name}" for name in bad if cell.statuses.get(name)]
-    return ", ".join(parts)
-
-
 def found_entries(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> Iterator[tuple[StudyTrial, Entry | None]]:
@@ -346,85 +231,3 @@ def found_entries(
     for trial in study.trials():
         plain = trial.spec.to_json()
         yield trial, entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
-
-
-def study_table(
-    study: Study,
-    entries: Mapping[str, Entry],
-    *,
-    metric: str | None = None,
-    completed_only: bool = False,
-    any_code: bool = False,
-) -> StudyTable:
-    """Make the table of a study.
-
-    Trials that diverged, crashed or took too long are counted, and enter no mean.
-
-    Args:
-        study: The study.
-        entries: Those of a journal, by key.
-        metric: Part of the results; the study's own when None.
-        completed_only: Leave out walks that were not completed, and their pairs.
-        any_code: Take results of other versions of the code, too; else only those of the present one.
-
-    Raises:
-        InputError: A metric that no result has.
-    """
-    name = metric or study.metric or METRICS[study.kind]
-    reference = study.reference or next(iter(study.arms))
-    values: dict[tuple[str, str], dict[int, float]] = {}
-    counts: dict[tuple[str, str], tuple[Counter[str], ...]] = {}
-    for trial, entry in found_entries(study, entries, any_code=any_code):
-        place = (trial.cell, trial.arm)
-        statuses, outcomes, reasons, directions = counts.setdefault(
-            place, (Counter(), Counter(), Counter(), Counter())
-        )
-        mine = values.setdefault(place, {})
-        statuses["missing" if entry is None else entry.status] += 1
-        if entry is None or entry.status != "done" or entry.result is None:
-            continue
-        outcome = entry.result.get("outcome")
-        if outcome is not None:
-            outcomes[outcome] += 1
-            if entry.result.get("fall_reason"):
-                reasons[entry.result["fall_reason"]] += 1
-            if entry.result.get("fall"):
-                directions[entry.result["fall"]["direction"]] += 1
-        if completed_only and outcome != "completed":
-            continue
-        value = _part(entry.result, name)
-        if value is not None:
-            mine[trial.seed] = value
-    cells = []
-    for (cell, arm), mine in values.items():
-        base = values.get((cell, reference), {})
-        difference = None if arm == reference else paired_difference(mine, base)
-        statuses, outcomes, reasons, directions = counts[cell, arm]
-        cells.append(
-            TableCell(
-                cell,
-                arm,
-                mean_interval(list(mine.values())),
-                difference,
-                dict(statuses),
-                dict(outcomes),
-                dict(reasons),
-                dict(directions),
-            )
-        )
-    return StudyTable(study, name, completed_only, reference, tuple(cells))
-
-
-def _part(result: Mapping[str, Any], name: str) -> float | None:
-    """A number out of a result; None where it was not measured."""
-    value: Any = result
-    for key in name.split("."):
-        if not isinstance(value, Mapping) or key not in value:
-            known = [f"{a}.{b}" for a, v in result.items() if isinstance(v, Mapping) for b in v]
-            unknown_name("part of a result", name, [*result, *known])
-        value = value[key]
-    if value is None:
-        return None
-    if isinstance(value, (bool, int, float)):
-        return float(value)
-    raise InputError(f"'{name}' of a result is no number but {value!r}")

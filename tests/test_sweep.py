@@ -23,8 +23,9 @@ from wbc.sim.comparison import mean_interval, paired_difference
 from wbc.sim.journal import Entry, Journal, read_journal
 from wbc.sim.provenance import provenance
 from wbc.sim.stiffness_studies import DATA
-from wbc.sim.studies import Cell, Study, merged, study_table
+from wbc.sim.studies import Cell, Study, merged
 from wbc.sim.study_catalog import STUDIES, study_by_name
+from wbc.sim.study_table import study_table
 from wbc.sim.sweep import SweepSummary, cluster_executor, sweep
 from wbc.sim.trials import PushLimitSpec, register_trial, run_trial, trial_from_json
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
@@ -240,10 +241,10 @@ def small_study(**values: Any) -> Study:
 
 
 def journal_of(study: Study, outcome: dict[str, list[Any]]) -> dict[str, Entry]:
-    """Entries of the first cell: for each arm what became of the seeds: steps, or a status."""
+    """For each arm what became of the seeds, steps or a status, in all cells but 'legacy', which has no walks."""
     entries = {}
     for trial in study.trials():
-        value = outcome.get(trial.arm, [])[trial.seed - 1 :][:1] if trial.cell == "flat" else []
+        value = outcome.get(trial.arm, [])[trial.seed - 1 :][:1] if trial.cell != "legacy" else []
         if not value:
             continue
         status, result = "done", None
@@ -270,7 +271,7 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
         study, {"flat": [22, 5, 22, "diverged"], "soft": [22, 22, "timeout", 10], "rigid": [3]}
     )
     table = study_table(study, entries)
-    cells = {(cell.cell, cell.arm): cell for cell in table.cells}
+    cells = table.found
     flat, soft, rigid = (cells["flat", arm] for arm in ("flat", "soft", "rigid"))
     assert flat.estimate.n == 3 and flat.estimate.mean == pytest.approx(49 / 3)
     assert flat.difference is None and flat.statuses == {"done": 3, "diverged": 1}
@@ -299,6 +300,27 @@ def test_a_table_of_another_part_of_the_results() -> None:
     other = {entry.key: entry for entry in other.values()}
     assert study_table(study, other).cells[0].estimate.n == 0
     assert study_table(study, other, any_code=True).cells[0].estimate.n == 4
+
+
+def test_a_table_puts_cells_together() -> None:
+    heights = {"low": 0.01, "high": 0.02}
+    cells = [Cell(name, {"terrain": "stones", "amplitude": height}) for name, height in heights.items()]
+    study = small_study(cells=tuple(cells))
+    walks = {"flat": [22, 5, 22, "diverged"], "soft": [22, 22, 10, 10], "rigid": [3, 3, 3, 3]}
+    table = study_table(study, journal_of(study, walks), by=["terrain"])
+    assert table.rows == ("stones",)
+    flat, soft = table.found["stones", "flat"], table.found["stones", "soft"]
+    assert flat.statuses == {"done": 6, "diverged": 2} and flat.estimate.n == 6
+    # The ground on which one diverged counts for none, in the means as in the pairs.
+    assert soft.estimate.n == 6 and soft.estimate.mean == pytest.approx((22 + 22 + 10) / 3)
+    assert soft.difference is not None and soft.difference.mean == pytest.approx((0 + 17 - 12) / 3)
+
+    apart = study_table(study, journal_of(study, walks), by=["amplitude", "plan.distance"])
+    assert apart.rows == ("amplitude 0.01, distance 0.1", "amplitude 0.02, distance 0.1", "all")
+    assert apart.found["all", "soft"].estimate == soft.estimate
+    assert study_table(study, journal_of(study, walks)).rows == ("low", "high", "all")
+    with pytest.raises(UnknownNameError, match="swing_hight"):
+        study_table(study, {}, by=["gait.swing_hight"])
 
 
 def test_studies_are_data() -> None:

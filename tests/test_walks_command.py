@@ -9,24 +9,8 @@ from pathlib import Path
 import pytest
 
 from wbc.app.cli import BAD_INPUT, RAN, main
-from wbc.app.commands import COMMANDS, GROUPS
 
 
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The commands, whether or not the table of commands has them already."""
-    monkeypatch.setitem(GROUPS, "study", "Run many trials and make tables of them.")
-    for words, place in {
-        "walk": "walk:walk",
-        "study list": "study:list_studies",
-        "study show": "study:show",
-        "study run": "study:run",
-        "study table": "study:table",
-    }.items():
-        monkeypatch.setitem(COMMANDS, words, f"wbc.app.commands.{place}")
-
-
-@pytest.mark.usefixtures("command")
 def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -43,14 +27,12 @@ def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     }
 
 
-@pytest.mark.usefixtures("command")
 def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
     push = "impulse=1.2,direction=90,step=1,phase=0.3"
     assert main(["walk", "--distance", "0.05", "--push", push]) == RAN
     assert "FELL" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("command")
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -63,7 +45,15 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["study", "run", "flat_floor", "--journal", "."], "folder"),
         (["study", "run", "flat_flor", "--journal", "j"], "flat_floor"),
         (["study", "table", "flat_floor", "--journal", "nothing.jsonl"], "no journal"),
+        (
+            ["study", "table", "flat_floor", "--journal", "empty.jsonl", "--by", "gait.hight"],
+            "gait.swing_height",
+        ),
         (["study", "show", "flat_floor", "--arm", "hard"], "soft"),
+        (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
+        (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
+        (["study", "plot", "stiffness", "--journal", "empty.jsonl", "-o", "a.png"], "35 rows .* 7 at most"),
+        (["study", "swings", "flat_floor", "--journal", "empty.jsonl"], "no walk .* variable stiffness"),
     ],
 )
 def test_the_command_refuses(
@@ -74,25 +64,31 @@ def test_the_command_refuses(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    Path("empty.jsonl").touch()
     assert main(words) == BAD_INPUT
     captured = capsys.readouterr()
     assert re.search(message, captured.err) and captured.err.count("\n") == 1 and not captured.out
 
 
-@pytest.mark.usefixtures("command")
 def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study, journal = tmp_path / "study.json", tmp_path / "journal.jsonl"
     data = {
         "name": "small",
         "base": {"plan": {"distance": 0.05}},
         "cells": {"level": {"terrain": "flat"}},
-        "arms": {"flat": {"foot": "flat"}},
+        "arms": {"flat": {"foot": "flat"}, "variable": {"foot": "variable", "policy": "fixed"}},
         "seeds": [1, 2],
     }
     study.write_text(json.dumps(data))
     assert main(["study", "run", str(study), "--journal", str(journal), "--seeds", "1", "--json"]) == RAN
-    assert json.loads(capsys.readouterr().out)["counts"] == {"done": 1}
+    assert json.loads(capsys.readouterr().out)["counts"] == {"done": 2}
     assert main(["study", "table", str(study), "--journal", str(journal)]) == RAN
-    assert "2 (1)" in capsys.readouterr().out
+    assert "| level | 2 (1) | 2 (1) |" in capsys.readouterr().out
+    figure = tmp_path / "steps.png"
+    assert main(["study", "plot", str(study), "--journal", str(journal), "-o", str(figure)]) == RAN
+    assert figure.stat().st_size > 5000 and capsys.readouterr().out == f"{figure}\n"
+    assert main(["study", "swings", str(study), "--journal", str(journal), "--json"]) == RAN
+    swings = json.loads(capsys.readouterr().out)["rows"]["level"]
+    assert (swings["walks"], swings["swings"], swings["reached"]) == (1, 2, 1.0)
     assert main(["study", "show", "flat_floor", "--cell", "talos"]) == RAN
     assert set(json.loads(capsys.readouterr().out)["cells"]) == {"talos"}

@@ -34,6 +34,8 @@ COMMANDS = {
     "study show": "wbc.app.commands.study:show",
     "study run": "wbc.app.commands.study:run",
     "study table": "wbc.app.commands.study:table",
+    "study plot": "wbc.app.commands.study:plot",
+    "study swings": "wbc.app.commands.study:swings",
     "study best": "wbc.app.commands.study:best",
     "study heights": "wbc.app.commands.study:heights",
     "study dataset": "wbc.app.commands.study:dataset",

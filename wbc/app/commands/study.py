@@ -28,9 +28,11 @@ from wbc.sim.journal import SYNCS, Entry, Journal, check_journal_path, read_jour
 from wbc.sim.labels import Label, check_windows, labels, stiffness_table
 from wbc.sim.stiffness_studies import dataset as make_dataset
 from wbc.sim.stiffness_studies import half_heights
-from wbc.sim.studies import Study, found_entries, study_table
+from wbc.sim.studies import Study, found_entries
 from wbc.sim.study_catalog import STUDIES, study_by_name
+from wbc.sim.study_table import StudyTable, study_table
 from wbc.sim.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
+from wbc.sim.swings import swing_report, swing_text
 
 StudyName = Annotated[
     str, Parameter(help="Study: the name of one that `wbc study list` shows, or a file with one as JSON.")
@@ -151,11 +153,25 @@ class TableOptions:
         metric: Part of the results, such as steps_done, zmp_error.mean or peak_torque_ratio; the study's own when
             not given.
         completed: Only walks that were completed.
+        by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
+            several times.
     """
 
     journal: Path
     metric: str | None = None
     completed: bool = False
+    by: tuple[str, ...] = ()
+
+    def table(self, study: str, part: PartOptions) -> StudyTable:
+        """The table."""
+        return study_table(
+            part.part(study),
+            entries_of(self.journal),
+            metric=self.metric,
+            completed_only=self.completed,
+            by=self.by,
+            any_code=part.any_code,
+        )
 
 
 @reports
@@ -337,14 +353,48 @@ def table(
     output: OutputOptions = Output(),
 ) -> Report:
     """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
-    made = study_table(
-        part.part(study),
-        entries_of(options.journal),
-        metric=options.metric,
-        completed_only=options.completed,
-        any_code=part.any_code,
-    )
+    made = options.table(study, part)
     return output.report(made.to_json(), made.markdown())
+
+
+@reports
+def plot(
+    study: StudyName,
+    /,
+    *,
+    out: Annotated[Path, Parameter(alias="-o", help="Figure to write (.png, .svg or .pdf).")],
+    options: Flat[TableOptions],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Draw what a study found: each arm's mean and its difference to the reference, with intervals."""
+    from wbc.app.plot.output import check_output, save  # noqa: PLC0415 - slow to import
+    from wbc.app.plot.study import study_figure  # noqa: PLC0415
+
+    target = check_output(out)
+    made = options.table(study, part)
+    save({made.study.name: study_figure(made)}, target)
+    return output.report({"figure": str(target), **made.to_json()}, str(target))
+
+
+@reports
+def swings(
+    study: StudyName,
+    /,
+    *,
+    journal: Path,
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Tell what soles of variable stiffness did: how often they were ready, how well the ground was seen, how soon."""
+    chosen = part.part(study)
+    found = swing_report(chosen, entries_of(journal), any_code=part.any_code)
+    if not found:
+        raise InputError(f"{journal} has no walk of '{chosen.name}' on soles of variable stiffness")
+    return output.report(
+        {"study": chosen.name, "rows": {row: summary.to_json() for row, summary in found.items()}},
+        swing_text(found),
+    )
 
 
 def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
