@@ -14,8 +14,7 @@ from wbc.core.errors import Array, InputError, finite_array, positive
 from wbc.feet.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.roughness import PARAMETERS, roughness
 from wbc.sim.journal import Entry
-from wbc.sim.stiffness_studies import ground_of
-from wbc.sim.studies import Study, found_entries
+from wbc.sim.studies import Study, found_entries, ground_of
 from wbc.sim.walks.spec import WalkSpec
 
 NEARLY = 5.0

@@ -14,7 +14,7 @@ from wbc.core.errors import InputError, finite_scalar
 from wbc.feet.dataset import StiffnessTable
 from wbc.feet.stiffness_model import DEFAULT_TABLE
 from wbc.sim.journal import Entry
-from wbc.sim.studies import FRESH_SEED, Cell, Study, found_entries
+from wbc.sim.studies import FRESH_SEED, Cell, Study, cell_name, found_entries, ground_of
 from wbc.sim.terrain import terrain
 from wbc.sim.walks.spec import WalkSpec
 
@@ -104,17 +104,6 @@ def dataset(
     )
 
 
-def cell_name(ground: str, amplitude: float) -> str:
-    """Name of the cell of a ground at an amplitude (m)."""
-    return f"{ground}, {1e3 * amplitude:.1f} mm"
-
-
-def ground_of(cell: str) -> str:
-    """The ground in the name of a cell; the whole name if it says no amplitude."""
-    ground, separator, height = cell.rpartition(", ")
-    return ground if separator and height.endswith(" mm") else cell
-
-
 QUESTION_GROUNDS = (
     "boards",
     "cobble_stones",
@@ -182,7 +171,7 @@ def stiffness_question(seeds: int = 6) -> Study:
         base={"noise": "realistic", "plan": {"distance": QUESTION_DISTANCE}},
         cells=tuple(
             Cell(
-                f"{name}, {1e3 * height:.0f} mm, swing {1e3 * swing:.0f} mm",
+                f"{cell_name(name, height)}, swing {1e3 * swing:g} mm",
                 {"terrain": name, "amplitude": height, "gait": {"swing_height": swing}},
             )
             for swing in SWINGS

@@ -45,6 +45,17 @@ class Cell:
     own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
+def cell_name(ground: str, amplitude: float) -> str:
+    """Name of the cell of a ground at an amplitude (m), such as "stones, 20 mm"."""
+    return f"{ground}, {round(1e3 * amplitude, 1):g} mm"
+
+
+def ground_of(cell: str) -> str:
+    """The ground in the name of a cell; the whole name if it says no amplitude."""
+    ground, separator, height = cell.rpartition(", ")
+    return ground if separator and height.endswith(" mm") else cell
+
+
 @dataclass(frozen=True)
 class StudyTrial:
     """One trial of a study, and where it belongs."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from wbc.core.errors import choose
 from wbc.sim.stiffness_studies import dataset, halfway, oracle, stiffness_question, unknown_ground
-from wbc.sim.studies import FRESH_SEED, Cell, Study
+from wbc.sim.studies import FRESH_SEED, Cell, Study, cell_name
 
 
 def soles() -> dict[str, dict[str, Any]]:
@@ -56,7 +56,7 @@ def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
         + ("" if gains == "default" else f" ({gains} gains)"),
         base={"noise": "realistic", "plan": {"distance": 3.0}, "gains": gains},
         cells=tuple(
-            Cell(f"{name}, {1e3 * amplitude:.0f} mm", {**values, "amplitude": amplitude})
+            Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
             for name, values in ROUGH.items()
             for amplitude in (0.01, 0.02, 0.03, 0.04)
         ),

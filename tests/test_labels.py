@@ -138,8 +138,8 @@ def test_the_prior_of_a_ground_is_made_without_it() -> None:
         entry = Entry(spec, "done", {"J": J}, {"wall_s": 1.0}, None, provenance())
         entries[entry.key] = entry
     found = labels(study, entries)
-    assert found["ellipsoids, 10.0 mm"].stiffness == pytest.approx(40.0, rel=0.25)
-    assert found["cobble_stones, 10.0 mm"].stiffness == pytest.approx(4.0, rel=0.25)
+    assert found["ellipsoids, 10 mm"].stiffness == pytest.approx(40.0, rel=0.25)
+    assert found["cobble_stones, 10 mm"].stiffness == pytest.approx(4.0, rel=0.25)
 
 
 def test_labels_need_different_stiffnesses_above_zero() -> None:
