@@ -14,7 +14,7 @@ from _common import parse, report
 from wbc.feet.roughness import profile_roughness
 from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
 from wbc.tasks import StiffnessPolicy
-from wbc.tasks.stiffness_policy import SwingScan
+from wbc.tasks.policies import SwingScan
 
 
 class SofterWhereItIsRough(StiffnessPolicy):

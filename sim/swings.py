@@ -13,6 +13,9 @@ from wbc.sim.journal import Entry
 from wbc.sim.studies import Study, found_entries
 from wbc.sim.study_table import ALL
 
+NEAR = 0.5
+"""A stiffness is as wanted if it is this near, Nm/rad."""
+
 
 @dataclass(frozen=True)
 class SwingSummary:
@@ -22,9 +25,9 @@ class SwingSummary:
         walks: Number of walks.
         swings: Number of swings.
         reached: Share whose sole had the commanded stiffness at the landing.
-        as_wanted: Share in which the policy's own choice was commanded, not the part of the way that could be made in
-            time.
         decided: Share decided by the policy.
+        as_wanted: Share of these in which the policy's own choice was commanded, not the part of the way that could be
+            made in time.
         fallbacks: Why it was not asked or not followed → number.
         stiffness: Commanded stiffness: 10, 50 and 90 % of the swings have less, Nm/rad.
         ahead: Time from the decision to the landing: 1, 50 and 99 % of the swings have less, s.
@@ -37,8 +40,8 @@ class SwingSummary:
     walks: int
     swings: int
     reached: float
-    as_wanted: float
     decided: float
+    as_wanted: float | None
     fallbacks: dict[str, int]
     stiffness: tuple[float, float, float]
     ahead: tuple[float, float, float] | None
@@ -90,17 +93,15 @@ def swing_report(
 def _summary(mine: _Collected) -> SwingSummary:
     swings = mine.swings
     fallbacks = Counter(s["fallback"].partition(":")[0].partition(",")[0] for s in swings if s["fallback"])
-    wanted = [
-        s["wanted_nm_per_rad"] is not None and abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= 0.5
-        for s in swings
-    ]
+    decided = [s for s in swings if s["fallback"] is None]
+    wanted = [abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= NEAR for s in decided]
     ahead = [s["seconds_before_landing"] for s in swings if s["seconds_before_landing"] is not None]
     return SwingSummary(
         walks=mine.walks,
         swings=len(swings),
         reached=float(np.mean([s["reached"] for s in swings])),
-        as_wanted=float(np.mean(wanted)),
-        decided=float(np.mean([s["fallback"] is None for s in swings])),
+        decided=len(decided) / len(swings),
+        as_wanted=float(np.mean(wanted)) if wanted else None,
         fallbacks=dict(fallbacks.most_common()),
         stiffness=_percentiles([s["commanded_nm_per_rad"] for s in swings], 10),
         ahead=_percentiles(ahead, 1) if ahead else None,
@@ -129,7 +130,7 @@ def _errors(swings: list[Mapping[str, Any]], name: str) -> tuple[float, float] |
 def swing_text(found: Mapping[str, SwingSummary]) -> str:
     """The summaries as a table for people."""
     width = max(len(row) for row in found)
-    head = f"{'':<{width}} swings reached as wanted decided  k 10/50/90 %     ahead (s)      scan error (mm)"
+    head = f"{'':<{width}} swings reached decided as wanted  k 10/50/90 %     ahead (s)      scan error (mm)"
     lines = [head]
     for row, s in found.items():
         k = "/".join(f"{value:.3g}" for value in s.stiffness)
@@ -139,8 +140,9 @@ def swing_text(found: Mapping[str, SwingSummary]) -> str:
             if s.profile_error is None
             else f"{1e3 * s.profile_error[0]:.1f}, 95 % {1e3 * s.profile_error[1]:.1f}"
         )
+        wanted = "" if s.as_wanted is None else f"{100 * s.as_wanted:.1f} %"
         lines.append(
-            f"{row:<{width}} {s.swings:6d} {100 * s.reached:5.1f} % {100 * s.as_wanted:7.1f} % {100 * s.decided:5.1f} %"
+            f"{row:<{width}} {s.swings:6d} {100 * s.reached:5.1f} % {100 * s.decided:5.1f} % {wanted:>9}"
             f"  {k:<15} {ahead:<15} {error}"
         )
     last = list(found.values())[-1]

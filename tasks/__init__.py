@@ -7,16 +7,18 @@ from wbc.tasks.cop import CoPTask
 from wbc.tasks.frame import FrameTask, OrientationTask, PoseTask, PositionTask
 from wbc.tasks.impedance import FirstOrderImpedanceTask, ImpedanceTask
 from wbc.tasks.momentum import MomentumTask
-from wbc.tasks.posture import PostureTask
-from wbc.tasks.relative import RelativeFrameTask
-from wbc.tasks.stiffness import StiffnessTask
-from wbc.tasks.stiffness_policy import (
+from wbc.tasks.policies import (
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
     StiffnessPolicy,
+    register_stiffness_policy,
     stiffness_policy,
+    stiffness_policy_names,
 )
+from wbc.tasks.posture import PostureTask
+from wbc.tasks.relative import RelativeFrameTask
+from wbc.tasks.stiffness import StiffnessTask
 from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 from wbc.tasks.torque import JointTorqueTask
 from wbc.tasks.wrench import WrenchTask
@@ -45,5 +47,7 @@ __all__ = [
     "StiffnessTask",
     "StiffnessTiming",
     "WrenchTask",
+    "register_stiffness_policy",
     "stiffness_policy",
+    "stiffness_policy_names",
 ]

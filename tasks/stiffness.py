@@ -19,7 +19,7 @@ from wbc.feet.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.scan import GroundScan, Profile, toe_sensor
 from wbc.feet.soft import VariableStiffnessFoot
 from wbc.feet.sole import SIDES
-from wbc.tasks.stiffness_policy import PolicyLike, StiffnessDecision, SwingScan, as_policy
+from wbc.tasks.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
 from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 
 

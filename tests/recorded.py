@@ -15,8 +15,8 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, foot
 from wbc.sim.shod import shod
 from wbc.sim.terrain import terrain
+from wbc.tasks.policies import StiffnessDecision, SwingScan
 from wbc.tasks.stiffness import StiffnessTask
-from wbc.tasks.stiffness_policy import StiffnessDecision, SwingScan
 from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 from wbc.walking.control import WalkingControl, WalkingSettings
 from wbc.walking.footsteps import FootstepPlan

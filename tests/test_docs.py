@@ -30,7 +30,7 @@ REGISTERS = (
     ("wbc.robots.registry", "_FACTORIES"),
     ("wbc.feet.catalog", "_FEET"),
     ("wbc.sim.terrain.base", "_FAMILIES"),
-    ("wbc.tasks.stiffness_policy", "_POLICIES"),
+    ("wbc.tasks.policies", "_POLICIES"),
     ("wbc.sim.trials", "_KINDS"),
 )
 """What pages add something to, which other tests must not see."""

@@ -22,8 +22,7 @@ from wbc.feet.roughness import PARAMETERS, profile_roughness, roughness
 from wbc.feet.scan import PROFILE_STEP, ScanSettings, toe_sensor, windows
 from wbc.feet.stiffness_model import ModelSettings, StiffnessModel, default_model
 from wbc.sim.terrain import Terrain, terrain
-from wbc.tasks.stiffness import StiffnessTask, reachable
-from wbc.tasks.stiffness_policy import (
+from wbc.tasks.policies import (
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
@@ -34,6 +33,7 @@ from wbc.tasks.stiffness_policy import (
     stiffness_policy,
     stiffness_policy_names,
 )
+from wbc.tasks.stiffness import StiffnessTask, reachable
 from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
 
 DT = 0.005

@@ -15,7 +15,7 @@ from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.stiffness_model import DEFAULT_MODEL
 from wbc.sim.walks import WalkPlan, WalkResult, WalkSpec, WalkTrial, run_walk
-from wbc.tasks.stiffness_policy import SwingScan
+from wbc.tasks.policies import SwingScan
 
 SPEC = WalkSpec(
     foot="variable",

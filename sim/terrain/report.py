@@ -21,15 +21,15 @@ class TerrainOptions:
 
     Args:
         name: Family, one of those `wbc terrains` lists.
-        amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
+        amplitude: Highest minus lowest point of the rough part, m; the family's own when not given.
         seed: Fixes every random draw.
         param: Parameters of the family, each as name=value.
-        length: Length of the rough part, m; 3 m when None.
-        width: Extent across, m; 1 m when None.
-        start: x at which the rough part begins, m; 0.3 m when None.
-        strip: Length of the flat strips, m; 1 m when None.
+        length: Length of the rough part, m; 3 m when not given.
+        width: Extent across, m; 1 m when not given.
+        start: x at which the rough part begins, m; 0.3 m when not given.
+        strip: Length of the flat strips, m; 1 m when not given.
         rendering: Solids, height field, or auto: solids wherever the family is made of them.
-        resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
+        resolution: Greatest cell of a height field, m; fine enough for family and sole when not given.
         sole_radius: Radius of the spheres under the sole, m.
         clearance: How high the swing foot is lifted, m; a warning says if that is too low.
         plot: Picture of the map and a profile to write.

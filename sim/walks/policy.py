@@ -11,7 +11,7 @@ from wbc.core.errors import InputError
 from wbc.feet import Foot, VariableStiffnessFoot
 from wbc.feet.stiffness_model import DEFAULT_MODEL
 from wbc.sim.changes import Changes, as_changes
-from wbc.tasks.stiffness_policy import FixedPolicy, StiffnessPolicy, stiffness_policy
+from wbc.tasks.policies import FixedPolicy, StiffnessPolicy, stiffness_policy
 from wbc.tasks.stiffness_record import StiffnessTiming
 
 DEFAULT_POLICY = "model"

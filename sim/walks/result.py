@@ -112,7 +112,7 @@ class WalkResult:
         outcome: completed, fell, diverged or unfinished.
         steps_planned: Number of steps.
         steps_done: Single supports that ended with a foot on the ground.
-        J: What the paper maximizes, see `objective`.
+        J: What the paper maximises, see `objective`.
         fell: True if it fell.
         fall_reason: height, tilt, dcm or solver; None if it did not fall.
         fall: How the fall began; None if it did not fall.
@@ -192,7 +192,7 @@ class WalkResult:
 
 
 def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:
-    """What the paper's optimization maximizes: steps, and the errors of ZMP and CoM to tell equal numbers apart.
+    """What the paper's optimisation maximises: steps, and the errors of ZMP and CoM to tell equal numbers apart.
 
     J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com) with the n steps that remained to be done, and mean and
     standard deviation of the errors in m. 0 is perfect; a missed step costs more than any error.

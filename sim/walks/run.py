@@ -27,8 +27,8 @@ from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objectiv
 from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.soles import SoleMeter
 from wbc.sim.walks.spec import PreparedWalk, WalkSpec, moved, time_limit
+from wbc.tasks.policies import PolicyLike
 from wbc.tasks.stiffness import StiffnessTask
-from wbc.tasks.stiffness_policy import PolicyLike
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
 from wbc.walking.phases import Event

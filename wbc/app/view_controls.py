@@ -140,8 +140,8 @@ class LiveControls:
         return {"name": name, "value": _first(getattr(stabilizer.gains, name))}
 
     def _set_stiffness(self, order: dict[str, Any]) -> dict[str, Any]:
+        from wbc.tasks.policies import FixedPolicy  # noqa: PLC0415
         from wbc.tasks.stiffness import StiffnessTask  # noqa: PLC0415 - most runs need none
-        from wbc.tasks.stiffness_policy import FixedPolicy  # noqa: PLC0415
 
         assert self._walking is not None and self._plant is not None
         foot = self._plant.foot

@@ -55,8 +55,9 @@ class WalkOptions:
             library when not given.
         policy_param: Parameters of the policy, each as name=value, such as stiffness=5 or path=model.json.
         terrain: Family of grounds, one of those that `wbc terrains` lists; stones of 20 mm when not given.
-        amplitude: Highest minus lowest point of the ground, m; the family's own when not given.
-        param: Parameters of the ground, each as name=value.
+        amplitude: Highest minus lowest point of the ground, m; the family's own when not given, 20 mm if no ground is
+            named either.
+        param: Parameters of the ground, each as name=value; also length, width, start, strip, resolution, rendering.
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
