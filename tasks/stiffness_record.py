@@ -31,10 +31,10 @@ class StiffnessTiming:
         history: Number of steps that are remembered.
 
     Source: the paper decides at 75 % of the single support (section IV-C). On rough ground a foot lands before its
-    time, on 40 mm stones by up to 0.25 s, and the actuator needs 0.2 s for its whole range: hence 55 %, and 0.25 s for an
-    early landing. With 65 % and 0.15 s, 94 % of the soles had reached what was commanded on grounds of 40 and 55 mm,
-    now 99 %; but one in three is now commanded less than was wanted, instead of one in six. 0.15 m is half of what the
-    toe passes over in a step of 0.145 m; deadline and tolerance are chosen here.
+    time, on 40 mm stones by up to 0.25 s, and the actuator needs 0.2 s for its whole range: hence 55 %, and 0.25 s for
+    an early landing. With 65 % and 0.15 s, 94 % of the soles had reached what was commanded on grounds of 40 and
+    55 mm, now 99 %; but one in three is now commanded less than was wanted, instead of one in six. 0.15 m is half of
+    what the toe passes over in a step of 0.145 m; deadline and tolerance are chosen here.
     """
 
     scan_from: float = 0.0
