@@ -36,12 +36,13 @@ class ProfileRecipe:
 
     Attributes:
         step: Distance of the samples of a profile, m.
-        window: Length of a profile, m; None for whole tracks.
+        window: Length of a profile, m; None for whole tracks. By default what a foot has scanned in a step of
+            0.145 m when its stiffness is decided (`wbc.tasks.StiffnessTiming`).
         roughness: Filter, trend and variant.
     """
 
     step: float = PROFILE_STEP
-    window: float | None = 0.28
+    window: float | None = 0.182
     roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
 
     def __post_init__(self) -> None:

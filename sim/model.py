@@ -67,13 +67,7 @@ class PlantModel:
         Raises:
             UnknownNameError: Neither a link nor a frame of the robot.
         """
-        if not robot.model.existFrame(name):
-            alias = {"torso": robot.torso_frame, "base": robot.base_frame}
-            if name not in alias:
-                unknown_name(
-                    "body", name, [*alias, *(f.name for f in robot.model.frames if f.name != "universe")]
-                )
-            name = alias[name]
+        name = body_frame(name, robot)
         index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
         if index >= 0:
             return int(index), pin.SE3.Identity()
@@ -83,6 +77,20 @@ class PlantModel:
             return self.base, frame.placement
         number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, joint)
         return int(self.model.jnt_bodyid[number]), frame.placement
+
+
+def body_frame(name: str, robot: Robot) -> str:
+    """Link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
+
+    Raises:
+        UnknownNameError: Neither a link nor a frame of the robot.
+    """
+    if robot.model.existFrame(name):
+        return name
+    alias = {"torso": robot.torso_frame, "base": robot.base_frame}
+    if name not in alias:
+        unknown_name("body", name, [*alias, *(f.name for f in robot.model.frames if f.name != "universe")])
+    return alias[name]
 
 
 def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:

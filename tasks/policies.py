@@ -26,8 +26,8 @@ class SwingScan:
         step: Number of this swing since the start, from 0.
         time: Now, s.
         time_left: Until the foot lands as planned, s.
-        position: Estimated centre of the swinging sole in the world, shape (3,), m; late in the swing it is nearly
-            where the foot will land.
+        position: Estimated centre of the swinging sole in the world, shape (3,), m.
+        landing: Where that is planned to be at the landing, shape (3,), m; `position` if nobody said.
         actual: Stiffness that the sole has now, Nm/rad.
         profile: Ground that the toe has passed over; None if too little was seen for one.
     """
@@ -37,6 +37,7 @@ class SwingScan:
     time: float
     time_left: float
     position: Array
+    landing: Array
     actual: float
     profile: Profile | None
 
@@ -124,15 +125,15 @@ class GroundPolicy(StiffnessPolicy):
     """An oracle: stiffness as a function of the place, for one who knows the ground. No scan is used.
 
     Attributes:
-        function: World x and y of the sole (m) → stiffness, Nm/rad.
+        function: World x and y of the planned centre of the sole (m) → stiffness, Nm/rad.
     """
 
     function: Callable[[float, float], float]
     needs_scan: ClassVar[bool] = False
 
     def decide(self, swing: SwingScan) -> float:
-        """The stiffness for the place where the sole is now."""
-        return float(self.function(float(swing.position[0]), float(swing.position[1])))
+        """The stiffness for the place where the sole should land."""
+        return float(self.function(float(swing.landing[0]), float(swing.landing[1])))
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ class FunctionPolicy(StiffnessPolicy):
 
 @dataclass(frozen=True, eq=False)
 class ModelPolicy(StiffnessPolicy):
-    """Ask a stiffness model about the end of the profile, as long as the profiles that it was trained on.
+    """Ask a stiffness model about the end of the profile, as far as it is longer than those that it was trained on.
 
     Attributes:
         model: The model.

@@ -108,7 +108,13 @@ class StiffnessTask:
         return self._record if self._side is not None else None
 
     def update(
-        self, swing: str | None, progress: float, time_left: float, robot: Robot, measurement: Measurement
+        self,
+        swing: str | None,
+        progress: float,
+        time_left: float,
+        robot: Robot,
+        measurement: Measurement,
+        landing: Array | None = None,
     ) -> Array:
         """One tick.
 
@@ -118,6 +124,8 @@ class StiffnessTask:
             time_left: Time until the swinging foot lands as planned, s; not used without a swing.
             robot: Estimated state, updated.
             measurement: Range and stiffness of the soles.
+            landing: Where the centre of the swinging sole should land in the world, shape (3,), m; for policies that
+                look at the place.
 
         Returns:
             Stiffness to command, left first, shape (2,), Nm/rad.
@@ -144,7 +152,7 @@ class StiffnessTask:
             if self._record is None and progress >= self.timing.scan_from:
                 self._look(side, robot, measurement)
                 if progress >= self.timing.decide_at:
-                    self._decide(side, time_left, robot, measurement)
+                    self._decide(side, time_left, robot, measurement, landing)
         return self._command.copy()
 
     def _lift_off(self, side: int, robot: Robot) -> None:
@@ -165,7 +173,9 @@ class StiffnessTask:
         rotation = placement.rotation
         self._scan.add(placement.translation + rotation @ self._sensor, -rotation[:, 2], reading)
 
-    def _decide(self, side: int, time_left: float, robot: Robot, measurement: Measurement) -> None:
+    def _decide(
+        self, side: int, time_left: float, robot: Robot, measurement: Measurement, landing: Array | None
+    ) -> None:
         """Ask the policy, or fall back, and command what can be reached."""
         started = time.perf_counter()
         profile, problem = self._profile()
@@ -180,8 +190,9 @@ class StiffnessTask:
             )
         elif problem is None or not self.policy.needs_scan:
             position = np.array(robot.placement(self._frames[side]).translation)
+            there = position if landing is None else np.array(landing)
             swing = SwingScan(
-                SIDES[side], self._count, measurement.time, time_left, position, actual, profile
+                SIDES[side], self._count, measurement.time, time_left, position, there, actual, profile
             )
             decision, problem = self._ask(swing)
         if problem is None and decision is not None:

@@ -22,7 +22,7 @@ from wbc.core.solver import SolverSettings, Status
 from wbc.sim.balance import BalanceGains, balance_controller
 from wbc.sim.push_recovery import PushSpec, PushTableOptions
 from wbc.sim.standing import StandOptions
-from wbc.tasks import CoMTask, OrientationTask, PoseTask, PositionTask, PostureTask
+from wbc.tasks import AdmittanceTask, CoMTask, OrientationTask, PoseTask, PositionTask, PostureTask
 
 NAN, INF = float("nan"), float("inf")
 DT = 0.002
@@ -214,6 +214,37 @@ def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.Lo
     control.reset()
     control.command(at_rest(control, 9 * DT))
     assert not control.stopped and control.solution is not None and control.solution.ok
+
+
+@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
+def test_a_reset_forgets_what_was_sent_and_what_has_yielded(
+    kind: type[PositionControl | TorqueControl], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.ERROR)
+    whole = controller()
+    task = AdmittanceTask("left_sole", admittance=(1e-4, 1e-2), weight=1e-3)
+    whole.add(task)
+    control = kind(whole)
+    for tick in range(20):
+        control.command(at_rest(control, tick * DT))
+    assert np.abs(task.offset_vector()).max() > 1e-4
+    control.reset()
+    assert not task.offset_vector().any() and control.solution is None
+    bad = at_rest(control, 21 * DT)
+    command = control.command(replace(bad, joint_position=np.full_like(bad.joint_position, NAN)))
+    assert not command.joint_torque.any() and "measurement refused" in caplog.text
+
+
+@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
+def test_a_control_starts_where_the_robot_is(kind: type[PositionControl | TorqueControl]) -> None:
+    away = controller()
+    q = np.array(away.robot.q)
+    q[0] += 1.0
+    away.robot.update(q, np.zeros(away.robot.nv))
+    control = kind(away)
+    control.command(at_rest(control, 0.0))
+    assert control.observer.robot.q[0] == pytest.approx(q[0], abs=1e-3)
+    assert control.controller.robot.q[0] == pytest.approx(q[0], abs=1e-3)
 
 
 def test_a_measurement_from_the_past_or_of_another_robot_is_refused() -> None:

@@ -27,6 +27,8 @@ ELSEWHERE = {
     "study show": "test_walks_command.py",
     "study run": "test_walks_command.py",
     "study table": "test_walks_command.py",
+    "study plot": "test_walks_command.py",
+    "study swings": "test_walks_command.py",
     "study best": "test_labels.py",
     "study heights": "test_labels.py",
     "study dataset": "test_labels.py",

@@ -337,6 +337,12 @@ def test_timings_are_rounded_and_said() -> None:
         ({"plan": WalkPlan(footsteps=())}, "at least one footstep"),
         ({"plan": WalkPlan(footsteps=(Footstep("left", 0.1, -0.09),))}, "within reach|overlap"),
         ({"plan": TWO_STEPS, "pushes": (WalkPush(impulse=0.1, step=3),)}, "walk of 2 steps"),
+        (
+            {"pushes": (WalkPush(impulse=0.1, time=1.0, body="torzo"),)},
+            "no body 'torzo'; did you mean 'torso'",
+        ),
+        ({"changes": {"distribution.margin": 0.06}}, "leaves nothing"),
+        ({"changes": {"distribution.margin": 0.0105, "carrying": True}}, "below the least half extent"),
         ({"start": (0.0, 0.0)}, "shape"),
     ],
 )

@@ -25,6 +25,9 @@ EXCURSION = 0.06
 IMPACT_TIME = 0.1
 """How long after a touch-down its impact is looked for, s."""
 
+NOTICE_TIME = 0.05
+"""How long before its touch-down is noticed a foot may have touched, s: the load is filtered and waited for."""
+
 MEMORY_TIME = 5.0
 """How far back the onset of a fall is looked for, s."""
 
@@ -69,6 +72,7 @@ class WalkMeter:
         self._effort: list[float] = []
         self._impact: float | None = None
         self._impact_until = -math.inf
+        self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
         self._landed = 0
         self._middle = -1  # step whose middle has been looked at
         kind = mujoco.mjtObj.mjOBJ_SITE
@@ -97,14 +101,19 @@ class WalkMeter:
 
     def _notice_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
         phases, now = self._walking.walk.phases, measurement.time
+        self._forces.append(measurement.sole_wrench[:, 2].tolist())
         for event in events:
             self._events[event] += 1
             if event in TOUCHED:
                 self._impact_until = now + IMPACT_TIME
                 self._landed = SIDES.index(phases.plan.steps[phases.step - 1].side)
+                self._hit(max(forces[self._landed] for forces in self._forces))
         if now <= self._impact_until:
-            force = float(measurement.sole_wrench[self._landed, 2])
-            self._impact = max(force, -math.inf if self._impact is None else self._impact)
+            self._hit(self._forces[-1][self._landed])
+
+    def _hit(self, force: float) -> None:
+        """Keep the greatest force of a landing, N."""
+        self._impact = force if self._impact is None else max(force, self._impact)
 
     def _look_at_stance(self, dcm_error: Array) -> None:
         """Tilt of the stance sole and the DCM seen from it; its contacts once a step."""

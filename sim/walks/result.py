@@ -111,7 +111,7 @@ class WalkResult:
         seed: Of ground and sensors.
         outcome: completed, fell, diverged or unfinished.
         steps_planned: Number of steps.
-        steps_done: Single supports that ended with a foot on the ground.
+        steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
         J: What the paper maximises, see `objective`.
         fell: True if it fell.
         fall_reason: height, tilt, dcm or solver; None if it did not fall.
@@ -129,8 +129,8 @@ class WalkResult:
         peak_torque_joint: Which joint.
         torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
         touchdowns: How feet met the ground.
-        impact: Greatest normal force on a foot within 0.1 s after it touched down, over the robot's weight; None
-            without a touch-down. Forces are means over a control period.
+        impact: Greatest normal force on a foot from 0.05 s before its touch-down was noticed until 0.1 s after, over
+            the robot's weight; None without a touch-down. Forces are means over a control period.
         sole_roll: |roll| of the stance sole in single support, mean and standard deviation, rad.
         sole_pitch: |pitch| likewise, rad.
         contact_area: Hull of the contacts of the stance sole in the middle of single supports, m².

@@ -18,6 +18,7 @@ from wbc.feet.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.robots.description import RobotDescription
 from wbc.sim.changes import Changes, as_changes, changed, normal_changes
+from wbc.sim.model import body_frame
 from wbc.sim.sensors import noise_preset
 from wbc.sim.settings import steps_per_tick
 from wbc.sim.shod import shod
@@ -118,8 +119,10 @@ class WalkSpec:
         place = finite_array("start (x m, y m, heading rad)", self.start, (3,)).tolist()
         store("start", tuple(place))
         store("pushes", tuple(self.pushes))
-        steps = len(self.prepared().plan)
+        prepared = self.prepared()
+        steps = len(prepared.plan)
         for push in self.pushes:
+            body_frame(push.body, prepared.robot())
             if push.step is not None and push.step > steps:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
 

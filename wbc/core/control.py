@@ -90,7 +90,7 @@ class _Control:
             return False
         return True
 
-    def _count(self, good: bool) -> bool:
+    def _count(self, good: bool, measured: bool) -> bool:
         """Count failures; True if the tick can be used."""
         if good and not self.stopped:
             self._failing = 0
@@ -100,7 +100,9 @@ class _Control:
         if self._failing == 1 or (
             self.stopped and (self._failing - 1) * self.controller.dt <= self.policy.stop_after
         ):
-            reason = "no measurement" if self.solution is None else self.solution.status.value
+            reason = "measurement refused"
+            if measured and self.solution is not None:
+                reason = "failed for too long" if self.solution.ok else self.solution.status.value
             logger.error("tick failed (%s)%s", reason, "; stopped" if self.stopped else "; command held")
         return False
 
@@ -146,6 +148,8 @@ class TorqueControl(_Control):
         robot = self.controller.robot
         robot.update(self.observer.robot.q, self.observer.robot.v)
         self.controller.reset()
+        self.solution = None
+        self._torques = np.zeros_like(self._torques)
         self._failing = 0
 
     def command(self, measurement: Measurement) -> Command:
@@ -159,8 +163,8 @@ class TorqueControl(_Control):
         """
         controller = self.controller
         start = perf_counter()
-        good = self._measure(measurement)
-        if good:
+        good = measured = self._measure(measurement)
+        if measured:
             if self.observer.robot is not controller.robot:
                 controller.robot.update(self.observer.robot.q, self.observer.robot.v)
             controller.model_time = perf_counter() - start
@@ -168,7 +172,7 @@ class TorqueControl(_Control):
                 self.prepare(self.observer.robot, measurement)
             self.solution = controller.solve(measurement)
             good = self.solution.ok
-        if self._count(good):
+        if self._count(good, measured):
             assert self.solution is not None
             self._torques = self.solution.torques
             return Command(self._torques)
@@ -245,6 +249,8 @@ class PositionControl(_Control):
         robot.update(self.q, self.v)
         self.observer.reset(self.q)
         self.controller.reset()
+        self.solution = None
+        self._torques = np.zeros_like(self._torques)
         self._failing = 0
 
     def command(self, measurement: Measurement) -> Command:
@@ -261,8 +267,8 @@ class PositionControl(_Control):
         robot = controller.robot
         start = perf_counter()
         # In open loop the estimate is kept in the commanded robot's world: loaded feet are where that has them.
-        good = self._measure(measurement, self._soles if self.feedback == "open" else None)
-        if good:
+        good = measured = self._measure(measurement, self._soles if self.feedback == "open" else None)
+        if measured:
             if self.feedback == "open":
                 robot.update(self.q, self.v)
             else:
@@ -272,7 +278,7 @@ class PositionControl(_Control):
                 self.prepare(self.observer.robot, measurement)
             self.solution = controller.solve(measurement)
             good = self.solution.ok
-        if self._count(good):
+        if self._count(good, measured):
             assert self.solution is not None
             acceleration = self.solution.accelerations
             if callable(self.feedforward):

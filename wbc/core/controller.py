@@ -420,9 +420,11 @@ class Controller:
         return solution
 
     def reset(self) -> None:
-        """Forget the past: solver guesses, torques of the last tick, places where contacts were made."""
+        """Forget the past: solver guesses, torques of the last tick, places of contacts, what tasks have yielded."""
         self._torques = self._solution = None
         self._dirty = True
+        for task in self._tasks:
+            task.reset()
         for contact in self._contacts:
             contact.reset()
 

@@ -72,13 +72,14 @@ class Observer:
     def __init__(
         self, robot: Robot, settings: ObserverSettings | None = None, *, adopt: bool = False
     ) -> None:
-        """Start at half-sitting.
+        """Start at rest in the configuration that the robot has.
 
         Args:
             robot: Robot to estimate.
             settings: Settings; the defaults when None.
             adopt: Estimate into `robot` itself instead of a clone, as a controller of the estimated robot wants.
         """
+        q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
         self.settings = settings or ObserverSettings()
         self.inertial = InertialFilter(self.settings.inertial)
@@ -104,7 +105,7 @@ class Observer:
         self.net_wrench = np.zeros(6)
         self._position = np.zeros(3)
         self._time: float | None = None
-        self.reset()
+        self.reset(q)
 
     @property
     def in_flight(self) -> bool:

@@ -182,6 +182,9 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
         """Unit of the residual: that of an acceleration of the error."""
         return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
 
+    def reset(self) -> None:  # noqa: B027 (most tasks have no past)
+        """Forget the past: what a task with a memory, such as a yielding one, has come to; targets stay."""
+
     def bind(self, robot: Robot) -> None:
         """Resolve names against a robot, and take the present state as target where none was given.
 

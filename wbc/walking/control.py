@@ -171,6 +171,11 @@ class WalkingControl:
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self._carrying: list[CarryingArea] = []
         if s.carrying is not None:
+            if s.distribution.margin >= s.carrying.smallest:
+                raise InputError(
+                    f"the distribution's margin ({s.distribution.margin:g} m) must be below the least half "
+                    f"extent of a carrying area, {s.carrying.smallest:g} m"
+                )
             self._carrying = [CarryingArea(size, s.carrying) for size in self._sizes]
         self._add_tasks(s.tasks)
         self.control: PositionControl | TorqueControl
@@ -253,7 +258,7 @@ class WalkingControl:
 
     @property
     def steps_done(self) -> int:
-        """Single supports that have ended with a foot on the ground."""
+        """Single supports that have ended; a foot that found no ground is taken to stand where it is."""
         return self.walk.steps_done
 
     def stop(self) -> None:
@@ -278,7 +283,9 @@ class WalkingControl:
         phases = self.walk.phases
         progress = min(phases.elapsed / max(phases.duration, self.dt), 1.0)
         left = max(phases.duration - phases.elapsed, 0.0)
-        soles = self.stiffness.update(phases.swing, progress, left, self.control.observer.robot, measurement)
+        swing, estimate = phases.swing, self.control.observer.robot
+        landing = None if swing is None else phases.plan.steps[phases.step].position
+        soles = self.stiffness.update(swing, progress, left, estimate, measurement, landing)
         return replace(command, sole_stiffness=soles)
 
     # The tick

@@ -133,6 +133,8 @@ class WrenchDistribution:
         self.rectangles: list[Rectangle] = [
             (-0.5 * length, 0.5 * length, -0.5 * width, 0.5 * width) for length, width in sizes
         ]
+        for rectangle in self.rectangles:
+            _cone(rectangle, s.margin, s.friction)
         self._problem = p = Problem(0, 0, 18, 6, 7, 2 * 22)
         for foot, (x, y) in enumerate(ankles):
             column = 6 * foot
