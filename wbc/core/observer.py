@@ -65,8 +65,6 @@ class Observer:
         share: Part of the base that hangs on each foot, shape (number of soles,); sums to 1, or 0 in flight.
         cop: Centres of pressure in the sole frames after the low-pass, shape (number of soles, 2), m.
         anchor: Resting points of the feet in the world, shape (number of soles, 3), m.
-        net_wrench: What the ground does to the robot in the last measurement, unfiltered, [force; moment] at
-            the world origin in world axes, shape (6,), N and Nm.
     """
 
     def __init__(
@@ -102,10 +100,18 @@ class Observer:
         self._arms = np.zeros((n, 3, 1))
         self._cop_columns = self.cop[:, :, None]
         self._origin = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-        self.net_wrench = np.zeros(6)
+        self._wrenches = np.zeros((n, 6))
         self._position = np.zeros(3)
         self._time: float | None = None
         self.reset(q)
+
+    @property
+    def net_wrench(self) -> Array:
+        """What the ground does to the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
+        net = pin.Force.Zero()
+        for placement, wrench in zip(self._robot_soles, self._wrenches, strict=True):
+            net += placement.act(pin.Force(wrench))
+        return np.array(net.vector)
 
     @property
     def in_flight(self) -> bool:
@@ -215,7 +221,7 @@ class Observer:
         self.robot.update(q, v)
         q[:7] = self._origin
         v[:BASE_DOF] = 0.0
-        self._update_net_wrench(measurement.sole_wrench)
+        self._wrenches[:] = measurement.sole_wrench
         return self.robot
 
     def _check(self, measurement: Measurement) -> None:
@@ -299,12 +305,6 @@ class Observer:
             reach[i] += self._position
             _draw(self.anchor[i], reach[i], gain)
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
-
-    def _update_net_wrench(self, wrenches: Array) -> None:
-        net = pin.Force.Zero()
-        for placement, wrench in zip(self._robot_soles, wrenches, strict=True):
-            net += placement.act(pin.Force(wrench))
-        self.net_wrench[:] = net.vector
 
 
 def _draw(point: Array, goal: Array, gain: float) -> None:

@@ -185,6 +185,12 @@ class ComAdmittance:
         """Shift of the CoM target in the world, shape (2,), m."""
         return self._integral.value
 
+    @property
+    def idle(self) -> bool:
+        """True if there is no shift, and nothing can make one."""
+        moves = self.offset.any() or self.velocity.any() or self.acceleration.any()
+        return not (moves or any(pair(self.gains.com_admittance)))
+
     def reset(self) -> None:
         """Back to no shift, at once."""
         self._integral.reset()

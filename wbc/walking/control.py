@@ -222,6 +222,7 @@ class WalkingControl:
         ]
         heading = _yaw(robot.placement(robot.base_frame).rotation)
         self._tilts = [_turn(-heading) @ task.target for task in self._upright]
+        self._heading: float | None = None  # that the targets of these tasks are for
         c.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness), JointLimits())
         self._contacts = [
             c.add(
@@ -352,9 +353,11 @@ class WalkingControl:
             acceleration[:2] += output.com_acceleration_offset
         self._com.target, self._com.feedforward_velocity = com, velocity
         self._com.feedforward_acceleration = acceleration
-        heading = _turn(reference.heading)
-        for task, tilt in zip(self._upright, self._tilts, strict=True):
-            task.target = heading @ tilt
+        if reference.heading != self._heading:
+            self._heading = reference.heading
+            heading = _turn(reference.heading)
+            for task, tilt in zip(self._upright, self._tilts, strict=True):
+                task.target = heading @ tilt
 
     def _feedforward(self, solution: Solution) -> Array:
         """Joint torques of the commanded motion with the desired foot wrenches in place of the program's own."""

@@ -106,6 +106,7 @@ class WalkPhases:
             InputError: A weight that is not above zero.
         """
         self.plan = plan
+        self._scheduled: tuple[FootstepPlan, tuple[Support, ...]] | None = None
         self.settings = settings or PhaseSettings()
         self._weight = positive("weight of the robot (N)", weight)
         self.phase = Phase.STANDING
@@ -152,7 +153,9 @@ class WalkPhases:
         if self.phase is Phase.STANDING and self.step >= len(self.plan):
             hold = self.settings.hold
             return (Support(hold, self.plan.final, self.step, hold),)
-        whole = schedule(self.plan)
+        if self._scheduled is None or self._scheduled[0] is not self.plan:
+            self._scheduled = self.plan, schedule(self.plan)
+        whole = self._scheduled[1]
         if self.phase is Phase.STANDING:
             return whole
         place = 2 * self.step + (1 if self.phase is Phase.SINGLE else 0)

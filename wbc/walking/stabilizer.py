@@ -177,16 +177,16 @@ class Stabilizer:
             ratio = left_foot_ratio(target.zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact, max_force)
         filtered = self._wrench.update(wrenches, dt)
-        zmp_error = None
         if felt is None:
             self.feet.hold()
         else:
             self.feet.update(filtered, feet.wrenches, contact, dt)
-            if all(contact):
-                plane = pin.SE3(LEVEL, target.zmp)
+        if not self._com.idle:
+            zmp_error = None
+            if felt is not None and all(contact):
                 distributed = net_wrench(feet.wrenches, soles)
-                zmp_error = (zmp(distributed, plane) - measured_zmp)[:2]
-        self._com.update(zmp_error, yaw, dt)
+                zmp_error = (zmp(distributed, pin.SE3(LEVEL, target.zmp)) - measured_zmp)[:2]
+            self._com.update(zmp_error, yaw, dt)
         return StabilizerOutput(
             errors,
             acceleration,
