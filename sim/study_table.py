@@ -259,6 +259,43 @@ def _value(entry: Entry | None, name: str, completed_only: bool) -> float | None
     raise InputError(f"'{name}' of a result is no number but {value!r}")
 
 
+def study_rows(
+    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
+) -> tuple[list[str], list[list[Any]]]:
+    """All trials of a study as rows for a spreadsheet or a data frame.
+
+    Args:
+        study: The study.
+        entries: Those of a journal, by key.
+        any_code: Take results of other versions of the code, too; else only those of the present one.
+
+    Returns:
+        Names of the columns and the rows: cell, arm, seed, status, and every part of the results that is no list, such
+        as "zmp_error.mean"; None where a trial does not have it.
+    """
+    first = ["cell", "arm", "seed", "status"]
+    found: list[tuple[list[Any], dict[str, Any]]] = []
+    columns: dict[str, None] = {}
+    for trial, entry in found_entries(study, entries, any_code=any_code):
+        status = "missing" if entry is None else entry.status
+        parts = flat({} if entry is None else entry.result or {})
+        columns |= dict.fromkeys(parts)
+        found.append(([trial.cell, trial.arm, trial.seed, status], parts))
+    names = [name for name in columns if name not in first]
+    return [*first, *names], [[*head, *(parts.get(name) for name in names)] for head, parts in found]
+
+
+def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Plain values by their dotted names; lists are left out."""
+    result: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            result |= flat(value, f"{prefix}{key}.")
+        elif not isinstance(value, (list, tuple)):
+            result[prefix + key] = value
+    return result
+
+
 def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:
     """A part of plain data by its dotted name.
 

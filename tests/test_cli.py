@@ -28,6 +28,7 @@ ELSEWHERE = {
     "study run": "test_walks_command.py",
     "study table": "test_walks_command.py",
     "study plot": "test_walks_command.py",
+    "study export": "test_walks_command.py",
     "study swings": "test_walks_command.py",
     "study best": "test_labels.py",
     "study heights": "test_labels.py",

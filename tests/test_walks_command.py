@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -53,6 +54,7 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
         (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
         (["study", "plot", "stiffness", "--journal", "empty.jsonl", "-o", "a.png"], "35 rows .* 7 at most"),
+        (["study", "export", "flat_floor", "--journal", "empty.jsonl", "-o", "a.xls"], r"\.csv"),
         (["study", "swings", "flat_floor", "--journal", "empty.jsonl"], "no walk .* variable stiffness"),
     ],
 )
@@ -87,6 +89,16 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     figure = tmp_path / "steps.png"
     assert main(["study", "plot", str(study), "--journal", str(journal), "-o", str(figure)]) == RAN
     assert figure.stat().st_size > 5000 and capsys.readouterr().out == f"{figure}\n"
+    table = tmp_path / "walks.csv"
+    assert main(["study", "export", str(study), "--journal", str(journal), "-o", str(table)]) == RAN
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["arm"] for row in rows] == ["flat", "variable"] * 2
+    assert [row["status"] for row in rows] == ["done", "done", "missing", "missing"]
+    assert (
+        rows[0]["steps_done"] == "2" and float(rows[0]["zmp_error.mean"]) > 0.0 and not rows[2]["steps_done"]
+    )
+    capsys.readouterr()
     assert main(["study", "swings", str(study), "--journal", str(journal), "--json"]) == RAN
     swings = json.loads(capsys.readouterr().out)["rows"]["level"]
     assert (swings["walks"], swings["swings"], swings["reached"]) == (1, 2, 1.0)

@@ -35,6 +35,7 @@ COMMANDS = {
     "study run": "wbc.app.commands.study:run",
     "study table": "wbc.app.commands.study:table",
     "study plot": "wbc.app.commands.study:plot",
+    "study export": "wbc.app.commands.study:export",
     "study swings": "wbc.app.commands.study:swings",
     "study best": "wbc.app.commands.study:best",
     "study heights": "wbc.app.commands.study:heights",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections import Counter
 from collections.abc import Mapping
@@ -30,7 +31,7 @@ from wbc.sim.stiffness_studies import dataset as make_dataset
 from wbc.sim.stiffness_studies import half_heights
 from wbc.sim.studies import Study, found_entries
 from wbc.sim.study_catalog import STUDIES, study_by_name
-from wbc.sim.study_table import StudyTable, study_table
+from wbc.sim.study_table import StudyTable, study_rows, study_table
 from wbc.sim.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
 from wbc.sim.swings import swing_report, swing_text
 
@@ -375,6 +376,27 @@ def plot(
     made = options.table(study, part)
     save({made.study.name: study_figure(made)}, target)
     return output.report({"figure": str(target), **made.to_json()}, str(target))
+
+
+@reports
+def export(
+    study: StudyName,
+    /,
+    *,
+    journal: Path,
+    out: Annotated[Path, Parameter(alias="-o", help="Table to write (.csv), a row for each trial.")],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Write all results of a study to a table, for a spreadsheet or a data frame."""
+    target = check_target("a table", out, (".csv",))
+    columns, rows = study_rows(part.part(study), entries_of(journal), any_code=part.any_code)
+    with target.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)
+    data = {"table": str(target), "rows": len(rows), "columns": columns}
+    return output.report(data, f"{len(rows)} rows with {len(columns)} columns written to {target}")
 
 
 @reports
