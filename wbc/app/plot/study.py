@@ -81,7 +81,7 @@ def _draw(axes: Axes, arms: list[str], rows: dict[str, list[Estimate | None]]) -
             color=COLOURS[i],
             markersize=4.0,
             linewidth=1.2,
-            label=row,
+            label=row.replace("_", " "),
         )
     axes.set_xticks(places, arms, rotation=30 if max(map(len, arms)) > 5 else 0)
 
