@@ -134,6 +134,33 @@ def _attributes(kind: type) -> dict[str, str]:
     return {key: value.replace("|", "\\|").replace("*", "\\*") for key, value in found.items()}
 
 
+# What the commands say of themselves, and which studies there are
+
+COMMANDS, STUDIES = "<!-- commands -->", "<!-- studies -->"
+
+
+def list_commands(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put the help of all commands, or a table of the studies, in the place of these comments."""
+    if COMMANDS in source[0]:
+        from wbc.app.cli import make_app  # noqa: PLC0415 - few pages need them
+
+        text = make_app().generate_docs(heading_level=2, flatten_commands=True)
+        found = re.search(
+            r"^## wbc \w+$", text, re.MULTILINE
+        )  # before it stands a list, which the margin has, too
+        assert found is not None
+        source[0] = source[0].replace(COMMANDS, text[found.start() :])
+    if STUDIES in source[0]:
+        from wbc.sim.study_catalog import STUDIES as makers  # noqa: PLC0415
+        from wbc.sim.study_catalog import study_by_name  # noqa: PLC0415
+
+        lines = ["| Study | Walks | Question |", "|---|---:|---|"]
+        for name in makers:
+            study = study_by_name(name)
+            lines.append(f"| `{name}` | {sum(1 for _ in study.trials()):,} | {study.about} |")
+        source[0] = source[0].replace(STUDIES, "\n".join(lines))
+
+
 # Sections of the README, which has the tables of measurements
 
 README = re.compile(r"^<!-- README\.md: (.+) -->$", re.MULTILINE)
@@ -308,6 +335,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math_block, None))
     app.connect("source-read", list_modules)
     app.connect("source-read", list_settings)
+    app.connect("source-read", list_commands)
     app.connect("source-read", quote_readme)
     app.connect("autodoc-process-docstring", docstring_to_rest, priority=400)
     app.connect("autodoc-process-docstring", escape_types, priority=600)

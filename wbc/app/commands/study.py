@@ -40,6 +40,9 @@ StudyName = Annotated[
 ]
 
 
+JournalPath = Annotated[Path, Parameter(help="File that `wbc study run` has written.")]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
     """Which part of a study.
@@ -280,7 +283,7 @@ def heights(
     study: StudyName = "halfway",
     /,
     *,
-    journal: Path,
+    journal: JournalPath,
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
@@ -383,7 +386,7 @@ def export(
     study: StudyName,
     /,
     *,
-    journal: Path,
+    journal: JournalPath,
     out: Annotated[Path, Parameter(alias="-o", help="Table to write (.csv), a row for each trial.")],
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
@@ -404,7 +407,7 @@ def swings(
     study: StudyName,
     /,
     *,
-    journal: Path,
+    journal: JournalPath,
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
