@@ -25,7 +25,7 @@ from wbc.feet.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.rigid import FlatFoot, RigidFoot
 from wbc.feet.roughness import Roughness, RoughnessSettings
 from wbc.feet.scan import GroundScan, Profile, ScanSettings, toe_sensor
-from wbc.feet.soft import SoftFoot, TransverseBending, VariableStiffnessFoot
+from wbc.feet.soft import LongArchFoot, SoftFoot, TransverseBending, VariableStiffnessFoot
 from wbc.feet.sole import FootFit, SoleGeometry
 from wbc.feet.stiffness_model import ModelSettings, StiffnessModel
 
@@ -41,6 +41,7 @@ __all__ = [
     "FootFit",
     "FootModel",
     "GroundScan",
+    "LongArchFoot",
     "ModelSettings",
     "Profile",
     "RangeSampler",

@@ -8,12 +8,13 @@ from typing import Any
 from wbc.core.errors import choose
 from wbc.feet.foot import Foot
 from wbc.feet.rigid import FlatFoot, RigidFoot
-from wbc.feet.soft import SoftFoot, VariableStiffnessFoot
+from wbc.feet.soft import LongArchFoot, SoftFoot, VariableStiffnessFoot
 
 _FEET: dict[str, type[Foot]] = {
     "flat": FlatFoot,
     "rigid": RigidFoot,
     "soft": SoftFoot,
+    "long_arch": LongArchFoot,
     "variable": VariableStiffnessFoot,
 }
 

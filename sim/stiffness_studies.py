@@ -183,6 +183,23 @@ def stiffness_question(seeds: int = 6) -> Study:
     )
 
 
+def arches(seeds: int = 6) -> Study:
+    """Is a soft foot whose arch reaches to the toe better than the paper's, where the stiffness question was asked?"""
+    arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
+    for k in (3.2, 32.0):
+        arms[f"soft, {k:g}"] = {"foot": "soft", "stiffness": k}
+        arms[f"long arch, {k:g}"] = {"foot": "long_arch", "stiffness": k}
+    question = stiffness_question(seeds)
+    return replace(
+        question,
+        name="arches",
+        about="a soft foot whose arch reaches to the toe against the paper's, where the stiffness question was asked",
+        cells=tuple(cell for cell in question.cells if cell.values["gait"]["swing_height"] == SWINGS[0]),
+        arms=arms,
+        reference="soft, 3.2",
+    )
+
+
 SWINGS = (0.06, 0.09)
 """Swing heights, m: the paper's and a higher one."""
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from wbc.core.errors import choose
-from wbc.sim.stiffness_studies import dataset, halfway, oracle, stiffness_question, unknown_ground
+from wbc.sim.stiffness_studies import arches, dataset, halfway, oracle, stiffness_question, unknown_ground
 from wbc.sim.studies import FRESH_SEED, Cell, Study, cell_name
 
 
@@ -106,6 +106,7 @@ STUDIES: dict[str, Callable[[], Study]] = {
     "dataset": dataset,
     "halfway": halfway,
     "stiffness": stiffness_question,
+    "arches": arches,
     "oracle": oracle,
     "unknown_ground": unknown_ground,
 }

@@ -38,7 +38,7 @@ from wbc.feet import (
 from wbc.feet.sole import bar_inertia
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
-FITTING = ("rigid", "soft", "variable")
+FITTING = ("rigid", "soft", "long_arch", "variable")
 
 
 def tilted_sole(seed: int) -> SoleGeometry:

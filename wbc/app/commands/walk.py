@@ -47,8 +47,8 @@ class WalkOptions:
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
-        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft or variable (its stiffness is set while
-            it swings).
+        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft, long_arch (soft, too) or variable (its
+            stiffness is set while it swings).
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
         foot_param: Further parameters of the foot, each as name=value.
         policy: Who sets soles of variable stiffness while they swing: model or fixed; the model that comes with the
