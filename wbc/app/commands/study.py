@@ -424,12 +424,13 @@ def swings(
 
 def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
     """What was walked, by which code: counts of trials by status, and the versions that made them."""
-    used = [entry for _, entry in found_entries(study, entries, any_code=any_code) if entry is not None]
-    versions = {json.dumps(entry.version, sort_keys=True) for entry in used}
+    found = found_entries(study, entries, any_code=any_code)
+    used = {trial: entry for trial, entry in found if entry is not None}
+    versions = {json.dumps(entry.version, sort_keys=True) for entry in used.values()}
     return {
-        "trials": dict(Counter(entry.status for entry in used)),
+        "trials": dict(Counter(entry.status for entry in used.values())),
         "versions": [json.loads(version) for version in sorted(versions)],
-        "seeds": list(study.seeds),
+        "seeds": sorted({trial.seed for trial in used}),
     }
 
 
