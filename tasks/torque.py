@@ -39,7 +39,7 @@ class JointTorqueTask(VariableTask):
                 them; zero for all others.
             joints: Joints of the task; all when None.
             name: Name of the task.
-            weight: Cost per (Nm)², scalar or shape (number of joints,).
+            weight: Cost per (Nm)², scalar; of single joints, shape (number of joints,), where these are named.
             hard: Make it a constraint.
 
         Raises:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.signals import Measurement
 from wbc.sim.changes import changed, read_changes
 from wbc.sim.plant import Plant
 from wbc.sim.walks import (
@@ -224,6 +227,26 @@ def test_a_diverged_simulation_is_neither_a_fall_nor_a_success() -> None:
     assert not result.fell and result.fall_reason is None and result.steps_done == 0
     assert result.seconds < 0.2
     json.dumps(result.record())
+
+
+class Blindness(WalkHook):
+    """Breaks the encoders for good."""
+
+    def start(self, trial: WalkTrial) -> None:
+        plant, measure = trial.plant, trial.plant.measure
+
+        def blind() -> Measurement:
+            seen = measure()
+            return replace(seen, joint_position=seen.joint_position + (np.nan if plant.time > 0.1 else 0.0))
+
+        plant.measure = blind  # type: ignore[method-assign]
+
+
+def test_a_control_that_has_stopped_walks_no_more(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.CRITICAL)
+    result = run_walk(SPEC, hooks=[Blindness()])
+    assert result.outcome == "fell" and result.fall_reason == "solver" and result.steps_done == 0
+    assert result.seconds < 0.5
 
 
 # Specs

@@ -391,7 +391,7 @@ class WalkingControl:
             pelvis_drop=float(pendulum.com[2] - estimate.com[2]),
             torso_up=estimate.placement(estimate.torso_frame).rotation[:, 2],
             dcm_distance=float((normals @ dcm - offsets).max()),
-            solved=solution is None or solution.ok,
+            solved=(solution is None or solution.ok) and not self.control.stopped,
         )
 
 

@@ -134,10 +134,15 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg | None = None) -
         InputError: The legs cannot reach that height; the message gives the range.
     """
     leg = leg or leg_geometry(robot)
-    if com_height is None:
-        return leg.hip_height
     offset = leg.hip_over_com - leg.ankle_height
     low, high = leg.shortest - offset, 0.98 * leg.length - offset
+    if com_height is None:
+        if leg.hip_height > 0.98 * leg.length:
+            raise InputError(
+                f"the legs of '{robot.name}' are too straight in half-sitting to take a step; give a CoM height from "
+                f"{low:.3f} to {high:.3f} m"
+            )
+        return leg.hip_height
     finite_scalar(
         f"CoM height (m) of '{robot.name}' (half-sitting: {leg.com_height:.3f} m)",
         com_height,
