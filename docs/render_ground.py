@@ -55,7 +55,7 @@ def foot_view(test: FootTest) -> Array:
     model.vis.rgba.fog[:3] = SKY
     model.vis.map.fogstart, model.vis.map.fogend = 1.2, 2.6
     camera = mujoco.MjvCamera()
-    camera.lookat, camera.distance = [*rig.center, 0.045], 0.38
+    camera.lookat, camera.distance = [*rig.centre, 0.045], 0.38
     camera.azimuth, camera.elevation = 102.0, -9.0
     options = mujoco.MjvOption()
     options.geomgroup[3] = 1  # the spheres that touch the ground

@@ -52,7 +52,7 @@ class Clusters:
         return len(self.edges) - 1
 
     @property
-    def centers(self) -> Array:
+    def centres(self) -> Array:
         """Mean of the boundaries of each range, the stiffness that it commands, shape (number of clusters,), Nm/rad."""
         edges = np.array(self.edges)
         return np.asarray((edges[:-1] + edges[1:]) / 2.0)

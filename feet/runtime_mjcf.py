@@ -182,7 +182,7 @@ class GroundContacts:
         return np.asarray(self.forces.sum(axis=0))
 
     @property
-    def center_of_pressure(self) -> Array:
+    def centre_of_pressure(self) -> Array:
         """Mean of the contact points weighted by their vertical force, shape (3,), m; NaN without load."""
         load = self.forces[:, 2]
         total = float(load.sum())

@@ -173,22 +173,22 @@ class SoftFoot(Foot):
         """Where the parts of the foot lie in its rest shape, under a given ankle."""
         n, z = self.phalanges, self.hinge_height
         pitch = self.length / n
-        centers = tuple(self.length / 2.0 - (i + 0.5) * pitch for i in range(n))
+        centres = tuple(self.length / 2.0 - (i + 0.5) * pitch for i in range(n))
         hinges = tuple((self.length / 2.0 - (i + 1) * pitch, 0.0, z) for i in range(n - 1))
-        heel = (centers[-1], 0.0, z)
+        heel = (centres[-1], 0.0, z)
         ankle = (float(fitted.ankle[0]), 0.0, float(fitted.ankle[2]))
         arch_hinge = (ankle[0] + self.arch_hinge[0], 0.0, ankle[2] + self.arch_hinge[1])
-        loop_point = (centers[self.loop_phalanx - 1], 0.0, self.thickness)
+        loop_point = (centres[self.loop_phalanx - 1], 0.0, self.thickness)
         size = (pitch, self.width, self.thickness)
         return SoftLayout(
             pitch=pitch,
-            centers=centers,
+            centres=centres,
             hinges=(*hinges, heel),
             ankle=ankle,
             arch_hinge=arch_hinge,
             loop_point=loop_point,
             phalanges=tuple(
-                box_inertia(self.phalanx_mass, size, (x, 0.0, self.thickness / 2.0)) for x in centers
+                box_inertia(self.phalanx_mass, size, (x, 0.0, self.thickness / 2.0)) for x in centres
             ),
             backward_arch=bar_inertia(
                 self.backward_arch_mass, ankle, heel, width=ARCH_WIDTH, thickness=ARCH_THICKNESS
@@ -251,7 +251,7 @@ class SoftLayout:
 
     Attributes:
         pitch: Length of a phalanx, m.
-        centers: x of the phalanx centres from the toe to the heel, m.
+        centres: x of the phalanx centres from the toe to the heel, m.
         hinges: Hinge of each phalanx on the heel side, from the toe; the last is the heel's on the backward
             arch, m.
         ankle: Ankle in the plane of the arches, m.
@@ -263,7 +263,7 @@ class SoftLayout:
     """
 
     pitch: float
-    centers: tuple[float, ...]
+    centres: tuple[float, ...]
     hinges: tuple[tuple[float, float, float], ...]
     ankle: tuple[float, float, float]
     arch_hinge: tuple[float, float, float]

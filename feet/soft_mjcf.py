@@ -80,7 +80,7 @@ class SoftFootBuilder:
             parent, parent_origin = self._add_phalanx(i, parent, parent_origin)
         geoms = self._add_spheres()
         toe = self._segments[0][0]
-        sensor_place = np.array([self.layout.centers[0], 0.0, self.foot.hinge_height])
+        sensor_place = np.array([self.layout.centres[0], 0.0, self.foot.hinge_height])
         site = add_range_site(toe.body, self.side, sensor_place - toe.origin)
         arch_joint, loop_sites = self._add_frontal_arch()
         transverse = self.foot.transverse
@@ -122,7 +122,7 @@ class SoftFootBuilder:
             middle = foot.transverse.hinge_share * half
             for side, right, left in (("right", -half, -middle), ("left", middle, half)):
                 place = np.array(
-                    [self.layout.centers[i], middle if left > 0.0 else -middle, foot.hinge_height]
+                    [self.layout.centres[i], middle if left > 0.0 else -middle, foot.hinge_height]
                 )
                 flap = body.add_body(name=f"{name}_{side}", pos=place - origin)
                 self._add_transverse_hinge(flap, f"{name}_{side}_roll")
@@ -133,11 +133,11 @@ class SoftFootBuilder:
     def _add_strip(self, i: int, body: mujoco.MjsBody, origin: Array, right: float, left: float) -> None:
         """Give a body its strip of phalanx i."""
         foot, width = self.foot, left - right
-        center = np.array([self.layout.centers[i], (left + right) / 2.0, foot.thickness / 2.0]) - origin
+        centre = np.array([self.layout.centres[i], (left + right) / 2.0, foot.thickness / 2.0]) - origin
         mass = foot.phalanx_mass * width / foot.width
-        set_inertia(body, box_inertia(mass, (self.layout.pitch, width, foot.thickness), center))
+        set_inertia(body, box_inertia(mass, (self.layout.pitch, width, foot.thickness), centre))
         size = (self.layout.pitch - _VISUAL_GAP, width - _VISUAL_GAP, foot.thickness)
-        add_box(body, f"{body.name}_box", center, size)
+        add_box(body, f"{body.name}_box", centre, size)
         self._segments[i].append(_Segment(body, origin, right, left))
 
     def _add_transverse_hinge(self, body: mujoco.MjsBody, name: str) -> None:

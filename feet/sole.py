@@ -129,20 +129,20 @@ class FootFit:
     height_change: float
 
 
-def box_inertia(mass: float, size: ArrayLike, center: ArrayLike) -> pin.Inertia:
-    """Inertia of a uniform box in the frame that `center` is given in.
+def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
+    """Inertia of a uniform box in the frame that `centre` is given in.
 
     Args:
         mass: kg.
         size: Full extents along the axes, shape (3,), m.
-        center: Centre of the box, shape (3,), m.
+        centre: Centre of the box, shape (3,), m.
     """
     x, y, z = finite_array("box size (m)", size, (3,))
     if mass == 0.0:
         return pin.Inertia.Zero()
     return pin.Inertia(
         mass,
-        finite_array("box centre (m)", center, (3,)),
+        finite_array("box centre (m)", centre, (3,)),
         mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y]),
     )
 

@@ -165,8 +165,8 @@ class StiffnessModel:
         return self.settings.clusters.of(self.stiffness)
 
     @cached_property
-    def _centers(self) -> Array:
-        return self.settings.clusters.centers
+    def _centres(self) -> Array:
+        return self.settings.clusters.centres
 
     def predict(self, values: ArrayLike) -> Prediction:
         """Ask about one profile.
@@ -189,9 +189,9 @@ class StiffnessModel:
         # A profile that is in the training set is decided by what is known of it alone, as in scikit-learn.
         weight = 1.0 / distance if closest > 0.0 else (distance == 0.0).astype(np.float64)
         if self.settings.kind == "classification":
-            votes = np.bincount(self.labels[nearest], weight, len(self._centers) + 1)
+            votes = np.bincount(self.labels[nearest], weight, len(self._centres) + 1)
             cluster = int(np.argmax(votes))
-            stiffness = float(self._centers[cluster - 1])
+            stiffness = float(self._centres[cluster - 1])
         else:
             stiffness = float(weight @ self.stiffness[nearest] / weight.sum())
             cluster = int(self.settings.clusters.of(stiffness))

@@ -78,9 +78,9 @@ def _draw_confusion(figure: Figure, axes: Any, validation: Validation) -> None:
     names, counts = validation.confusion()
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     image = axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
-    centers = [f"{k:g}" for k in validation.clusters.centers[names - 1]]
-    axes.set_xticks(range(names.size), centers, rotation=90)
-    axes.set_yticks(range(names.size), centers)
+    centres = [f"{k:g}" for k in validation.clusters.centres[names - 1]]
+    axes.set_xticks(range(names.size), centres, rotation=90)
+    axes.set_yticks(range(names.size), centres)
     axes.set(
         xlabel="commanded stiffness (Nm/rad)",
         ylabel="cluster of the best stiffness (Nm/rad)",

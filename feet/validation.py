@@ -215,7 +215,7 @@ def train_and_command(
         said = np.asarray(model.estimator().fit(features, target).predict(query))
     except ValueError as error:
         raise InputError(f"'{model.name}' cannot be fitted to {len(target)} rows: {error}") from error
-    return np.asarray(clusters.centers[said.astype(np.intp) - 1] if model.kind == "classification" else said)
+    return np.asarray(clusters.centres[said.astype(np.intp) - 1] if model.kind == "classification" else said)
 
 
 def clipped_cluster(clusters: Clusters, command: Array) -> NDArray[np.intp]:

@@ -186,7 +186,7 @@ class Stand:
         start = time.perf_counter()
         for truth in self.run(options.seconds):
             com.append(truth.com)
-            zmp.append(center_of_pressure(truth))
+            zmp.append(centre_of_pressure(truth))
             if after_tick is not None:
                 after_tick()
         elapsed = time.perf_counter() - start
@@ -225,7 +225,7 @@ def stand(options: StandOptions) -> StandResult:
     return Stand(options).result()
 
 
-def center_of_pressure(truth: GroundTruth) -> Array:
+def centre_of_pressure(truth: GroundTruth) -> Array:
     """Centre of pressure of all contacts; on level ground it is the zero-tilting moment point.
 
     Args:

@@ -69,7 +69,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     "foot press": (["--terrain", "stones", "--amplitude", "0.02"], {"foot", "hold", "support", "impact"}),
     "foot drop": (["--foot", "rigid"], {"foot", "impact"}),
     "foot slide": (["--foot", "rigid"], {"foot", "creep", "slip_share"}),
-    "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "center_of_pressure"}),
+    "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "centre_of_pressure"}),
     "foot curves": (
         ["--foot", "rigid", "--seeds", "1", "--terrain", "stones", "--loads", "100"],
         {"means", "deflections", "diverged"},

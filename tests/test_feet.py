@@ -227,9 +227,9 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
             x = design.contact_rows()
             np.testing.assert_allclose(np.diff(x), np.diff(x)[0], atol=1e-12)
             np.testing.assert_allclose(x, -x[::-1], atol=1e-12)
-            for i, center in enumerate(design.layout(design.fit(OWN).sole).centers):
+            for i, centre in enumerate(design.layout(design.fit(OWN).sole).centres):
                 under = x[rows * i : rows * (i + 1)]
-                assert np.abs(under - center).max() <= design.length / phalanges / 2.0 + 1e-12
+                assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
 
 
 # --- constraint law --------------------------------------------------------------------------------------------------

@@ -202,10 +202,10 @@ def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     sole = stand.foot.fit.sole
     ids = [stand.model.geom(g).id for g in stand.foot.contact_geoms]
     lowest = stand.data.geom_xpos[ids] - [0.0, 0.0, DESIGNS[name].contact.radius]
-    center = stand.data.body(stand.foot.body).xpos
+    centre = stand.data.body(stand.foot.body).xpos
     np.testing.assert_allclose(lowest[:, 2], 0.0, atol=1e-9)
-    np.testing.assert_allclose(center, [sole.translation[0], 0.0, 0.0], atol=1e-9)
-    extent = lowest[:, :2] - center[:2]
+    np.testing.assert_allclose(centre, [sole.translation[0], 0.0, 0.0], atol=1e-9)
+    extent = lowest[:, :2] - centre[:2]
     np.testing.assert_allclose(extent.max(axis=0), [sole.length / 2, sole.width / 2], atol=1e-9)
     np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
 
@@ -274,7 +274,7 @@ def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str,
     own = stand.foot.fit.added_inertia
     expected = [own.lever[0] * own.mass * GRAVITY / weight, 0.0]
     ankle = stand.data.body("ankle").xpos
-    np.testing.assert_allclose(contacts.center_of_pressure[:2] - ankle[:2], expected, atol=0.001)
+    np.testing.assert_allclose(contacts.centre_of_pressure[:2] - ankle[:2], expected, atol=0.001)
 
 
 @pytest.mark.parametrize("name", ["flat", "rigid"])
@@ -283,8 +283,8 @@ def test_a_level_rigid_sole_presses_evenly(name: str, ground: str) -> None:
     stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field", tilting=False)
     stand.settle()
     contacts = stand.probe.contacts(stand.model, stand.data)
-    center = stand.data.body(stand.foot.body).xpos
-    np.testing.assert_allclose(contacts.center_of_pressure[:2], center[:2], atol=0.001)
+    centre = stand.data.body(stand.foot.body).xpos
+    np.testing.assert_allclose(contacts.centre_of_pressure[:2], centre[:2], atol=0.001)
     assert len(np.unique(np.round(contacts.points[:, :2], 4), axis=0)) == len(stand.foot.contact_geoms)
 
 

@@ -71,7 +71,7 @@ def test_a_test_is_a_pure_function() -> None:
 def test_a_press_turns_with_the_foot_on_flat_ground() -> None:
     a, b = (press(FootTest(foot("soft"), FLAT, yaw=yaw), support=False) for yaw in (0.0, 2.0))
     assert a.hold is not None and b.hold is not None and a.impact is not None and b.impact is not None
-    np.testing.assert_allclose(a.hold.center_of_pressure, b.hold.center_of_pressure, atol=1e-4)
+    np.testing.assert_allclose(a.hold.centre_of_pressure, b.hold.centre_of_pressure, atol=1e-4)
     np.testing.assert_allclose(a.hold.sole_angles, b.hold.sole_angles, atol=1e-5)
     assert a.impact.speed == pytest.approx(b.impact.speed, rel=1e-6)
 
@@ -104,8 +104,8 @@ def test_a_sole_touches_the_ground_where_it_says() -> None:
     world = points[:, :2] - ankle[:2] + hold.ankle_place
     np.testing.assert_allclose(points[:, 2], STONES.height(world[:, 0], world[:, 1]), atol=5e-4)
     radius = SOFT_ON_STONES.foot.contact.radius
-    centers = line + [0.0, 0.0, radius]
-    distance = np.linalg.norm(points[:, None, :] - centers[None, :, :], axis=2).min(axis=1)
+    centres = line + [0.0, 0.0, radius]
+    distance = np.linalg.norm(points[:, None, :] - centres[None, :, :], axis=2).min(axis=1)
     np.testing.assert_allclose(distance, radius, atol=5e-4)
 
 
@@ -198,11 +198,11 @@ def test_a_pushed_foot_creeps_little_and_slides_at_its_friction(name: str, frict
 
 def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
     result = pitch(FootTest(foot("rigid"), FLAT))
-    angle, center = np.array(result.pitch), np.array(result.center_of_pressure)
+    angle, centre = np.array(result.pitch), np.array(result.centre_of_pressure)
     moment = np.array(result.moment)
     assert not result.diverged and angle.max() > 0.05 and angle.min() < -0.05
-    assert np.nanmedian(center[angle > 0.02]) == pytest.approx(0.139, abs=0.005)
-    assert np.nanmedian(center[angle < -0.02]) == pytest.approx(-0.139, abs=0.005)
+    assert np.nanmedian(centre[angle > 0.02]) == pytest.approx(0.139, abs=0.005)
+    assert np.nanmedian(centre[angle < -0.02]) == pytest.approx(-0.139, abs=0.005)
     # A force ahead of the ankle turns the toe up, about -y.
     assert np.nanmedian(moment[angle > 0.02]) < 0.0 < np.nanmedian(moment[angle < -0.02])
 

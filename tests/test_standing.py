@@ -16,7 +16,7 @@ from wbc.sim import Plant, push_recovery
 from wbc.sim.falls import LARGEST_TILT, LOWEST_BASE, FallDetector
 from wbc.sim.push_recovery import PushCell, PushResult, PushSpec, format_push_table, largest_push, push
 from wbc.sim.shod import shod
-from wbc.sim.standing import MODES, Mode, Stand, StandOptions, StandResult, center_of_pressure, stand
+from wbc.sim.standing import MODES, Mode, Stand, StandOptions, StandResult, centre_of_pressure, stand
 
 
 def without_clock(result: StandResult) -> dict[str, Any]:
@@ -88,9 +88,9 @@ def test_stands_on_soft_feet() -> None:
 def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
     stage = Stand(StandOptions(robot="g1", seconds=1.0))
     *_, truth = stage.run(1.0)
-    np.testing.assert_allclose(center_of_pressure(truth), truth.com[:2], atol=1e-4)
+    np.testing.assert_allclose(centre_of_pressure(truth), truth.com[:2], atol=1e-4)
     flying = replace(truth, contact_force=np.zeros((0, 3)), contact_position=np.zeros((0, 3)))
-    assert np.isnan(center_of_pressure(flying)).all()
+    assert np.isnan(centre_of_pressure(flying)).all()
 
 
 def turned(q: np.ndarray[Any, Any], angle: float, axis: list[float]) -> np.ndarray[Any, Any]:

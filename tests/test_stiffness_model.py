@@ -83,9 +83,9 @@ def test_the_papers_clusters() -> None:
     """20 ranges of 4 Nm/rad; cluster n commands 4n − 2."""
     clusters = Clusters.linear()
     assert len(clusters) == 20 and clusters.edges[-1] == 80.0
-    np.testing.assert_array_equal(clusters.centers, 4.0 * np.arange(1, 21) - 2.0)
+    np.testing.assert_array_equal(clusters.centres, 4.0 * np.arange(1, 21) - 2.0)
     np.testing.assert_array_equal(clusters.of([0.0, 3.99, 4.0, 41.0, 79.9, 80.0]), [1, 1, 2, 11, 20, 20])
-    np.testing.assert_array_equal(clusters.of(clusters.centers), np.arange(1, 21))
+    np.testing.assert_array_equal(clusters.of(clusters.centres), np.arange(1, 21))
 
 
 def test_logarithmic_clusters_resolve_soft_soles() -> None:
@@ -129,7 +129,7 @@ def test_predictions_are_those_of_scikit_learn(
     ours = [fast.predict(v) for v in values]
     if kind == "classification":
         np.testing.assert_array_equal([p.cluster for p in ours], theirs)
-        np.testing.assert_allclose([p.stiffness for p in ours], fast.settings.clusters.centers[theirs - 1])
+        np.testing.assert_allclose([p.stiffness for p in ours], fast.settings.clusters.centres[theirs - 1])
     else:
         np.testing.assert_allclose([p.stiffness for p in ours], theirs, rtol=1e-9)
     assert len(np.unique(theirs)) > 5

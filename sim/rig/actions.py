@@ -116,12 +116,12 @@ def pitch(
         rig.set_tilt(0.0, float(np.interp(step * test.physics.timestep, times, path)))
         rig.step()
         if step % every == 0:
-            center = float(rig.center_of_pressure()[0])
-            rows.append((rig.tilt[1], center, rig.pitch_moment, rig.ankle_height))
+            centre = float(rig.centre_of_pressure()[0])
+            rows.append((rig.tilt[1], centre, rig.pitch_moment, rig.ankle_height))
     if rig.diverged:
         return PitchResult(True)
-    angles, centers, moments, heights = (tuple(column) for column in zip(*rows, strict=True))
-    return PitchResult(False, angles, centers, moments, heights)
+    angles, centres, moments, heights = (tuple(column) for column in zip(*rows, strict=True))
+    return PitchResult(False, angles, centres, moments, heights)
 
 
 def land(rig: Rig) -> tuple[Impact, float, float] | None:
@@ -181,7 +181,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
         force_mean=float(np.mean(forces)),
         force_std=float(np.std(forces)),
         balance_error=float(np.mean(forces)) / weight - 1.0,
-        center_of_pressure=tuple(rig.center_of_pressure().tolist()),
+        centre_of_pressure=tuple(rig.centre_of_pressure().tolist()),
         ankle_height=rig.ankle_height,
         ankle_place=rig.ankle_place,
         ankle_tilt=rig.tilt,
@@ -203,7 +203,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
 
 def _support(rig: Rig) -> Support | None:
     """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
-    centers = [rig.center_of_pressure()]
+    centres = [rig.centre_of_pressure()]
     every, count = rig.steps(_SAMPLE), rig.steps(_RAMP)
     # The servo yields under the moment of the ground, so it is asked for more than the tilt that is wanted.
     yielding = rig.mass * rig.test.physics.gravity * rig.foot.fit.sole.length / rig.test.ankle_stiffness
@@ -217,10 +217,10 @@ def _support(rig: Rig) -> Support | None:
             if step % every == 0:
                 if math.hypot(*twin.tilt) > SUPPORT_TILT:
                     break
-                centers.append(twin.center_of_pressure())
+                centres.append(twin.centre_of_pressure())
         if twin.diverged:
             return None
-    points = np.array(centers)
+    points = np.array(centres)
     corners, area = hull(points[np.isfinite(points).all(axis=1)])
     (backward, right), (forward, left) = corners.min(axis=0), corners.max(axis=0)
     return Support(

@@ -41,7 +41,7 @@ class Rig:
         wrench: Its force sensor.
         mass: Mass of carriage and foot together, kg.
         touch_height: Ankle height at which the undeformed, level foot would touch the ground, m.
-        center: World x and y of the sole centre at the start, m.
+        centre: World x and y of the sole centre at the start, m.
     """
 
     def __init__(self, test: FootTest, *, shear: bool = False) -> None:
@@ -55,8 +55,8 @@ class Rig:
         fitted = test.foot.fit(test.own_sole).sole
         cos, sin = math.cos(test.yaw), math.sin(test.yaw)
         self._heading = np.array([[cos, -sin], [sin, cos]])
-        self.center = np.array([(test.ground.start + test.ground.stop) / 2.0 + test.x, test.y])
-        ankle_place = self.center + self._heading @ fitted.ankle[:2]
+        self.centre = np.array([(test.ground.start + test.ground.stop) / 2.0 + test.x, test.y])
+        ankle_place = self.centre + self._heading @ fitted.ankle[:2]
         margin = test.foot.contact.radius
         top = self._highest(fitted.length / 2.0 + margin, fitted.width / 2.0 + margin)
 
@@ -229,9 +229,9 @@ class Rig:
         ankle = self.data.body(self.test.own_sole.ankle_link).xpos[:2]
         return np.asarray((points[:, :2] - ankle) @ self._heading + self.foot.fit.sole.ankle[:2])
 
-    def center_of_pressure(self) -> Array:
+    def centre_of_pressure(self) -> Array:
         """Centre of pressure in plan, shape (2,), m; NaN without load."""
-        return np.asarray(self.in_plan(self.contacts().center_of_pressure[None, :])[0])
+        return np.asarray(self.in_plan(self.contacts().centre_of_pressure[None, :])[0])
 
     def sole_line(self) -> Array:
         """Lowest points of the contact spheres in plan and world z, row by row from the toe, shape (n, 3), m."""
@@ -255,7 +255,7 @@ class Rig:
         """Highest point of the ground under a rectangle around the sole, m."""
         x = np.linspace(-half_length, half_length, math.ceil(2.0 * half_length / HIGHEST_GRID) + 1)
         y = np.linspace(-half_width, half_width, math.ceil(2.0 * half_width / HIGHEST_GRID) + 1)
-        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) @ self._heading.T + self.center
+        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) @ self._heading.T + self.centre
         return float(self.test.ground.height(grid[:, 0], grid[:, 1]).max())
 
 

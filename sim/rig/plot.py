@@ -105,7 +105,7 @@ def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
     figure.set_layout_engine("constrained")
     angle = np.degrees(result.pitch)
     panels = (
-        (result.center_of_pressure, 1e3, "centre of pressure, x (mm)"),
+        (result.centre_of_pressure, 1e3, "centre of pressure, x (mm)"),
         (result.moment, 1.0, "ankle moment (Nm)"),
         (result.ankle_height, 1e3, "ankle height (mm)"),
     )
@@ -165,7 +165,7 @@ def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
     for point, force in zip(points, forces, strict=True):
         tip = (point[0], point[2] + 30.0 * force / max(forces.max(), 1e-9))
         axes.annotate("", tip, (point[0], point[2]), arrowprops={"arrowstyle": "->", "color": _CONTACT})
-    axes.axvline(1e3 * hold.center_of_pressure[0], color=_CONTACT, ls=":", lw=1)
+    axes.axvline(1e3 * hold.centre_of_pressure[0], color=_CONTACT, ls=":", lw=1)
     axes.set_ylabel("z (mm)")
     axes.set_aspect("equal")
 
@@ -186,7 +186,7 @@ def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: Support | None) -
     if len(points):
         size = 120.0 * forces / forces.max()
         axes.scatter(1e3 * points[:, 0], 1e3 * points[:, 1], s=size, color=_CONTACT, label="contacts")
-    axes.plot(*(1e3 * np.array(hold.center_of_pressure)), "x", color="black", label="centre of pressure")
+    axes.plot(*(1e3 * np.array(hold.centre_of_pressure)), "x", color="black", label="centre of pressure")
     axes.set_xlabel("x (mm)")
     axes.set_ylabel("y (mm)")
     axes.set_aspect("equal")

@@ -48,7 +48,7 @@ class Hold:
         force_mean: Mean vertical contact force, N.
         force_std: Its standard deviation, N.
         balance_error: force_mean / weight − 1.
-        center_of_pressure: In plan, m.
+        centre_of_pressure: In plan, m.
         ankle_height: Height of the ankle over the level z = 0 of the ground, m.
         ankle_place: World x and y of the ankle, m.
         ankle_tilt: Roll and pitch of the ankle, rad.
@@ -72,7 +72,7 @@ class Hold:
     force_mean: float
     force_std: float
     balance_error: float
-    center_of_pressure: tuple[float, ...]
+    centre_of_pressure: tuple[float, ...]
     ankle_height: float
     ankle_place: tuple[float, float]
     ankle_tilt: tuple[float, float]
@@ -157,14 +157,14 @@ class PitchResult:
     Attributes:
         diverged: True if the simulation did.
         pitch: Pitch of the ankle, toe down positive, rad.
-        center_of_pressure: Its x in plan, m.
+        centre_of_pressure: Its x in plan, m.
         moment: Ankle moment of the ground's force about the transverse axis, Nm.
         ankle_height: m.
     """
 
     diverged: bool
     pitch: tuple[float, ...] = ()
-    center_of_pressure: tuple[float, ...] = ()
+    centre_of_pressure: tuple[float, ...] = ()
     moment: tuple[float, ...] = ()
     ankle_height: tuple[float, ...] = ()
 

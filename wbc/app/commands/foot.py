@@ -166,7 +166,7 @@ def _press_lines(result: PressResult) -> list[str]:
         f"  force     {hold.force_mean:.1f} N, {100 * hold.balance_error:+.3f} % off the weight, "
         f"± {hold.force_std:.2g} N",
         f"  contacts  {hold.contacts} points around {1e4 * hold.contact_area:.1f} cm², "
-        f"centre of pressure ({1e3 * hold.center_of_pressure[0]:.1f}, {1e3 * hold.center_of_pressure[1]:.1f}) mm",
+        f"centre of pressure ({1e3 * hold.centre_of_pressure[0]:.1f}, {1e3 * hold.centre_of_pressure[1]:.1f}) mm",
     ]
     if support is not None:
         lines.append(
@@ -204,7 +204,7 @@ def _pitch_lines(result: PitchResult) -> list[str]:
         i = result.pitch.index(pick(result.pitch))
         lines.append(
             f"  {name:<9} {math.degrees(result.pitch[i]):+.1f}°: centre of pressure at "
-            f"{1e3 * result.center_of_pressure[i]:.0f} mm, moment {result.moment[i]:.1f} Nm, ankle "
+            f"{1e3 * result.centre_of_pressure[i]:.0f} mm, moment {result.moment[i]:.1f} Nm, ankle "
             f"{1e3 * result.ankle_height[i]:.1f} mm high"
         )
     return lines

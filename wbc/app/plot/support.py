@@ -19,11 +19,11 @@ def yaw_of(quaternions: Array) -> Array:
     return heading
 
 
-def corners(center: Array, yaw: Array, size: tuple[float, float]) -> Array:
+def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
     """Corners of sole rectangles seen from above.
 
     Args:
-        center: Shape (n, 2) or more, m.
+        centre: Shape (n, 2) or more, m.
         yaw: Shape (n,), rad.
         size: Length and width, m.
 
@@ -34,7 +34,7 @@ def corners(center: Array, yaw: Array, size: tuple[float, float]) -> Array:
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     x, y = local.T
     turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-    placed: Array = np.asarray(center)[:, None, :2] + turned
+    placed: Array = np.asarray(centre)[:, None, :2] + turned
     return placed
 
 

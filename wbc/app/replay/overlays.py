@@ -183,8 +183,8 @@ def _polygon(corners: Array, height: float) -> Surface:
 
 def _outline(corners: Array, height: float) -> Surface:
     """The border of a convex polygon, as wide as `LINE`."""
-    center = corners.mean(axis=0)
-    inward = center - corners
+    centre = corners.mean(axis=0)
+    inward = centre - corners
     inner = corners + LINE * math.sqrt(2.0) * inward / np.linalg.norm(inward, axis=1, keepdims=True)
     count = len(corners)
     vertices = np.column_stack([np.concatenate([corners, inner]), np.full(2 * count, height)])
