@@ -145,19 +145,17 @@ def list_commands(app: Sphinx, docname: str, source: list[str]) -> None:
         from wbc.app.cli import make_app  # noqa: PLC0415 - few pages need them
 
         text = make_app().generate_docs(heading_level=2, flatten_commands=True)
-        found = re.search(
-            r"^## wbc \w+$", text, re.MULTILINE
-        )  # before it stands a list, which the margin has, too
+        found = re.search(r"^## wbc \w+$", text, re.MULTILINE)  # before it: a list that the margin has, too
         assert found is not None
         source[0] = source[0].replace(COMMANDS, text[found.start() :])
     if STUDIES in source[0]:
-        from wbc.sim.study_catalog import STUDIES as makers  # noqa: PLC0415
-        from wbc.sim.study_catalog import study_by_name  # noqa: PLC0415
+        from wbc.app.commands.study import study_facts  # noqa: PLC0415
+        from wbc.sim.study_catalog import STUDIES as NAMES  # noqa: PLC0415
 
         lines = ["| Study | Walks | Question |", "|---|---:|---|"]
-        for name in makers:
-            study = study_by_name(name)
-            lines.append(f"| `{name}` | {sum(1 for _ in study.trials()):,} | {study.about} |")
+        for fact in map(study_facts, NAMES):
+            walks = "" if fact["trials"] is None else f"{fact['trials']:,}"
+            lines.append(f"| `{fact['name']}` | {walks} | {fact['about']} |")
         source[0] = source[0].replace(STUDIES, "\n".join(lines))
 
 

@@ -181,12 +181,12 @@ class TableOptions:
 @reports
 def list_studies(*, output: OutputOptions = Output()) -> Report:
     """List the studies that come with the library."""
-    facts = [_study_facts(name) for name in STUDIES]
+    facts = [study_facts(name) for name in STUDIES]
     lines = [f"{fact['name']:<22} {fact['trials'] or '':>5} trials  {fact['about']}" for fact in facts]
     return output.report({"studies": facts}, "\n".join(lines))
 
 
-def _study_facts(name: str) -> dict[str, Any]:
+def study_facts(name: str) -> dict[str, Any]:
     """What there is to say of a study; of one that rests on another that has not been run, what is missing."""
     try:
         study = study_by_name(name)
