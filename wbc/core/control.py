@@ -74,12 +74,20 @@ class _Control:
         self.policy = policy or FailurePolicy()
         self.failures = 0
         self.solution: Solution | None = None
+        self._torques = np.zeros(controller.robot.na)
         self._failing = 0
 
     @property
     def stopped(self) -> bool:
         """True after failures have gone on for too long; `reset` starts again."""
         return self._failing * self.controller.dt > self.policy.stop_after
+
+    def _forget(self) -> None:
+        """Forget failures, the last solution and what was sent."""
+        self.controller.reset()
+        self.solution = None
+        self._torques = np.zeros_like(self._torques)
+        self._failing = 0
 
     def _measure(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> bool:
         """Update the estimate; False if the measurement had to be refused."""
@@ -140,17 +148,13 @@ class TorqueControl(_Control):
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
         super().__init__(controller, observer, policy, prepare)
-        self._torques = np.zeros(controller.robot.na)
 
     def reset(self, q: Array | None = None) -> None:
         """Start again from a configuration at rest; half-sitting when None."""
         self.observer.reset(q)
         robot = self.controller.robot
         robot.update(self.observer.robot.q, self.observer.robot.v)
-        self.controller.reset()
-        self.solution = None
-        self._torques = np.zeros_like(self._torques)
-        self._failing = 0
+        self._forget()
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -237,7 +241,6 @@ class PositionControl(_Control):
         self._pull = -math.expm1(-controller.dt / positive("reference time (s)", reference_time))
         self.q = np.array(controller.robot.q)
         self.v = np.array(controller.robot.v)
-        self._torques = np.zeros(controller.robot.na)
         self._step = np.zeros(controller.robot.nv)
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
@@ -248,10 +251,7 @@ class PositionControl(_Control):
         self.v[:] = 0.0
         robot.update(self.q, self.v)
         self.observer.reset(self.q)
-        self.controller.reset()
-        self.solution = None
-        self._torques = np.zeros_like(self._torques)
-        self._failing = 0
+        self._forget()
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
