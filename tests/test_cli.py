@@ -83,6 +83,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         ["--foot", "flat", "--terrain", "flat", "--timestep", "0.002", "--seconds", "0.1"],
         {"rows"},
     ),
+    "bench walk": (["--distance", "0.3", "--repeats", "1"], {"rows"}),
     "terrain": (["stones", "--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
     "terrains": ([], {"terrains"}),
 }

@@ -226,6 +226,17 @@ def test_oracle_9_the_com_admittance_leaks_away_in_10_s() -> None:
     np.testing.assert_allclose(np.abs(c.offset), 0.05)
 
 
+def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> None:
+    c = ComAdmittance(LEGACY.changed(com_admittance=0.5))
+    for k in range(400):
+        before = c.offset.copy()
+        c.update(np.array([-0.2, 0.01 * np.sin(0.1 * k)]), 0.0, DT)
+        np.testing.assert_allclose(c.velocity, (c.offset - before) / DT, atol=1e-15)
+    assert c.offset[0] == LEGACY.max_com_offset
+    assert c.velocity[0] == c.acceleration[0] == 0.0
+    assert c.velocity[1] != 0.0
+
+
 # (The tenth, the bias estimator, is in test_walking_bias.py.)
 
 

@@ -295,6 +295,25 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
     assert landed is not None and walk.steps_done == len(walk.phases.plan)
 
 
+def test_until_it_starts_the_pendulum_rests_and_then_changes_its_height_smoothly() -> None:
+    com = np.array([0.5 * (START.left.x + START.right.x), 0.0, HEIGHT + 0.05])
+    walk = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT, STEADY, com=com)
+    for _ in range(round(2.0 / DT)):
+        pendulum = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
+        np.testing.assert_array_equal(pendulum.com, com)
+        assert not (pendulum.com_velocity.any() or pendulum.zmp_velocity.any())
+    walk.start()
+    heights = [com[2]]
+    while walk.phases.phase is not Phase.SINGLE:
+        heights.append(
+            walk.update((WEIGHT, 0.0) if walk.phases.remaining < DT else (0.0, WEIGHT)).pendulum.com[2]
+        )
+    assert heights[-1] == pytest.approx(HEIGHT, abs=0.01)
+    # The fastest of a quintic over the 0.8 s of the first double support and half a step.
+    assert np.abs(np.diff(heights)).max() < 1.9 * 0.05 / 0.8 * DT
+    assert np.abs(np.diff(heights, 2)).max() < 5.8 * 0.05 / 0.8**2 * DT**2
+
+
 def test_stopping_on_the_way() -> None:
     result = run(walk_distance(START, 3.0), act=lambda w, t: w.stop() if abs(t - 3.0) < DT / 2 else None)
     walk = result.walk

@@ -110,6 +110,12 @@ class WalkSpec:
             store("control_period", positive("control period (s)", self.control_period))
         store("timestep", positive("physics timestep (s)", self.timestep))
         steps_per_tick(self.period, self.timestep)
+        for name, kind in (("plan", WalkPlan), ("gait", Gait)):
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(
+                    f"{name} of a walk must be a {kind.__name__}, got {getattr(self, name)!r}; "
+                    "WalkSpec.from_json takes plain values"
+                )
         store("changes", checked_changes(self.gains, as_changes(self.changes)))
         policy, params = checked_policy(
             self.foot_design(), self.policy, as_changes(self.policy_params), self.settings().stiffness
@@ -119,6 +125,9 @@ class WalkSpec:
         place = finite_array("start (x m, y m, heading rad)", self.start, (3,)).tolist()
         store("start", tuple(place))
         store("pushes", tuple(self.pushes))
+        for push in self.pushes:
+            if not isinstance(push, WalkPush):
+                raise InputError(f"a push of a walk must be a WalkPush, got {push!r}")
         prepared = self.prepared()
         steps = len(prepared.plan)
         for push in self.pushes:

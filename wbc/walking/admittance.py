@@ -170,8 +170,8 @@ class ComAdmittance:
 
     Attributes:
         offset: Shift of the CoM target in the world, shape (2,), m.
-        velocity: Its commanded velocity, shape (2,), m/s.
-        acceleration: Derivative of that velocity, shape (2,), m/s².
+        velocity: Its velocity, shape (2,), m/s; zero at the bound.
+        acceleration: Derivative of that velocity, shape (2,), m/s²; zero at the bound, where the shift just stops.
     """
 
     def __init__(self, gains: StabilizerGains) -> None:
@@ -213,6 +213,9 @@ class ComAdmittance:
             along, across = pair(self.gains.com_admittance)
             forward, sideways = along * (c * x + s * y), across * (c * y - s * x)
             velocity = np.array((s * sideways - c * forward, -s * forward - c * sideways))
-        self.acceleration = (velocity - self.velocity) / dt
+        before = self.offset.copy()
+        after = self._integral.update(velocity, dt)
+        velocity = (after - before) / dt
+        bounded = np.abs(after) >= self.gains.max_com_offset
+        self.acceleration = np.where(bounded, 0.0, (velocity - self.velocity) / dt)
         self.velocity = velocity
-        self._integral.update(velocity, dt)

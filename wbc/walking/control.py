@@ -86,7 +86,8 @@ class WalkingSettings:
 
     Attributes:
         mode: "position": servos follow an integrated motion; "torque": torques are sent.
-        com_height: Height of the CoM over the support, m; that of the robot as it stands when None.
+        com_height: Height of the CoM over the support while walking, m, reached in the first double support; that of
+            the robot as it stands when None.
         feedforward: In position control, add the torques of the desired wrenches to the servos.
         walk: Phases, pattern, step adjustment.
         gains: Of the stabilizer.
@@ -163,8 +164,7 @@ class WalkingControl:
         self._sole_ids = [robot.frame_id(sole.frame) for sole in robot.soles]
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
-        com = np.array([robot.com[0], robot.com[1], ground + height])
-        self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=com)
+        self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
         self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
         # On steep ground a leg may be too short for where its foot should be: do what can be done.

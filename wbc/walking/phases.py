@@ -150,7 +150,7 @@ class WalkPhases:
 
     def supports(self) -> tuple[Support, ...]:
         """The schedule from now on, for the pattern."""
-        if self.phase is Phase.STANDING and self.step >= len(self.plan):
+        if self.step >= len(self.plan) > 0 and self.phase is Phase.STANDING:
             hold = self.settings.hold
             return (Support(hold, self.plan.final, self.step, hold),)
         if self._scheduled is None or self._scheduled[0] is not self.plan:

@@ -111,7 +111,7 @@ class Walk:
         extent: tuple[float, float, float, float] | None = None,
         com: Array | None = None,
     ) -> None:
-        """Check a plan and stand at its start.
+        """Check a plan and stand at its start; the pendulum rests until `start`.
 
         Args:
             robot: Robot, for its legs and soles.
@@ -121,7 +121,8 @@ class Walk:
             settings: Settings; the defaults when None.
             reach: What the robot can reach; derived from the legs when None.
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
-            com: CoM at the start, shape (3,), m; over the middle of the feet at half-sitting height when None.
+            com: CoM at the start, shape (3,), m; over the middle of the feet at `com_height` when None. From another
+                height it goes there in the first double support.
 
         Raises:
             InputError: A step out of reach, soles that overlap, timings too short, a plan that leaves the ground, a
@@ -151,7 +152,9 @@ class Walk:
         middle = 0.5 * (plan.left.position + plan.right.position)
         if com is None:
             com = middle + (0.0, 0.0, com_height)
-        self._pattern = self._preview.plan(self.phases.supports(), Pendulum.at_rest(com, float(middle[2])))
+        rest = Pendulum.at_rest(com, float(middle[2]))
+        self._rest = rest if len(plan) else None  # until it walks
+        self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._time = 0.0  # since the pattern was planned
         self._ground = 0.0  # height that landings have had over the plan
         self._rise = 0.0  # by how much it grows from step to step
@@ -174,6 +177,7 @@ class Walk:
             InputError: It walks already, or there is nothing to walk.
         """
         self._events = (self.phases.start(),)
+        self._rest, self._time = None, 0.0
         self._replan(None)
 
     def stop(self) -> None:
@@ -209,7 +213,7 @@ class Walk:
             elif event in TOUCH_DOWNS:
                 self._land(placements)
         overdue = self.phases.overdue
-        if (
+        if self._rest is None and (
             events
             or self._time >= (0.5 * self.settings.phases.hold if overdue else self.settings.replan) - 1e-9
         ):
@@ -220,7 +224,7 @@ class Walk:
             side = SIDES.index(self._swing.landing.side)
             self._feet[side] = self._swing.at(self.phases.elapsed)
         return WalkReference(
-            self._pattern.at(self._time),
+            self._pattern.at(self._time) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
             self.phases.contact,
             self._heading(),

@@ -21,6 +21,7 @@ COMMANDS = {
     "bench tick": "wbc.app.commands.bench:tick",
     "bench solver": "wbc.app.commands.bench:solver",
     "bench physics": "wbc.app.commands.physics:physics",
+    "bench walk": "wbc.app.commands.walk_cost:walk",
     "feet": "wbc.app.commands.feet:feet",
     "foot press": "wbc.app.commands.foot:press",
     "foot drop": "wbc.app.commands.foot:drop",
