@@ -230,6 +230,10 @@ def _checked(settings: Any, name: str, old: Any, value: Any, whole: str) -> Any:
         raise InputError(f"setting '{whole}' must be a number, got {value!r}")
     if isinstance(old, str) and not isinstance(value, str):
         raise InputError(f"setting '{whole}' must be text, got {value!r}")
+    if isinstance(old, int) and not isinstance(old, bool) and isinstance(value, float):
+        if not value.is_integer():
+            raise InputError(f"setting '{whole}' must be an integer, got {value:g}")
+        return int(value)
     return float(value) if isinstance(old, float) and isinstance(value, int) else value
 
 

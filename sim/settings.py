@@ -20,7 +20,7 @@ class PhysicsSettings:
     on soft feet (MuJoCo 4.0.0, whose sparse factorisation is wrong, is excluded by this package).
 
     Attributes:
-        timestep: Physics step, s. 1 ms is the reference, 2 to 2.5 ms the fast mode.
+        timestep: Physics step, s. 1 ms is the reference, 2 ms the fast mode.
         iterations: Most solver iterations in a step; 1.2–1.5 are used on average.
         impratio: Friction impedance over normal impedance; 10 stops the creep of a loaded sole (4 µm/s against
             104 µm/s under 60 N of shear).

@@ -194,6 +194,23 @@ def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
     assert np.isfinite(struck.observer.robot.q).all()
 
 
+@pytest.mark.parametrize(
+    "bad",
+    [{"time": NAN}, {"time": INF}, {"specific_force": np.zeros(4)}, {"angular_velocity": np.zeros(2)}],
+    ids=str,
+)
+def test_a_measurement_without_time_or_of_another_shape_leaves_no_trace(
+    bad: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.CRITICAL)
+    control = PositionControl(controller())
+    control.command(at_rest(control, 0.0))
+    control.command(replace(at_rest(control, DT), **bad))
+    assert control.failures == 1
+    control.command(at_rest(control, 2 * DT))
+    assert control.failures == 1 and np.isfinite(control.observer.robot.q).all()
+
+
 @pytest.mark.parametrize("mode", ["position", "torque"])
 def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.CRITICAL)

@@ -131,10 +131,14 @@ def test_reset_and_bad_settings() -> None:
     estimator = BiasEstimator()
     for _ in range(50):
         estimator.update(np.array([0.1, 0.0]), np.zeros(2), 0.0, OMEGA, 0.005)
+    assert estimator.bias.any()
     estimator.reset()
+    assert not estimator.bias.any() and not estimator.dcm.any()
     assert not estimator.update(np.array([0.3, 0.0]), np.zeros(2), 0.0, OMEGA, 0.005).any()
     np.testing.assert_allclose(estimator.dcm, [0.3, 0.0])
     with pytest.raises(InputError, match="dcm_std"):
         BiasSettings(dcm_std=0.0)
     with pytest.raises(InputError, match="sideways"):
         BiasSettings(limit=(0.02, -1.0))
+    with pytest.raises(InputError, match="two numbers"):
+        BiasSettings(limit=(0.02,))  # type: ignore[arg-type]

@@ -319,6 +319,10 @@ def test_net_wrench_is_the_weight_and_flight_is_noticed() -> None:
     assert observer.in_flight
     # The load's low-pass and the velocity's drag cost a little of g t²/2 = 0.196 m.
     assert 0.10 < height - estimate.q[2] < 0.197
+    observer.update(replace(sensors[0], time=sensors[0].time + 1.0))
+    assert observer.net_wrench[2] > 0.0
+    observer.reset()
+    assert not observer.net_wrench.any()
 
 
 def test_aligning_with_gravity_sets_roll_and_pitch() -> None:

@@ -208,14 +208,14 @@ def test_bad_use_is_refused() -> None:
 
 
 def look(detector: FallDetector, **changes) -> FallReason | None:
-    values = {"q": np.zeros(10), "v": np.zeros(9), "pelvis_drop": 0.0, "torso_up": np.array([0.0, 0.0, 1.0])}
+    values = {"q": np.zeros(10), "v": np.zeros(9), "drop": 0.0, "torso_up": np.array([0.0, 0.0, 1.0])}
     return detector.update(changes.pop("time", 1.0), DT, **(values | changes))
 
 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"pelvis_drop": 0.19}, FallReason.HEIGHT),
+        ({"drop": 0.19}, FallReason.HEIGHT),
         ({"torso_up": np.array([0.61, 0.0, 0.79])}, FallReason.TILT),
         ({"v": np.full(9, 1e4)}, FallReason.DIVERGED),
         ({"q": np.full(10, np.nan)}, FallReason.DIVERGED),

@@ -198,9 +198,10 @@ def test_oracle_8_the_air_disables_and_landing_starts_afresh() -> None:
     assert flying.in_air and s.in_air
     np.testing.assert_allclose(flying.com_acceleration, 0.0)
     np.testing.assert_array_equal(flying.errors.rate, 0.0)
-    assert (
-        flying.corrections == before.corrections or flying.corrections[0].roll == before.corrections[0].roll
-    )
+    for still, last in zip(flying.corrections, before.corrections, strict=True):
+        assert last.roll and last.pitch and last.height
+        assert (still.roll, still.pitch, still.height) == (last.roll, last.pitch, last.height)
+        assert still.roll_rate == still.pitch_rate == still.height_rate == 0.0
     landed = tick(s, com=away, wrenches=feet(200.0, 5.0))
     assert not landed.in_air
     share = 1 - np.exp(-DT / s.gains.integrator_time)
@@ -287,7 +288,7 @@ def test_the_zmp_velocity_term_and_the_height_terms() -> None:
 def simulate(
     kp: float, ki: float, bias: float, lag: float | None = None, seconds: float = 60.0, kd: float = 0.0
 ):
-    """A pendulum in closed loop whose CoM is measured wrong by a bias; real CoM over time, forward."""
+    """A pendulum in closed loop whose CoM is measured wrong by a bias; real CoM and DCM over time, forward."""
     feedback = DcmFeedback(StabilizerGains(dcm_p=kp, dcm_i=ki, dcm_d=kd, max_average_dcm_error=1.0))
     omega, com, velocity, point = REST.omega, np.array([0.02, 0.0, HEIGHT]), np.zeros(3), np.zeros(3)
     out = []
@@ -302,7 +303,7 @@ def simulate(
             point[:2] + c * away + s * velocity[:2] / omega,
             omega * s * away + c * velocity[:2],
         )
-        out.append(com[0])
+        out.append((com[0], com[0] + velocity[0] / omega))
     return np.array(out)
 
 
@@ -310,15 +311,32 @@ def simulate(
     ("kp", "ki", "expected"), [(5.0, 0.0, -16.8), (5.0, 10.0, -12.3), (3.0, 20.0, -11.5)]
 )
 def test_the_average_leaves_a_biased_com_where_theory_says(kp: float, ki: float, expected: float) -> None:
-    assert 1e3 * simulate(kp, ki, bias=0.01)[-1] == pytest.approx(expected, abs=0.1)
+    assert 1e3 * simulate(kp, ki, bias=0.01)[-1, 0] == pytest.approx(expected, abs=0.1)
 
 
-def test_the_proportional_gain_is_the_pole() -> None:
-    history = simulate(5.0, 0.0, bias=0.0, seconds=2.0)
-    start = round(0.5 / DT)
-    rate = -np.log(history[start + 100] / history[start]) / (100 * DT)
-    # The slower of the pole k_p = 5 and the CoM's own ω = 3.4 is left after half a second.
-    assert rate == pytest.approx(REST.omega, rel=0.15)
+@pytest.mark.parametrize("kp", [1.0, 2.0, 5.0, 8.0])
+def test_the_proportional_gain_is_the_pole_of_the_dcm(kp: float) -> None:
+    dcm = simulate(kp, 0.0, bias=0.0, seconds=1.0)[:, 1]
+    rate = -np.log(dcm[100] / dcm[0]) / (100 * DT)
+    # Over a period the ZMP rests: ξ' = ξ (1 − (e^{ω dt} − 1) k_p/ω).
+    share = np.expm1(REST.omega * DT) * kp / REST.omega
+    assert rate == pytest.approx(-np.log1p(-share) / DT, rel=1e-6)
+    assert rate == pytest.approx(kp, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "rise", "speed"),
+    [(400.0, 0.0, 0.03, 0.0), (0.0, 40.0, 0.0, 0.3), (100.0, 20.0, 0.05, 0.3)],
+)
+def test_height_gains_never_ask_the_ground_to_pull(
+    stiffness: float, damping: float, rise: float, speed: float
+) -> None:
+    s = stabilizer(LEGACY.changed(height_p=stiffness, height_d=damping))
+    out = tick(s, com=[0.01, 0.0, HEIGHT + rise], velocity=[0.0, 0.0, speed])
+    assert out.net_wrench[2] >= 0.49 * s.mass * GRAVITY
+    assert out.zmp[0] > 0.01  # beyond the CoM, so that it is pushed back
+    gentle = tick(stabilizer(LEGACY.changed(height_p=10.0)), com=[0.0, 0.0, HEIGHT + 0.01])
+    assert gentle.com_acceleration[2] == pytest.approx(-0.1)
 
 
 def test_the_gain_for_a_bandwidth_is_critically_damped() -> None:
@@ -333,7 +351,7 @@ def test_the_gain_for_a_bandwidth_is_critically_damped() -> None:
     assert dcm_gain(28.3, omega) == pytest.approx(5.5, abs=0.1)
     with pytest.raises(InputError, match="bandwidth"):
         dcm_gain(3.0, omega)
-    assert np.abs(simulate(dcm_gain(20.0, omega), 0.0, 0.0, lag=20.0, seconds=4.0)[-1]) < 1e-3
+    assert np.abs(simulate(dcm_gain(20.0, omega), 0.0, 0.0, lag=20.0, seconds=4.0)[-1, 0]) < 1e-3
 
 
 def test_admittances_for_a_stiffness() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from wbc.core.errors import InputError
 from wbc.walking.footsteps import Footstep
 from wbc.walking.gait import Gait
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.swing import SwingFoot
 
 GAIT = Gait()
 HERE = Footstep("left", 0.0, 0.0875)
@@ -106,7 +106,7 @@ def test_retargeting_to_the_same_place_changes_nothing() -> None:
         same.retarget(now, THERE)
     for t in np.linspace(0.0, 0.8, 41):
         np.testing.assert_allclose(
-            foot.at(t).placement.translation, same.at(t).placement.translation, atol=2e-3
+            foot.at(t).placement.translation, same.at(t).placement.translation, atol=1e-9
         )
 
 
@@ -124,19 +124,6 @@ def test_late_ground_is_looked_for_and_not_without_end() -> None:
     assert heights[-1] == pytest.approx(-0.04)
     assert foot.at(0.8 + 0.5 * GAIT.search_time).placement.translation[2] < -0.4 * 0.04
     assert foot.at(0.9).velocity[2] < -GAIT.landing_speed
-
-
-def test_early_ground_stops_it() -> None:
-    foot = swing()
-    at_contact = foot.at(0.7)
-    foot.stop(0.7)
-    for t in (0.7, 0.9, 5.0):
-        motion = foot.at(t)
-        np.testing.assert_allclose(motion.placement.homogeneous, at_contact.placement.homogeneous)
-        assert not motion.velocity.any() and not motion.acceleration.any()
-    foot.retarget(0.75, replace(THERE, x=1.0))
-    assert foot.stopped and foot.landing == THERE
-    assert not FootMotion.at_rest(pin.SE3.Identity()).velocity.any()
 
 
 def test_it_moves_and_mirrors_with_the_world() -> None:

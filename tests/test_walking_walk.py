@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -13,6 +14,7 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.control import WalkingControl
 from wbc.walking.distribution import WrenchDistribution
 from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.gains import StabilizerGains
@@ -323,6 +325,67 @@ def test_stopping_on_the_way() -> None:
     assert np.linalg.norm(result.dcm_error[-1]) < 0.01
 
 
+@pytest.mark.parametrize("phase", [Phase.SINGLE, Phase.DOUBLE])
+@pytest.mark.parametrize("level", [0.02, 0.0, -0.02])
+def test_the_step_that_closes_up_expects_the_ground_where_it_was(phase: Phase, level: float) -> None:
+    wanted: list[float] = []
+
+    def act(walk: Walk, time: float) -> None:
+        """Stop in the fifth step, and say so in every tick from then on."""
+        if walk.phases.step == 5 and walk.phases.phase is phase and not wanted:
+            wanted.append(math.nan)
+        if wanted:
+            walk.stop()
+            if walk._swing is not None:
+                wanted.append(walk._swing.landing.z)
+
+    walk = run(walk_distance(START, 3.0), WalkSettings(), ground=lambda x, y: level, act=act).walk
+    assert walk.finished and walk.steps_done < 8
+    assert wanted[-1] == pytest.approx(level, abs=0.005)
+    assert walk.phases.plan.final[0].z == pytest.approx(level, abs=0.003)
+    left, right = walk.phases.plan.final
+    assert left.x == pytest.approx(right.x, abs=2e-3)
+
+
+def test_stopping_plans_once_and_nothing_before_the_start() -> None:
+    walk, plans = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT), []
+    plan = walk._preview.plan
+    walk._preview.plan = lambda *given: plans.append(given) or plan(*given)  # type: ignore[method-assign,func-returns-value]
+    for _ in range(100):
+        rest = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
+    walk.stop()
+    assert not plans
+    walk.start()
+    first = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
+    np.testing.assert_allclose(first.com, rest.com, atol=1e-4)
+    np.testing.assert_allclose(first.zmp, rest.zmp, atol=3e-3)
+    plans.clear()
+    for _ in range(3):
+        walk.stop()
+    assert len(plans) == 1
+
+
+def test_a_swing_that_is_to_stop_is_compared_with_the_plan_that_stops() -> None:
+    """With a DCM that is just where the plan wants it nothing is moved, before a stop or after it."""
+    quick = replace(START, gait=Gait(step_length=0.28, single_support=0.5, double_support=0.1))
+    settings = WalkSettings(adjustment=AdjustmentSettings(threshold=1e-3, shift=10.0))
+    walk = Walk(ROBOT, walk_distance(quick, 3.0), HEIGHT, DT, settings)
+    walk.start()
+    landings = []
+    while len(landings) < 60:
+        phases = walk.phases
+        if phases.step == 3 and phases.phase is Phase.SINGLE:
+            if phases.elapsed > 0.2:
+                walk.stop()
+            step = phases.plan.steps[3]
+            landings.append((step.x, step.y, phases.duration))
+        swing = SIDES.index(phases.plan.steps[phases.step].side)
+        loads = [WEIGHT, WEIGHT]
+        loads[swing] = WEIGHT if phases.phase is Phase.SINGLE and phases.remaining <= DT else 0.0
+        walk.update(loads, None, walk._pattern.at(walk._time + DT).dcm)
+    np.testing.assert_allclose(landings, [landings[0]] * len(landings), atol=1e-3)
+
+
 def test_step_adjustment_survives_greater_pushes() -> None:
     plan = walk_distance(START, 0.4)
     survived = {}
@@ -347,6 +410,17 @@ def test_without_a_push_no_step_is_moved() -> None:
 
 
 # Bad input
+
+
+@pytest.mark.parametrize("move", [(1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.3, 0.0), (0.0, 0.0, 0.0, 0.2)])
+def test_a_plan_must_begin_where_the_robot_stands(move: tuple[float, float, float, float]) -> None:
+    *shift, turn = move
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.array(shift))
+    robot = ROBOT.clone()
+    with pytest.raises(InputError, match="must begin where the robot stands"):
+        WalkingControl(robot, walk_distance(START, 0.3).moved(world), DT)
+    near = pin.SE3(np.eye(3), np.array([0.005, 0.0, 0.03]))
+    WalkingControl(robot, walk_distance(START, 0.3).moved(near), DT)
 
 
 @pytest.mark.parametrize(

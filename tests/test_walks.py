@@ -242,6 +242,52 @@ class Blindness(WalkHook):
         plant.measure = blind  # type: ignore[method-assign]
 
 
+class Gaps(WalkHook):
+    """Loses the measurement after each that has an event."""
+
+    def start(self, trial: WalkTrial) -> None:
+        plant, measure = trial.plant, trial.plant.measure
+        self.lost: set[float] = set()
+
+        def patchy() -> Measurement:
+            seen, reference = measure(), trial.walking.reference
+            if reference is not None and reference.events and plant.time - 0.005 not in self.lost:
+                self.lost.add(plant.time)
+                return replace(seen, joint_position=seen.joint_position * np.nan)
+            return seen
+
+        plant.measure = patchy  # type: ignore[method-assign]
+
+
+def test_what_happened_once_is_counted_once_though_measurements_get_lost(
+    plain: WalkResult, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.CRITICAL)
+    gaps = Gaps()
+    result = run_walk(SPEC, hooks=[gaps])
+    assert len(gaps.lost) >= 4 and result.outcome == "completed"
+    counts = result.touchdowns
+    assert (
+        counts.early + counts.on_time + counts.late + counts.missed == result.steps_done == plain.steps_done
+    )
+
+
+def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.CRITICAL)
+
+    class Blind(WalkHook):
+        def start(self, trial: WalkTrial) -> None:
+            measure = trial.plant.measure
+            trial.plant.measure = lambda: replace(  # type: ignore[method-assign]
+                measure(), joint_position=np.full(trial.plant.robot.na, np.nan)
+            )
+
+    push = WalkPush(impulse=3.0, time=0.0)
+    result = run_walk(WalkSpec(plan=TWO_STEPS, pushes=(push,)), hooks=[Blind()])
+    assert result.outcome == "fell" and result.fall is not None
+    assert result.fall.onset == result.fall.time == result.seconds
+
+
 def test_a_control_that_has_stopped_walks_no_more(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.CRITICAL)
     result = run_walk(SPEC, hooks=[Blindness()])
@@ -351,7 +397,22 @@ def test_timings_are_rounded_and_said() -> None:
         ({"changes": {"timestep": 0.002}}, "option 'timestep'"),
         ({"changes": {"feedforward": 1.0}}, "true or false"),
         ({"changes": {"walk": True}}, "no setting 'walk'|settings of its own"),
-        ({"changes": {"com_height": 1.5}}, "0.827"),
+        ({"changes": {"com_height": 1.5}}, "0.826"),
+        ({"robot": ["talos"]}, "robot of a walk must be a name"),
+        ({"terrain": 3}, "terrain of a walk must be a name"),
+        ({"foot": "soft", "stiffness": "much"}, "stiffness .* must be a number"),
+        ({"foot": "soft", "stiffness": [1.0]}, "stiffness .* must be a number"),
+        ({"changes": {"walk.adjustment.max_shift": 0.1}}, "two numbers"),
+        ({"changes": {"walk.adjustment.max_shift": (0.1, 0.1, 0.1)}}, "two numbers"),
+        ({"changes": {"walk.preview.knots": 16.5}}, "must be an integer"),
+        ({"changes": {"falls.failures": 2.5}}, "must be an integer"),
+        ({"changes": {"walk.preview.target.inward": math.nan}}, "finite"),
+        ({"changes": {"walk.preview.target.inward": 0.05}}, "at most 0.072 and 0.03 m"),
+        ({"gait": Gait(single_support=0.1, takeoff_time=0.01, landing_time=0.02)}, "at least 0.13 s"),
+        (
+            {"terrain": "steps", "plan": WalkPlan(stairs="together"), "start": (0.0, 0.0, 0.3)},
+            "must face the stairs",
+        ),
         ({"plan": {"distance": 1.0}}, "must be a WalkPlan"),
         ({"gait": 0.8}, "must be a Gait"),
         ({"pushes": ({"impulse": 0.1},)}, "must be a WalkPush"),
@@ -394,6 +455,9 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
         (lambda: WalkPush(impulse=-0.1, time=1.0), "impulse"),
         (lambda: WalkPush(impulse=0.1, step=0), "at least 1"),
         (lambda: WalkPush.from_json({"step": 1}), "impulse"),
+        (lambda: WalkPlan(footsteps=3), "list of footsteps"),  # type: ignore[arg-type]
+        (lambda: WalkSpec.from_json({"pushes": 5}), "list of objects"),
+        (lambda: WalkSpec.from_json({"pushes": [3]}), "list of objects"),
         (lambda: WalkSpec.from_json({"foto": "soft"}), "foot"),
         (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
         (lambda: WalkSpec.from_json({"gait": {"step": 1.0}}), "step_length"),

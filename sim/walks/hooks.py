@@ -20,7 +20,8 @@ class WalkTick:
 
     Attributes:
         plant: The plant in the state that was measured; it moves on after the hooks.
-        walking: The controller, with reference and stabilizer output of this tick.
+        walking: The controller, with reference and stabilizer output of this tick, or of the last one whose measurement
+            was good.
         measurement: What the sensors said.
         command: What the drives will be told.
     """

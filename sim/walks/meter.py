@@ -18,6 +18,7 @@ from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.walking.control import WalkingControl
 from wbc.walking.footsteps import SIDES
 from wbc.walking.phases import Event, Phase
+from wbc.walking.walk import WalkReference
 
 EXCURSION = 0.06
 """DCM error at which a fall is taken to begin, m: the threshold of a first study of 108 falls."""
@@ -75,14 +76,16 @@ class WalkMeter:
         self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
         self._landed = 0
         self._middle = -1  # step whose middle has been looked at
+        self._reference: WalkReference | None = None  # that was taken in last
         kind = mujoco.mjtObj.mjOBJ_SITE
         self._sites = [mujoco.mj_name2id(plant.model, kind, foot.wrench_site) for foot in plant.feet]
 
     def update(self, measurement: Measurement) -> None:
         """Take in a tick, before the plant moves on."""
         reference, output = self._walking.reference, self._walking.output
-        if reference is None or output is None:  # no tick has been good yet
-            return
+        if reference is None or output is None or reference is self._reference:
+            return  # the controller has had no good measurement, yet or this time
+        self._reference = reference
         measured, wanted = output.measured_zmp, reference.pendulum.zmp
         distance = math.hypot(wanted[0] - measured[0], wanted[1] - measured[1])
         if math.isfinite(distance):  # there is none in the air
@@ -155,7 +158,9 @@ class WalkMeter:
 
     def fall(self, reason: str) -> Fall:
         """How a fall that has just been noticed began."""
-        moments = list(self._moments)
+        phases = self._walking.walk.phases
+        now = _Moment(self._plant.time, phases.step + 1, phases.phase.value, 0.0, 0.0, 0.0, 0.0, 0.0)
+        moments = list(self._moments) or [now]
         onset = moments[-1]
         for moment in reversed(moments):
             if math.hypot(moment.forward, moment.outward) < EXCURSION:

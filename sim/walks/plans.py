@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
@@ -14,6 +15,9 @@ from wbc.walking.planning import climb_stairs, turn_in_place, walk_distance, wal
 
 DISTANCE = 3.0
 """How far a walk goes that is told nothing else, m: the length of the paper's tracks; 22 steps of 0.145 m."""
+
+STRAIGHT = 0.02
+"""Greatest heading against stairs, rad: over three treads the feet come off the middle by millimetres."""
 
 STEPS = 22
 """Number of steps of a walk with a velocity unless told otherwise; as many as those of a walk of 3 m."""
@@ -72,6 +76,8 @@ class WalkPlan:
         if self.footsteps is not None:
             if self.first is not None:
                 raise InputError("footsteps say themselves which side steps first")
+            if not isinstance(self.footsteps, (list, tuple)):
+                raise InputError(f"footsteps must be a list of footsteps, got {self.footsteps!r}")
             object.__setattr__(self, "footsteps", tuple(_footstep(step) for step in self.footsteps))
 
     def build(self, start: FootstepPlan, terrain: Terrain) -> FootstepPlan:
@@ -82,7 +88,7 @@ class WalkPlan:
             terrain: The ground, for its stairs.
 
         Raises:
-            InputError: A plan without steps, or stairs on a ground that has none.
+            InputError: A plan without steps, stairs on a ground that has none, or that the robot does not face.
         """
         first = self.first or "left"
         if self.distance is not None:
@@ -95,6 +101,12 @@ class WalkPlan:
                 raise InputError("the side of the turn steps first; leave the first side out")
             return turn_in_place(start, self.turn)
         if self.stairs is not None:
+            heading = start.left.yaw + 0.5 * math.remainder(start.right.yaw - start.left.yaw, 2.0 * math.pi)
+            if abs(heading) > STRAIGHT:
+                raise InputError(
+                    f"the robot must face the stairs, which rise along x, within {STRAIGHT:g} rad; its heading is "
+                    f"{heading:g} rad"
+                )
             rise, tread, count, edge = stair_of(terrain)
             middle = 0.5 * (start.left.x + start.right.x)
             return climb_stairs(

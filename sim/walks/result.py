@@ -120,7 +120,7 @@ class WalkResult:
         seconds: Simulated time, s.
         distance: How far the feet came along their first heading, m.
         drift: How far they came to the left, m.
-        yaw_error: Heading of the pelvis minus the one that the controller thought to have, rad.
+        yaw_error: Heading of the pelvis minus the one that the walk asked for, rad.
         zmp_error: m.
         com_error: m.
         dcm_error: m.

@@ -105,7 +105,7 @@ class WalkTrial:
         self._fallen = TrueFall(self.plant, prepared.settings.falls)
         self._origin = self._middle()
         self._pushes = list(spec.pushes)
-        self._lift_off = dict.fromkeys((push.step for push in self._pushes), math.inf)
+        self._lift_off: dict[int, float] = {}
 
     def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
         """Walk to the end, a fall or the limit of time; once only.
@@ -234,12 +234,13 @@ class WalkTrial:
             return
         reference, now, gait = self.walking.reference, self.plant.time, self._prepared.plan.gait
         if reference is not None and any(e in LIFTED for e in reference.events):
-            self._lift_off[reference.step + 1] = now
+            self._lift_off.setdefault(reference.step + 1, now)
         cycle = gait.single_support + gait.double_support
         for push in list(self._pushes):
             due = push.time
             if due is None:
-                due = self._lift_off[push.step] + push.phase * cycle
+                assert push.step is not None, "a push has a time or a step"
+                due = self._lift_off.get(push.step, math.inf) + push.phase * cycle
             if now >= due - 1e-9:
                 self._pushes.remove(push)
                 self._apply(push)

@@ -11,7 +11,16 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar, positive, unknown_name
+from wbc.core.errors import (
+    Array,
+    InputError,
+    choose,
+    finite_array,
+    finite_scalar,
+    non_negative,
+    positive,
+    unknown_name,
+)
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.feet.catalog import foot as foot_by_name
@@ -94,8 +103,12 @@ class WalkSpec:
         def store(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        for name in ("robot", "foot", "terrain", "noise", "mode", "gains"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(f"{name} of a walk must be a name, got {getattr(self, name)!r}")
         load(self.robot)
-        store("stiffness", None if self.stiffness is None else float(self.stiffness))
+        if self.stiffness is not None:
+            store("stiffness", non_negative("sole stiffness (Nm/rad)", self.stiffness))
         store("foot_changes", _foot_changes(self.foot, as_changes(self.foot_changes)))
         store("terrain_params", as_changes(self.terrain_params))
         ground = self.ground()
@@ -224,7 +237,10 @@ class WalkSpec:
                     unknown_name("part of the gait", name, gait)
             values["gait"] = Gait(**values["gait"])
         if "pushes" in values:
-            values["pushes"] = tuple(WalkPush.from_json(push) for push in values["pushes"])
+            pushes = values["pushes"]
+            if not isinstance(pushes, (list, tuple)) or not all(isinstance(push, Mapping) for push in pushes):
+                raise InputError(f"pushes of a walk must be a list of objects, got {pushes!r}")
+            values["pushes"] = tuple(WalkPush.from_json(push) for push in pushes)
         return WalkSpec(**values)
 
 

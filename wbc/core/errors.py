@@ -71,7 +71,7 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
         UnknownNameError: It is not.
     """
     names = list(choices)
-    if name not in names:
+    if not isinstance(name, str) or name not in names:
         unknown_name(kind, name, names)
     return name
 
@@ -142,3 +142,25 @@ def non_negative(what: str, value: Any) -> float:
         InputError: Not a number, not finite or negative.
     """
     return finite_scalar(what, value, low=0.0)
+
+
+def whole_number(what: str, value: Any, *, low: int) -> int:
+    """Return `value` if it is an integer that is not below `low`.
+
+    Raises:
+        InputError: Not an integer, or below `low`.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
+        raise InputError(f"{what} must be an integer of at least {low}, got {value!r}")
+    return int(value)
+
+
+def two_of(what: str, value: Any) -> tuple[Any, Any]:
+    """Return a pair, forward and sideways, as a tuple.
+
+    Raises:
+        InputError: Anything but two values in a row.
+    """
+    if isinstance(value, (tuple, list, np.ndarray)) and len(value) == 2:
+        return value[0], value[1]
+    raise InputError(f"{what} must be two numbers (forward, sideways), got {value!r}")

@@ -83,6 +83,13 @@ class Observer:
         self.inertial = InertialFilter(self.settings.inertial)
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._shapes = (
+            ("joint_position", (robot.na,)),
+            ("joint_velocity", (robot.na,)),
+            ("angular_velocity", (3,)),
+            ("specific_force", (3,)),
+            ("sole_wrench", (n, 6)),
+        )
         self._half = [(0.5 * sole.length, 0.5 * sole.width) for sole in robot.soles]
         self._imu = robot.frame_id(robot.imu_frame)
         self._data = robot.model.createData()  # kinematics with the base at the origin
@@ -146,6 +153,7 @@ class Observer:
         self.load[:] = 0.0
         self.share[:] = 0.0
         self.cop[:] = 0.0
+        self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
             placement = robot.placement(sole)
             self.anchor[i] = placement.translation
@@ -225,12 +233,11 @@ class Observer:
         return self.robot
 
     def _check(self, measurement: Measurement) -> None:
-        measurement.check_finite()
-        na, n = self.robot.na, len(self._soles)
-        for name, shape in (("joint_position", (na,)), ("joint_velocity", (na,)), ("sole_wrench", (n, 6))):
-            if getattr(measurement, name).shape != shape:
-                got = getattr(measurement, name).shape
+        for name, shape in self._shapes:
+            got = getattr(measurement, name).shape
+            if got != shape:
                 raise MeasurementError(f"{name} must have shape {shape} for {self.robot!r}, got {got}")
+        measurement.check_finite()
         if self._time is not None and measurement.time < self._time:
             raise MeasurementError(
                 f"measurement at {measurement.time:g} s is older than the last, {self._time:g} s"

@@ -39,8 +39,10 @@ class Measurement:
         """Refuse a measurement that would poison the state.
 
         Raises:
-            MeasurementError: A signal other than the range and stiffness holds NaN or infinity.
+            MeasurementError: The time, or a signal other than the range and stiffness, holds NaN or infinity.
         """
+        if not math.isfinite(self.time):
+            raise MeasurementError(f"time of a measurement must be finite, got {self.time}")
         squares = (
             self.joint_position.dot(self.joint_position)
             + self.joint_velocity.dot(self.joint_velocity)

@@ -25,7 +25,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative, positive
+from wbc.core.errors import Array, non_negative, positive, two_of
 from wbc.core.problem import Problem
 from wbc.core.solver import QpSolver
 from wbc.walking.footsteps import SIDES, Footstep
@@ -67,8 +67,9 @@ class AdjustmentSettings:
     def __post_init__(self) -> None:
         for field in fields(self):
             if field.name == "max_shift":
-                for value in self.max_shift:
-                    non_negative("max_shift (m)", value)
+                pair = two_of("max_shift (m)", self.max_shift)
+                forward, sideways = (non_negative("max_shift (m)", value) for value in pair)
+                object.__setattr__(self, "max_shift", (forward, sideways))
             elif field.name in ("shift", "landing", "time", "offset"):
                 positive(f"cost '{field.name}' of step adjustment", getattr(self, field.name))
             else:

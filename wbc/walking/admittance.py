@@ -177,6 +177,7 @@ class ComAdmittance:
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
         self._integral = LeakyIntegral(gains.com_admittance_leak, gains.max_com_offset, 2)
+        self._still = True
         self.velocity: Array = np.zeros(2)
         self.acceleration: Array = np.zeros(2)
 
@@ -188,12 +189,12 @@ class ComAdmittance:
     @property
     def idle(self) -> bool:
         """True if there is no shift, and nothing can make one."""
-        moves = self.offset.any() or self.velocity.any() or self.acceleration.any()
-        return not (moves or any(pair(self.gains.com_admittance)))
+        return self._still and not any(pair(self.gains.com_admittance))
 
     def reset(self) -> None:
         """Back to no shift, at once."""
         self._integral.reset()
+        self._still = True
         self.velocity = np.zeros(2)
         self.acceleration = np.zeros(2)
 
@@ -219,3 +220,4 @@ class ComAdmittance:
         bounded = np.abs(after) >= self.gains.max_com_offset
         self.acceleration = np.where(bounded, 0.0, (velocity - self.velocity) / dt)
         self.velocity = velocity
+        self._still = not (after.any() or velocity.any() or self.acceleration.any())

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative, positive
+from wbc.core.errors import Array, non_negative, positive, two_of
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class BiasSettings:
         positive("dcm_std (m)", self.dcm_std)
         for name in ("zmp_std (m)", "drift_std (m/s)", "initial_std (m)"):
             non_negative(name, getattr(self, name.split()[0]))
+        two_of("limit of the DCM bias (m)", self.limit)
         for axis, value in zip(("forward", "sideways"), self.limit, strict=True):
             if not value >= 0.0:
                 non_negative(f"{axis} limit of the DCM bias (m)", value)
@@ -87,6 +88,7 @@ class BiasEstimator:
 
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""
+        self._state = np.zeros(4)
         self._fresh = True
 
     def update(self, dcm: Array, zmp: Array, yaw: float, omega: float, dt: float) -> Array:

@@ -123,8 +123,8 @@ class WalkingControl:
         walk: Phases and references.
         stabilizer: Feedback and admittances.
         settings: Settings.
-        reference: References of this tick; None before the first one.
-        output: What the stabilizer said in this tick; None before the first one.
+        reference: References of the last tick with a good measurement; None before the first one.
+        output: What the stabilizer said in that tick; None before the first one.
         stiffness: Sets the soles while they swing; None leaves them alone.
         falls: Tells whether the robot has fallen, and why.
         time: Since the start, s.
@@ -153,10 +153,12 @@ class WalkingControl:
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
 
         Raises:
-            InputError: A robot without exactly two soles, a plan that cannot be walked, bad settings.
+            InputError: A robot without exactly two soles, a plan that cannot be walked or begins elsewhere, bad
+                settings.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
+        _check_start(robot, plan)
         self.settings = s = settings or WalkingSettings()
         self.dt = positive("control period (s)", dt)
         self._robot, self._torque = robot, s.mode == "torque"
@@ -343,11 +345,12 @@ class WalkingControl:
 
     def _move_body(self, reference: WalkReference, output: StabilizerOutput) -> None:
         pendulum = reference.pendulum
-        com, velocity = pendulum.com.copy(), pendulum.com_velocity.copy()
-        acceleration = pendulum.com_acceleration.copy()
+        com, velocity, acceleration = pendulum.com, pendulum.com_velocity, pendulum.com_acceleration
         if self._torque:
+            acceleration = acceleration.copy()
             acceleration[:2] = output.com_acceleration[:2]
-        else:
+        elif not self.stabilizer.com_still:
+            com, velocity, acceleration = com.copy(), velocity.copy(), acceleration.copy()
             com[:2] += output.com_offset
             velocity[:2] += output.com_velocity_offset
             acceleration[:2] += output.com_acceleration_offset
@@ -388,11 +391,30 @@ class WalkingControl:
             self.dt,
             q=estimate.q,
             v=estimate.v,
-            pelvis_drop=float(pendulum.com[2] - estimate.com[2]),
+            drop=float(pendulum.com[2] - estimate.com[2]),
             torso_up=estimate.placement(estimate.torso_frame).rotation[:, 2],
             dcm_distance=float((normals @ dcm - offsets).max()),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
+
+
+def _check_start(robot: Robot, plan: FootstepPlan) -> None:
+    """Refuse a plan that begins elsewhere than where the robot stands.
+
+    Raises:
+        InputError: A sole is further from its place in the plan than a step could hide.
+    """
+    for sole, foot in zip(robot.soles, (plan.left, plan.right), strict=True):
+        stands = Footstep.of(foot.side, robot.placement(sole.frame))
+        forward, left, up, turn = stands.seen_from(foot)
+        if math.hypot(forward, left) > 0.02 or abs(up) > 0.05 or abs(turn) > 0.05:
+            planned, real = (
+                f"({X.x:.3f}, {X.y:.3f}, {X.z:.3f}) m and {X.yaw:.3f} rad" for X in (foot, stands)
+            )
+            raise InputError(
+                f"the plan must begin where the robot stands, within 0.02 m (0.05 m in height) and 0.05 rad; its "
+                f"{foot.side} foot is at {planned}, that of the robot at {real}"
+            )
 
 
 def _yaw(rotation: Array) -> float:

@@ -147,7 +147,7 @@ class WrenchDistribution:
         p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
         p.equality[:, 12:] = np.eye(6)
         self._drawn: list[Rectangle | None] = [None, None]
-        self._bounds: list[tuple[float, float] | None] = [None, None]
+        self._bounds: list[tuple[float, float, float] | None] = [None, None]
         # Newtons: a millinewton is nothing.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
@@ -213,12 +213,13 @@ class WrenchDistribution:
             p.inequality[row : row + 16, column : column + 6] = _cone(rectangle, s.margin, s.friction)
             p.upper[row : row + 16] = 0.0
             self._drawn[foot] = rectangle
-        bounds = (min(s.min_force, max_force), max_force) if contact else (0.0, 0.0)
-        if bounds != self._bounds[foot] or not contact:
-            rest = np.inf if contact else 0.0
+        # Least and greatest normal force, and magnitude of all others.
+        bounds = (min(s.min_force, max_force), max_force, np.inf) if contact else (0.0, 0.0, 0.0)
+        if bounds != self._bounds[foot]:
+            low, high, rest = bounds
             p.lower[row + 16 : row + 22], p.upper[row + 16 : row + 22] = -rest, rest
-            p.lower[row + 18], p.upper[row + 18] = bounds
-            self._bounds[foot] = bounds if contact else None
+            p.lower[row + 18], p.upper[row + 18] = low, high
+            self._bounds[foot] = bounds
 
 
 def distribute_by_ratio(

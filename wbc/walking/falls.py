@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array, positive, whole_number
 
 
 class FallReason(enum.Enum):
@@ -16,7 +16,7 @@ class FallReason(enum.Enum):
 
     DIVERGED = "the simulation diverged"
     SOLVER = "the quadratic program failed"
-    HEIGHT = "the pelvis dropped"
+    HEIGHT = "the robot dropped"
     TILT = "the torso tilted"
     DCM = "the DCM is out of reach"
 
@@ -26,9 +26,10 @@ class FallSettings:
     """Limits. The defaults for height and tilt are those that a first study of walks used for its fall test.
 
     Attributes:
-        drop: How far the pelvis may sink below where it should be, m.
+        drop: How far the CoM, or in the true state the pelvis, may sink below where it should be, m.
         tilt: Angle of the torso to the vertical, rad; acos(0.8).
-        dcm: Distance of the DCM from the area of the feet that can still be reached, m.
+        dcm: How far the DCM may be beyond an edge of the hull of both soles as they stood when a foot was last lifted
+            or put down, m.
         dcm_time: How long it may stay there, s.
         failures: Failed programs in a row.
         speed: Greatest joint or base speed that can be real, m/s or rad/s.
@@ -44,6 +45,7 @@ class FallSettings:
     def __post_init__(self) -> None:
         for field in fields(self):
             positive(f"fall limit {field.name}", getattr(self, field.name))
+        whole_number("fall limit failures", self.failures, low=1)
 
 
 class FallDetector:
@@ -69,7 +71,7 @@ class FallDetector:
         *,
         q: Array,
         v: Array,
-        pelvis_drop: float,
+        drop: float,
         torso_up: Array,
         dcm_distance: float = 0.0,
         solved: bool = True,
@@ -81,9 +83,10 @@ class FallDetector:
             dt: Control period, s.
             q: Configuration, for divergence.
             v: Velocity, for divergence.
-            pelvis_drop: How far the pelvis is below where it should be, m.
+            drop: How far the robot is below where it should be, m: its CoM, or its pelvis.
             torso_up: Vertical axis of the torso in the world, shape (3,).
-            dcm_distance: Distance of the DCM from the area of the feet, m; negative inside.
+            dcm_distance: How far the DCM is beyond the edge of the area of the feet that it is furthest beyond, m;
+                negative inside.
             solved: The tick's quadratic program was solved.
 
         Returns:
@@ -98,7 +101,7 @@ class FallDetector:
             self.reason = FallReason.DIVERGED
         elif self._failures >= s.failures:
             self.reason = FallReason.SOLVER
-        elif pelvis_drop > s.drop:
+        elif drop > s.drop:
             self.reason = FallReason.HEIGHT
         elif float(torso_up[2]) < math.cos(s.tilt):
             self.reason = FallReason.TILT

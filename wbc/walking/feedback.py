@@ -25,6 +25,10 @@ from wbc.walking.filters import Average, Derivator
 from wbc.walking.gains import StabilizerGains, pair
 from wbc.walking.lipm import Pendulum
 
+LEAST_VERTICAL = -0.5 * GRAVITY
+"""Least vertical acceleration that is asked for, m/s²: the ground can only push, and where it hardly does, a CoP means
+nothing."""
+
 
 @dataclass(frozen=True, slots=True)
 class PendulumErrors:
@@ -137,7 +141,10 @@ def desired_acceleration(
         (
             x + omega * (c * forward - s * sideways),
             y + omega * (s * forward + c * sideways),
-            z + gains.height_p * float(errors.com[2]) + gains.height_d * float(errors.com_velocity[2]),
+            max(
+                z + gains.height_p * float(errors.com[2]) + gains.height_d * float(errors.com_velocity[2]),
+                LEAST_VERTICAL,
+            ),
         )
     )
 

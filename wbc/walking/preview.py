@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive, whole_number
 from wbc.core.problem import Problem
 from wbc.core.solver import QpSolver, Status
 from wbc.walking.lipm import Pendulum, natural_frequency
@@ -54,7 +54,9 @@ class PreviewSettings:
     target: ZmpTarget = field(default_factory=ZmpTarget)
 
     def __post_init__(self) -> None:
-        finite_scalar("number of preview knots", self.knots, low=2, high=100)
+        finite_scalar(
+            "number of preview knots", whole_number("number of preview knots", self.knots, low=2), high=100
+        )
         positive("preview interval (s)", self.interval)
         non_negative("preview margin (m)", self.margin)
         non_negative("rate_weight (s²)", self.rate_weight)
@@ -80,7 +82,8 @@ class PreviewController:
             settings: Settings; the defaults when None.
 
         Raises:
-            InputError: A height that is not above zero, or a margin that leaves nothing of a sole.
+            InputError: A height that is not above zero, a margin that leaves nothing of a sole, a target outside what
+                is left.
         """
         self.settings = s = settings or PreviewSettings()
         self.height = positive("height of the CoM over the support (m)", height)
@@ -90,6 +93,12 @@ class PreviewController:
             if 2.0 * s.margin >= min(length, width):
                 raise InputError(
                     f"preview margin of {s.margin:g} m leaves nothing of a sole of {length:g} × {width:g} m"
+                )
+            room = 0.5 * length - s.margin, 0.5 * width - s.margin
+            if abs(s.target.forward) > room[0] or abs(s.target.inward) > room[1]:
+                raise InputError(
+                    f"target of the ZMP, {s.target.forward:g} m forward and {s.target.inward:g} m inward, must be at "
+                    f"most {room[0]:g} and {room[1]:g} m from the centre of a sole of {length:g} × {width:g} m"
                 )
         self._free = free = s.knots - 1
         self._problem = p = Problem(0, 0, 2 * free + 2, 2, 2 * s.knots, EDGES * free)

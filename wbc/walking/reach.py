@@ -16,6 +16,13 @@ MAX_SLOPE = 0.5
 """Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
 
 
+STRETCHED = 0.98
+"""Share of its length to which a leg may stretch in a step: beyond, knees lose their authority."""
+
+STANDING = 0.979
+"""The same of a leg that stands: one that is stretched already can take no step at all."""
+
+
 @dataclass(frozen=True)
 class Reach:
     """What steps a robot can take, measured from the stance sole to the landing sole in the stance frame.
@@ -61,7 +68,7 @@ class Reach:
         """
         leg = leg_geometry(robot)
         hip = hip_height(robot, com_height, leg)
-        span = math.sqrt((0.98 * leg.length) ** 2 - hip**2)
+        span = math.sqrt((STRETCHED * leg.length) ** 2 - hip**2)
         spacing = sole_spacing(robot)
         width = max(sole.width for sole in robot.soles)
         yaw = _hip_yaw_range(robot)
@@ -135,9 +142,9 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg | None = None) -
     """
     leg = leg or leg_geometry(robot)
     offset = leg.hip_over_com - leg.ankle_height
-    low, high = leg.shortest - offset, 0.98 * leg.length - offset
+    low, high = leg.shortest - offset, STANDING * leg.length - offset
     if com_height is None:
-        if leg.hip_height > 0.98 * leg.length:
+        if leg.hip_height > STANDING * leg.length:
             raise InputError(
                 f"the legs of '{robot.name}' are too straight in half-sitting to take a step; give a CoM height from "
                 f"{low:.3f} to {high:.3f} m"

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.walking.footsteps import Footstep, FootstepPlan
 
 EDGES = 8
@@ -85,6 +85,10 @@ class ZmpTarget:
 
     forward: float = 0.0
     inward: float = 0.0
+
+    def __post_init__(self) -> None:
+        finite_scalar("forward target of the ZMP (m)", self.forward)
+        finite_scalar("inward target of the ZMP (m)", self.inward)
 
     def in_sole(self, side: str) -> tuple[float, float]:
         """The point in the frame of a left or right sole, x and y, m."""

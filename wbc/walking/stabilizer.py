@@ -2,7 +2,8 @@
 
     errors → desired acceleration → net wrench → foot wrenches → corrections of feet and CoM
 
-It knows neither tasks nor a simulator. In the air it does nothing, and lands with an empty memory.
+It knows neither tasks nor a simulator. In the air the feet stand still, the CoM's offset leaks away, and it lands with
+an empty memory.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class StabilizerOutput:
         com_offset: What is added to the CoM target, shape (2,), m.
         com_velocity_offset: What is added to its velocity, shape (2,), m/s.
         com_acceleration_offset: What is added to its acceleration, shape (2,), m/s².
-        in_air: True while neither foot feels the ground: corrections stand still.
+        in_air: True while neither foot feels the ground: their corrections stand still.
     """
 
     errors: PendulumErrors
@@ -111,6 +112,11 @@ class Stabilizer:
     def in_air(self) -> bool:
         """True while neither foot feels the ground."""
         return self._in_air
+
+    @property
+    def com_still(self) -> bool:
+        """True if the CoM target is not shifted, and nothing can shift it."""
+        return self._com.idle
 
     def reset(self) -> None:
         """Forget everything: errors, corrections, filtered wrenches."""

@@ -29,6 +29,8 @@ EDGE_SHARE = 0.2
 
 RPY = ("roll", "pitch", "yaw")
 
+COORDINATES = ("x", "y", "z", *RPY)
+
 
 @dataclass(frozen=True, slots=True)
 class FootMotion:
@@ -72,8 +74,13 @@ class _Coordinate:
             start, state = time, goal
 
 
+def shortest_swing(gait: Gait) -> float:
+    """Least duration of a swing, s."""
+    return gait.takeoff_time + gait.landing_time + 2.0 * SHORTEST
+
+
 class SwingFoot:
-    """A swing that can be re-targeted and stopped on the fly.
+    """A swing that can be re-targeted on the fly.
 
     Attributes:
         duration: Planned time of touch-down from lift-off, s.
@@ -95,7 +102,7 @@ class SwingFoot:
         self._gait = gait
         self.duration = positive("duration of the swing (s)", duration)
         self.landing = landing
-        if duration < gait.takeoff_time + gait.landing_time + 2 * SHORTEST:
+        if duration < shortest_swing(gait):
             raise InputError(
                 f"a swing of {duration:g} s leaves less than {2 * SHORTEST:g} s between take-off "
                 f"({gait.takeoff_time:g} s) and landing ({gait.landing_time:g} s)"
@@ -105,18 +112,12 @@ class SwingFoot:
         roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(start.rotation))
         self._c = {name: _Coordinate(v) for name, v in zip("xyz", (x, y, z), strict=True)}
         self._c |= {name: _Coordinate(v) for name, v in zip(RPY, (roll, pitch, yaw), strict=True)}
-        self._stopped = math.inf
         self._plan(0.0)
 
     @property
     def apex_time(self) -> float:
         """When the foot is highest, from lift-off, s."""
         return 0.5 * self.duration
-
-    @property
-    def stopped(self) -> bool:
-        """True once `stop` has been called."""
-        return math.isfinite(self._stopped)
 
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
         """Change where or when to land; position, velocity and acceleration go on without a jump.
@@ -130,7 +131,7 @@ class SwingFoot:
         Raises:
             InputError: A landing of the other foot.
         """
-        if self.stopped or (landing is None and duration is None):
+        if landing is None and duration is None:
             return
         if landing is not None:
             if landing.side != self.landing.side:
@@ -143,18 +144,11 @@ class SwingFoot:
         self.duration = max(self.duration, time + SHORTEST)
         self._plan(time)
 
-    def stop(self, time: float) -> None:
-        """Stay where the foot is: it has met the ground. The velocity drops to zero, as the ground made it."""
-        self._stopped = min(self._stopped, time)
-
     def at(self, time: float) -> FootMotion:
         """The foot at a time from lift-off, s; past the duration it looks for the ground below."""
-        stopped = time >= self._stopped
-        values = np.array([self._c[name].at(min(time, self._stopped)) for name in ("x", "y", "z", *RPY)])
+        values = np.array([self._c[name].at(time) for name in COORDINATES])
         position, rpy = values[:3, 0], values[3:, 0]
         placement = pin.SE3(pin.rpy.rpyToMatrix(rpy), position)
-        if stopped:
-            return FootMotion.at_rest(placement)
         jacobian = pin.rpy.computeRpyJacobian(rpy, pin.LOCAL_WORLD_ALIGNED)
         drift = pin.rpy.computeRpyJacobianTimeDerivative(rpy, values[3:, 1], pin.LOCAL_WORLD_ALIGNED)
         velocity, acceleration = np.empty(6), np.empty(6)

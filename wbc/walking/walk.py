@@ -26,7 +26,7 @@ from wbc.walking.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.preview import PreviewController, PreviewSettings
 from wbc.walking.reach import Reach, check_plan
 from wbc.walking.schedule import SoleSizes, ZmpTarget
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.swing import FootMotion, SwingFoot, shortest_swing
 
 logger = logging.getLogger(__name__)
 
@@ -88,6 +88,27 @@ class WalkReference:
     events: tuple[Event, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Swing:
+    """A swing as it was planned.
+
+    Attributes:
+        pattern: Pattern of the pendulum.
+        begin: When the pattern begins, from lift-off, s.
+        landing: Where the foot lands.
+        duration: Time of touch-down from lift-off, s.
+        transfer: Time from there until the new foot has taken over, s.
+        dcm: DCM at that time, shape (3,), m.
+    """
+
+    pattern: Pattern
+    begin: float
+    landing: Footstep
+    duration: float
+    transfer: float
+    dcm: Array
+
+
 class Walk:
     """A walk of one robot.
 
@@ -132,8 +153,12 @@ class Walk:
         self._period = positive("control period (s)", period)
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.on_grid(period)
-        if gait.single_support < gait.takeoff_time + gait.landing_time + 0.1:
-            raise InputError(f"single_support of {gait.single_support:g} s is too short for a swing")
+        least = shortest_swing(gait)
+        if gait.single_support < least:
+            raise InputError(
+                f"single_support must be at least {least:g} s for take-off, swing and landing, got "
+                f"{gait.single_support:g} s"
+            )
         plan = replace(plan, gait=gait)
         check_plan(plan, robot, self.reach, extent)
         self._sizes: SoleSizes = (
@@ -148,7 +173,7 @@ class Walk:
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
         self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
         self._swing: SwingFoot | None = None
-        self._nominal: tuple[Pattern, Footstep, float] | None = None  # as planned at lift-off
+        self._nominal: _Swing | None = None
         middle = 0.5 * (plan.left.position + plan.right.position)
         if com is None:
             com = middle + (0.0, 0.0, com_height)
@@ -156,6 +181,7 @@ class Walk:
         self._rest = rest if len(plan) else None  # until it walks
         self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._time = 0.0  # since the pattern was planned
+        self._planned = self._preview.status
         self._ground = 0.0  # height that landings have had over the plan
         self._rise = 0.0  # by how much it grows from step to step
         self._events: tuple[Event, ...] = ()
@@ -181,9 +207,21 @@ class Walk:
         self._replan(None)
 
     def stop(self) -> None:
-        """Come to a stand safely."""
+        """Come to a stand safely; saying it again, or to a walk that stands, changes nothing."""
+        if self._rest is not None:
+            return
+        plan, last = self.phases.plan, self.phases.step - (self._swing is None)
         self.phases.stop()
+        if self.phases.plan is plan:
+            return
+        plan = self.phases.plan
+        if len(plan) > last + 1:
+            # The step that closes up is at the height of the last landing, which the ground is in already.
+            closing = plan.steps[-1]
+            self.phases.plan = plan.with_step(len(plan) - 1, replace(closing, z=closing.z - self._ground))
         self._replan(None)
+        if self._swing is not None:
+            self._compare_with(self._swing.landing)
 
     def update(
         self,
@@ -243,7 +281,7 @@ class Walk:
         side = SIDES.index(step.side)
         self._swing = SwingFoot(placements[side], landing, self.phases.duration, plan.gait)
         self._replan(None)
-        self._nominal = (self._pattern, landing, self.phases.duration)
+        self._compare_with(landing)
 
     def _land(self, placements: list[pin.SE3]) -> None:
         """The foot stands where it has come to; the plan takes it from there."""
@@ -269,32 +307,41 @@ class Walk:
             start = replace(start, com=com)
         self._pattern = self._preview.plan(self.phases.supports(), start)
         self._time = 0.0
+        status = self._preview.status
+        if not status.ok and self._planned.ok:
+            logger.warning("no ZMP could be planned (%s); it follows the reference", status.name)
+        self._planned = status
+
+    def _compare_with(self, landing: Footstep) -> None:
+        """Take the swing as it is planned now for what it is adjusted against."""
+        phases, gait = self.phases, self.phases.plan.gait
+        last = phases.step + 1 >= len(phases.plan)
+        transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
+        begin, duration = phases.elapsed, phases.duration
+        dcm = self._pattern.at(duration - begin + transfer).dcm
+        self._nominal = _Swing(self._pattern, begin, landing, duration, transfer, dcm)
 
     def _adjust(self, dcm: Array) -> None:
         """Move the landing and its time where the pendulum asks for it.
 
-        The measured DCM is always compared with what was planned at lift-off, for the landing planned then:
-        adjusting again does not add up.
+        The measured DCM is always compared with what was planned at lift-off (or when it was said to stop), for the
+        landing planned then: adjusting again does not add up.
         """
         assert self._adjuster is not None and self._swing is not None and self._nominal is not None
         phases, settings = self.phases, self._adjuster.settings
         if phases.remaining <= settings.freeze:
             return
-        pattern, step, duration = self._nominal
-        plan, elapsed = phases.plan, phases.elapsed
-        gait = plan.gait
-        last = phases.step + 1 >= len(plan)
-        transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
-        if duration - elapsed <= settings.freeze:
+        nominal, plan, elapsed = self._nominal, phases.plan, phases.elapsed
+        if nominal.duration - elapsed <= settings.freeze:
             return
         adjusted = self._adjuster.adjust(
             np.asarray(dcm),
-            pattern.at(elapsed).dcm,
-            pattern.at(duration + transfer).dcm,
-            step,
+            nominal.pattern.at(elapsed - nominal.begin).dcm,
+            nominal.dcm,
+            nominal.landing,
             plan.stance(phases.step),
-            duration - elapsed,
-            transfer,
+            nominal.duration - elapsed,
+            nominal.transfer,
             self.settings.preview.target,
         )
         landing, now = adjusted.landing, plan.steps[phases.step]

@@ -70,7 +70,7 @@ class WalkOptions:
         mode: What the drives are given: position and velocity, or torque.
         control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when not
             given.
-        timestep: Physics step, s; 0.0025 is the fast mode.
+        timestep: Physics step, s; 0.002 with a control period of 0.01 is the fast mode.
         gains: Settings to begin with: default, or legacy for mc_rtc's plain law.
         set: Settings that differ, each as name=value, such as dcm_p=5 or walk.phases.lift_off=0.2.
         push: Pushes on the way, each as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (0 forward, 90
@@ -324,7 +324,7 @@ def soles_text(result: WalkResult) -> list[str]:
 
 
 REASONS = {
-    "height": "the pelvis dropped",
+    "height": "it dropped",
     "tilt": "it tilted",
     "dcm": "the DCM was out of reach",
     "solver": "the quadratic program failed",
