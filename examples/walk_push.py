@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
     aside = landing.position - plan.steps[STEP].position
     return report(
-        upright=upright(plant),
+        upright=upright(plant) and walking.fallen is None,
         steps=walking.steps_done,
         dcm_off_mm=1e3 * farthest,
         landed_ahead_mm=1e3 * float(aside[0]),

@@ -36,6 +36,8 @@ class WalkPush:
         def store(name: str, value: float) -> None:
             object.__setattr__(self, name, value)
 
+        if not isinstance(self.body, str):
+            raise InputError(f"body of a push must be the name of a link or frame, got {self.body!r}")
         store("impulse", non_negative("impulse of a push (Ns/kg)", self.impulse))
         store("direction", finite_scalar("direction of a push (rad)", self.direction))
         store("duration", positive("duration of a push (s)", self.duration))

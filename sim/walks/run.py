@@ -92,6 +92,9 @@ class WalkTrial:
             observer = Observer(robot, prepared.settings.observer, adopt=spec.mode == "torque")
             observer.reset(prepared.configuration)
             robot.update(prepared.configuration, np.zeros(robot.nv))
+            height, plan = prepared.settings.com_height, prepared.plan
+            over = float(robot.com[2]) - 0.5 * (plan.left.z + plan.right.z)
+            sinks = 0.0 if height is None else max(0.0, over - height)
             self.walking = WalkingControl(
                 robot,
                 prepared.plan,
@@ -102,7 +105,7 @@ class WalkTrial:
             )
         self._meter = WalkMeter(self.plant, self.walking)
         self._soles = None if self.walking.stiffness is None else SoleMeter(self.plant, self.walking)
-        self._fallen = TrueFall(self.plant, prepared.settings.falls)
+        self._fallen = TrueFall(self.plant, prepared.settings.falls, sinks)
         self._origin = self._middle()
         self._pushes = list(spec.pushes)
         self._lift_off: dict[int, float] = {}
@@ -289,17 +292,18 @@ LIFTED = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
 class TrueFall:
     """The controller's fall test on the true state: whoever lies on the floor has fallen, whatever he believes."""
 
-    def __init__(self, plant: Plant, settings: FallSettings) -> None:
+    def __init__(self, plant: Plant, settings: FallSettings, sinks: float = 0.0) -> None:
         """Take the robot as it stands as upright.
 
         Args:
             plant: The plant, robot standing.
             settings: Limits of height and tilt.
+            sinks: How much lower it is to walk than it stands, m.
         """
         self._plant = plant
         self._upright = math.cos(settings.tilt)
         self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
-        self._least = self._height() - settings.drop
+        self._least = self._height() - sinks - settings.drop
 
     def look(self) -> FallReason | None:
         """Why the robot has fallen; None if it has not."""

@@ -115,6 +115,8 @@ def finite_scalar(
     Raises:
         InputError: Not a number, not finite or out of range.
     """
+    if isinstance(value, (str, bytes, bool)):
+        raise InputError(f"{what} must be a number, got {value!r}")
     try:
         number = float(value)
     except (TypeError, ValueError) as error:

@@ -33,6 +33,7 @@ from wbc.tasks.frame import OrientationTask, PoseTask
 from wbc.tasks.posture import PostureTask
 from wbc.tasks.stiffness import StiffnessTask
 from wbc.tasks.wrench import WrenchTask
+from wbc.walking.bias import BiasEstimator, BiasSettings
 from wbc.walking.carrying import CarryingArea, CarryingSettings
 from wbc.walking.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
@@ -96,6 +97,8 @@ class WalkingSettings:
         falls: When the robot counts as fallen.
         carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
             believes in the whole sole.
+        bias: Estimate a constant error of the measured DCM from how the ZMP drives it, and take it off; None believes
+            the model's centre of mass.
     """
 
     mode: Mode = "position"
@@ -107,6 +110,7 @@ class WalkingSettings:
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
     carrying: CarryingSettings | None = None
+    bias: BiasSettings | None = None
 
     def __post_init__(self) -> None:
         choose("mode", self.mode, ("position", "torque"))
@@ -126,6 +130,7 @@ class WalkingControl:
         reference: References of the last tick with a good measurement; None before the first one.
         output: What the stabilizer said in that tick; None before the first one.
         stiffness: Sets the soles while they swing; None leaves them alone.
+        bias: Estimator of the error of the measured DCM; None believes the model.
         falls: Tells whether the robot has fallen, and why.
         time: Since the start, s.
     """
@@ -179,6 +184,7 @@ class WalkingControl:
                     f"extent of a carrying area, {s.carrying.smallest:g} m"
                 )
             self._carrying = [CarryingArea(size, s.carrying) for size in self._sizes]
+        self.bias = None if s.bias is None else BiasEstimator(s.bias)
         self._add_tasks(s.tasks)
         self.control: PositionControl | TorqueControl
         if self._torque:
@@ -300,6 +306,9 @@ class WalkingControl:
         wrenches = measurement.sole_wrench
         # Filtered loads: a foot that has just met the ground presses in jerks.
         loads = self.control.observer.load.tolist()
+        bias = None if self.bias is None else self._estimate_bias(dcm)
+        if bias is not None:
+            dcm[:2] -= bias
         self.reference = reference = self.walk.update(loads, self._soles, dcm)
         if reference.contact != self._in_contact:
             self._switch_contacts(reference)
@@ -310,11 +319,27 @@ class WalkingControl:
                 rectangle = area.update(wrenches[side], rate.angular, self.dt)
                 self.stabilizer.distribution.rectangles[side] = rectangle
         self.output = output = self.stabilizer.update(
-            reference.pendulum, com, velocity, wrenches, soles, reference.contact, reference.heading, self.dt
+            reference.pendulum,
+            com,
+            velocity,
+            wrenches,
+            soles,
+            reference.contact,
+            reference.heading,
+            self.dt,
+            bias=bias,
         )
         self._wrench_targets = output.feet.wrenches
         self._move_feet(reference, output)
         self._move_body(reference, output)
+
+    def _estimate_bias(self, dcm: Array) -> Array:
+        """What the measured DCM has too much, shape (2,), m; the ZMP is that of the last tick, which has driven it."""
+        assert self.bias is not None
+        output, reference = self.output, self.reference
+        if output is None or reference is None or output.in_air or not np.isfinite(output.measured_zmp[0]):
+            return self.bias.bias
+        return self.bias.update(dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 
     def _switch_contacts(self, reference: WalkReference) -> None:
         for side, contact in enumerate(self._contacts):

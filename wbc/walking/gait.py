@@ -5,11 +5,15 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, fields, replace
 
-from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.errors import InputError, finite_scalar, positive
 
 logger = logging.getLogger(__name__)
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
+
+
+LONGEST = 60.0
+"""Greatest size or time of a gait, m or s; the robot's reach is far below."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +58,9 @@ class Gait:
                 if value is not None:
                     positive("feet_spacing (m)", value)
             elif field.name in ("takeoff_time", "landing_time", "landing_speed", "search_depth"):
-                non_negative(f"{field.name} of the gait", value)
+                finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST)
             else:
-                positive(f"{field.name} of the gait", value)
+                finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST, open_low=True)
         if self.takeoff_time + self.landing_time > 0.5 * self.single_support:
             raise InputError(
                 f"takeoff_time + landing_time must be at most half of the single support, "

@@ -12,6 +12,9 @@ import pinocchio as pin
 from wbc.core.errors import InputError, choose, finite_scalar, positive
 from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, other
 
+MOST_STEPS = 10_000
+"""Steps of a plan: an hour or three of walking. What asks for more is a slip of the finger."""
+
 
 def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") -> FootstepPlan:
     """Walk straight on with equal steps and close up at the end.
@@ -27,7 +30,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     distance = finite_scalar("distance (m)", distance)
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
-    count = max(1, math.ceil(abs(distance) / start.gait.step_length - 1e-9))
+    count = _count("distance (m)", distance, max(1, math.ceil(abs(distance) / start.gait.step_length - 1e-9)))
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
 
@@ -45,14 +48,21 @@ def walk_velocity(
         first: Side that steps first; the side of the motion when None.
 
     Raises:
-        InputError: A velocity of the wrong size, or fewer than one step.
+        InputError: A velocity of the wrong size, one that would turn a foot by half a turn in a step, or fewer than one
+            step.
     """
     if len(velocity) != 3:
         raise InputError(f"velocity must be (forward m/s, left m/s, turn rad/s), got {velocity!r}")
     vx, vy, turn = (finite_scalar("velocity", value) for value in velocity)
     if steps < 1:
         raise InputError(f"steps must be at least 1, got {steps}")
+    _count("steps", steps, steps)
     duration = start.gait.single_support + start.gait.double_support
+    if abs(2.0 * turn * duration) >= math.pi:
+        raise InputError(
+            f"velocity turns a foot by {2.0 * turn * duration:.2f} rad in a step of {duration:g} s; half a turn "
+            f"is {math.pi / 2.0 / duration:.2f} rad/s, and the robot's reach is less"
+        )
     leader = "right" if (vy or turn) < 0.0 else "left"
     return walk_path(
         start, [(vx * duration, vy * duration, turn * duration)] * steps, first=first or leader, leader=leader
@@ -73,7 +83,8 @@ def turn_in_place(start: FootstepPlan, angle: float, *, per_step: float = 0.25) 
     angle = finite_scalar("angle (rad)", angle)
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
-    pairs = math.ceil(abs(angle) / positive("per_step (rad)", per_step) - 1e-9)
+    pairs = math.ceil(abs(angle) / finite_scalar("per_step (rad)", per_step, low=1e-3, high=3.0) - 1e-9)
+    _count("angle (rad)", angle, 2 * pairs)
     leader = "left" if angle > 0.0 else "right"
     # Each pair of steps turns by one opening, so that there is nothing left to close.
     return walk_path(
@@ -162,6 +173,13 @@ def climb_stairs(
             steps.append(replace(_beside(here, side, half), z=ground + k * rise))
             side = other(side)
     return replace(start, steps=tuple(steps))
+
+
+def _count(what: str, value: float, count: int) -> int:
+    """The number of steps, if it is one that somebody can mean."""
+    if count > MOST_STEPS:
+        raise InputError(f"{what} of {value:g} takes {count} steps; a plan has at most {MOST_STEPS}")
+    return count
 
 
 def _planar(x: float, y: float, yaw: float) -> pin.SE3:

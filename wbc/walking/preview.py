@@ -57,7 +57,7 @@ class PreviewSettings:
         finite_scalar(
             "number of preview knots", whole_number("number of preview knots", self.knots, low=2), high=100
         )
-        positive("preview interval (s)", self.interval)
+        finite_scalar("preview interval (s)", self.interval, low=0.01, high=1.0)
         non_negative("preview margin (m)", self.margin)
         non_negative("rate_weight (s²)", self.rate_weight)
         positive("slack_weight", self.slack_weight)

@@ -17,7 +17,7 @@ from cyclopts import Parameter
 from wbc.app.files import check_target
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import InputError, finite_scalar, unknown_name
 from wbc.sim.changes import read_changes
 from wbc.sim.standing import Mode
 from wbc.sim.terrain.checks import check_clearance
@@ -244,7 +244,9 @@ def read_push(text: str) -> WalkPush:
         if name not in known:
             unknown_name("part of a push", name, known)
     if "direction" in values:
-        values["direction"] = math.radians(values["direction"])
+        values["direction"] = math.radians(
+            finite_scalar("direction of a push (degrees)", values["direction"])
+        )
     return WalkPush.from_json(values)
 
 
