@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,6 +25,11 @@ class Foot(ABC):
     """
 
     contact: SoleContact = field(default_factory=SoleContact)
+
+    @property
+    def rotation_stiffness(self) -> float:
+        """Torque per angle between ankle and flat ground under a walking robot, Nm/rad; infinite for a rigid sole."""
+        return math.inf
 
     @abstractmethod
     def fit(self, sole: SoleGeometry) -> FootFit:

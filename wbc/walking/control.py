@@ -21,7 +21,7 @@ import pinocchio as pin
 from wbc.core.contact import SoleContact
 from wbc.core.control import PositionControl, TorqueControl
 from wbc.core.controller import Controller
-from wbc.core.errors import Array, InputError, choose, positive
+from wbc.core.errors import Array, InputError, choose, positive, two_of
 from wbc.core.limits import JointLimits, TorqueLimits
 from wbc.core.observer import Observer
 from wbc.core.robot import BASE_DOF, Robot
@@ -97,6 +97,10 @@ class WalkingSettings:
         falls: When the robot counts as fallen.
         carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
             believes in the whole sole.
+        cop_bandwidth: How fast the CoP is to follow, 1/s: `gains.cop_admittance` is then this over `foot_stiffness`,
+            and `gains.dcm_p` what it leaves critically damped; None takes both as they are.
+        foot_stiffness: Of ankle servo and sole in series, about pitch and roll, Nm/rad, for `cop_bandwidth`; a walk in
+            the simulator knows it.
         bias: Estimate a constant error of the measured DCM from how the ZMP drives it, and take it off; None believes
             the model's centre of mass.
     """
@@ -110,10 +114,18 @@ class WalkingSettings:
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
     carrying: CarryingSettings | None = None
+    cop_bandwidth: float | None = None
+    foot_stiffness: tuple[float, float] | None = None
     bias: BiasSettings | None = None
 
     def __post_init__(self) -> None:
         choose("mode", self.mode, ("position", "torque"))
+        if self.cop_bandwidth is not None:
+            positive("cop_bandwidth (1/s)", self.cop_bandwidth)
+        if self.foot_stiffness is not None:
+            pair = two_of("foot_stiffness (Nm/rad)", self.foot_stiffness)
+            pitch, roll = (positive("foot_stiffness (Nm/rad)", value) for value in pair)
+            object.__setattr__(self, "foot_stiffness", (pitch, roll))
         if self.com_height is not None:
             positive("CoM height (m)", self.com_height)
 
@@ -173,7 +185,14 @@ class WalkingControl:
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
         self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
-        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
+        gains = s.gains
+        if s.cop_bandwidth is not None:
+            if s.foot_stiffness is None:
+                raise InputError(
+                    f"cop_bandwidth of {s.cop_bandwidth:g} 1/s needs a foot_stiffness (Nm/rad), too"
+                )
+            gains = gains.for_bandwidth(s.cop_bandwidth, self.walk.omega, s.foot_stiffness)
+        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), gains)
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self._carrying: list[CarryingArea] = []

@@ -170,6 +170,20 @@ class StabilizerGains:
             return self
         return replace(self, cop_admittance=min(0.05, 2.0 / positive("mass (kg)", mass)))
 
+    def for_bandwidth(self, bandwidth: float, omega: float, stiffness: Pair) -> StabilizerGains:
+        """The gains with CoP admittance and proportional gain chosen from how fast the CoP is to follow.
+
+        Args:
+            bandwidth: Wanted of the CoP, 1/s; above ω.
+            omega: Natural frequency of the pendulum, 1/s.
+            stiffness: Of ankle servo, sole and ground in series, about pitch and roll, Nm/rad.
+
+        Raises:
+            InputError: A bandwidth that is not above ω.
+        """
+        along, across = (admittance(bandwidth, value) for value in stiffness)
+        return replace(self, cop_admittance=(along, across), dcm_p=dcm_gain(bandwidth, omega))
+
     def changed(self, **values: Pair | float) -> StabilizerGains:
         """The gains with some replaced.
 
