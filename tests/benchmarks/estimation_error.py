@@ -4,7 +4,8 @@ The observer knows encoders, IMU and foot wrenches. What it estimates is compare
 seen from the stance sole, which is what the stabilizer and the step adjustment act on, the tilt of the pelvis, and the
 drift of the whole over a step.
 
-Usage: python tests/benchmarks/estimation_error.py [--json] [--distance M] [--seeds N] [--foot NAME[:STIFFNESS] ...]
+Usage: python tests/benchmarks/estimation_error.py [--json] [--distance M] [--seeds N] [--noise NAME]
+           [--foot NAME[:STIFFNESS] ...]
 """
 
 from __future__ import annotations
@@ -64,7 +65,9 @@ class Errors(WalkHook):
         self.steps = max(1, result.steps_done)
 
 
-def measure(foot: str, ground: dict[str, Any], at_cop: bool, distance: float, seeds: int) -> dict[str, Any]:
+def measure(
+    foot: str, ground: dict[str, Any], at_cop: bool, distance: float, seeds: int, noise: str
+) -> dict[str, Any]:
     """Errors of some walks with one sole on one ground; means over walks that were completed."""
     name, _, stiffness = foot.partition(":")
     rows = []
@@ -74,6 +77,7 @@ def measure(foot: str, ground: dict[str, Any], at_cop: bool, distance: float, se
             foot=name,
             stiffness=float(stiffness) if stiffness else None,
             seed=seed,
+            noise=noise,
             plan=WalkPlan(distance=distance),
             changes={"observer.anchor_at_cop": at_cop},
             **ground,
@@ -103,12 +107,13 @@ def main() -> None:
         default=["flat", "rigid", "soft:1", "soft:5", "soft:80"],
         help="default %(default)s",
     )
+    parser.add_argument("--noise", default="realistic", help="of the sensors, or none; default %(default)s")
     options = parser.parse_args()
     rows = []
     for foot in options.foot:
         for ground, values in GROUNDS.items():
             for anchor, at_cop in ANCHORS.items():
-                facts = measure(foot, values, at_cop, options.distance, options.seeds)
+                facts = measure(foot, values, at_cop, options.distance, options.seeds, options.noise)
                 rows.append({"foot": foot, "ground": ground, "anchor": anchor} | facts)
     if options.json:
         print(json.dumps({"rows": rows}))
