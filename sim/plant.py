@@ -29,6 +29,7 @@ from wbc.core.errors import (
     choose,
     finite_array,
     positive,
+    whole_number,
 )
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
@@ -144,7 +145,7 @@ class Plant:
         self.noise = noise_preset(noise) if isinstance(noise, str) else noise
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
         self.physics = _with_timestep(physics, timestep)
-        self.seed = _checked_seed(seed)
+        self.seed = whole_number("seed", seed, low=0)
         self.description = description
         self.robot: Robot = description.robot()
         self._plant = build_model(
@@ -206,7 +207,7 @@ class Plant:
                 raise InputError(f"quaternion of the configuration must have length 1, got {length:g}")
             q[3:7] /= length
         if seed is not None:
-            self.seed = _checked_seed(seed)
+            self.seed = whole_number("seed", seed, low=0)
         self._start = q
         data = self.data
         mujoco.mj_resetData(self.model, data)
@@ -516,9 +517,3 @@ def _shape(array: Array | None) -> tuple[int, ...] | None:
 
 def _with_timestep(physics: PhysicsSettings | None, timestep: float) -> PhysicsSettings:
     return replace(PhysicsSettings() if physics is None else physics, timestep=timestep)
-
-
-def _checked_seed(seed: int) -> int:
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
-    return int(seed)

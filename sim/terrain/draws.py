@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, whole_number
 
 
 class Draws:
@@ -38,6 +38,4 @@ def check_seed(seed: int) -> int:
     Raises:
         InputError: Not a whole number, or negative.
     """
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InputError(f"seed must be an integer that is zero or above, got {seed!r}")
-    return int(seed)
+    return whole_number("seed", seed, low=0)

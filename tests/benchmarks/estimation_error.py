@@ -16,6 +16,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.sim.walks import WalkHook, WalkPlan, WalkResult, WalkSpec, WalkTick, WalkTrial
 
@@ -47,8 +48,7 @@ class Errors(WalkHook):
         truth, estimate = plant.truth(), walking.control.observer.robot
         self.base.append(estimate.q[:3] - truth.q[:3])
         up = estimate.placement(estimate.base_frame).rotation[2]
-        w, x, y, z = plant.data.qpos[3:7]
-        true_up = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+        true_up = pin.XYZQUATToSE3(truth.q[:7]).rotation[2]
         self.tilt.append(math.acos(min(1.0, float(up @ true_up))))
         omega = walking.walk.omega
         for side, stands in enumerate(walking.reference.contact):

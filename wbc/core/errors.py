@@ -71,7 +71,7 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
         UnknownNameError: It is not.
     """
     names = list(choices)
-    if not isinstance(name, str) or name not in names:
+    if name not in names:
         unknown_name(kind, name, names)
     return name
 
@@ -158,11 +158,11 @@ def whole_number(what: str, value: Any, *, low: int) -> int:
 
 
 def two_of(what: str, value: Any) -> tuple[Any, Any]:
-    """Return a pair, forward and sideways, as a tuple.
+    """Return a pair as a tuple.
 
     Raises:
         InputError: Anything but two values in a row.
     """
     if isinstance(value, (tuple, list, np.ndarray)) and len(value) == 2:
         return value[0], value[1]
-    raise InputError(f"{what} must be two numbers (forward, sideways), got {value!r}")
+    raise InputError(f"{what} must be two numbers, got {value!r}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rich.progress import Progress
+from rich.progress import track
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.sim.speed import SpeedOptions, standing_speeds
@@ -15,13 +15,8 @@ def physics(
     output: OutputOptions = Output(),
 ) -> Report:
     """Steps per second of a robot that its servos keep standing, with each sole on each ground."""
-    rows = []
     total = len(options.timestep) * len(options.terrain) * len(options.foot)
-    with Progress(console=progress_console()) as bar:
-        task = bar.add_task("standing", total=total)
-        for row in standing_speeds(options):
-            rows.append(row)
-            bar.advance(task)
+    rows = list(track(standing_speeds(options), "standing", total, console=progress_console()))
     lines = [
         "| step (ms) | ground | foot | dof | contacts | steps/s | x real time | plant, x real time | stood |",
         "|---|---|---|---|---|---|---|---|---|",

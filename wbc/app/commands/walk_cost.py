@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rich.progress import Progress
+from rich.progress import track
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.sim.walks.cost import CASES, PARTS, WalkCostOptions, walk_costs
@@ -15,12 +15,7 @@ def walk(
     output: OutputOptions = Output(),
 ) -> Report:
     """Time the closed loop of walks, and say where it goes: physics, observer, stabilizer, program and the rest."""
-    rows = []
-    with Progress(console=progress_console()) as bar:
-        task = bar.add_task("walking", total=len(CASES))
-        for row in walk_costs(options):
-            rows.append(row)
-            bar.advance(task)
+    rows = list(track(walk_costs(options), "walking", len(CASES), console=progress_console()))
     lines = [
         "| us of a control period | " + " | ".join(row.name for row in rows) + " |",
         "|---|" + "---:|" * len(rows),
