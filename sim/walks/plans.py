@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from wbc.core.errors import InputError, choose, finite_array, finite_scalar, unknown_name
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.stairs import Steps
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, mean_heading
 from wbc.walking.planning import climb_stairs, turn_in_place, walk_distance, walk_velocity
 
 DISTANCE = 3.0
@@ -101,7 +100,7 @@ class WalkPlan:
                 raise InputError("the side of the turn steps first; leave the first side out")
             return turn_in_place(start, self.turn)
         if self.stairs is not None:
-            heading = start.left.yaw + 0.5 * math.remainder(start.right.yaw - start.left.yaw, 2.0 * math.pi)
+            heading = mean_heading(start.left.yaw, start.right.yaw)
             if abs(heading) > STRAIGHT:
                 raise InputError(
                     f"the robot must face the stairs, which rise along x, within {STRAIGHT:g} rad; its heading is "

@@ -77,6 +77,11 @@ class Footstep:
         return c * dx + s * dy, c * dy - s * dx, self.z - stance.z, turn
 
 
+def mean_heading(left: float, right: float) -> float:
+    """Heading half way between those of two feet, the short way round, rad."""
+    return right + 0.5 * math.remainder(left - right, 2.0 * math.pi)
+
+
 @dataclass(frozen=True)
 class FootstepPlan:
     """Two feet on the ground and the steps from there; sides alternate.

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import InputError, choose, finite_scalar, positive
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, other
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
 
 MOST_STEPS = 10_000
 """Steps of a plan: an hour or three of walking. What asks for more is a slip of the finger."""
@@ -193,8 +193,7 @@ def _half_spacing(start: FootstepPlan) -> float:
 
 def _middle(left: Footstep, right: Footstep) -> pin.SE3:
     """Between two feet, at their mean heading and height."""
-    yaw = right.yaw + 0.5 * math.remainder(left.yaw - right.yaw, 2.0 * math.pi)
-    middle = _planar(0.0, 0.0, yaw)
+    middle = _planar(0.0, 0.0, mean_heading(left.yaw, right.yaw))
     middle.translation = 0.5 * (left.position + right.position)
     return middle
 

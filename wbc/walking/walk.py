@@ -19,7 +19,7 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, mean_heading
 from wbc.walking.lipm import Pendulum
 from wbc.walking.pattern import Pattern
 from wbc.walking.phases import Event, Phase, PhaseSettings, WalkPhases
@@ -357,4 +357,4 @@ class Walk:
     def _heading(self) -> float:
         """Mean heading of both feet, as they are asked for."""
         left, right = (math.atan2(m.placement.rotation[1, 0], m.placement.rotation[0, 0]) for m in self._feet)
-        return right + 0.5 * math.remainder(left - right, 2.0 * math.pi)
+        return mean_heading(left, right)
