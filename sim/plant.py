@@ -165,7 +165,7 @@ class Plant:
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
         self._soles = Soles(self._plant, self.foot, range_sensor)
-        self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep)
+        self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep, self.steps)
         self._initial = initial_configuration
         self._prepare_signals()
         self.reset()
@@ -229,6 +229,7 @@ class Plant:
         self.ticks = 0
         self.diverged = None
         self._after_step()
+        self._sample()
         self._chain.reset(self._signals, sensor_seed)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
@@ -276,7 +277,7 @@ class Plant:
         """
         if self._measurement is None:
             reading = self._chain.read(self._signals)
-            if self.diverged is not None or not math.isfinite(reading.sum()):
+            if self.diverged is not None or not math.isfinite(reading.dot(reading)):
                 raise MeasurementError(
                     f"no measurement at {self.time:.4f} s: {self.diverged or 'a sensor is not finite'}"
                 )
@@ -311,18 +312,17 @@ class Plant:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
         self._take(command)
         model, data, steps = self.model, self.data, self.steps
-        if self._pushes or self._chain.depth or self._from is not self._target:
+        if self._pushes or self._chain.oldest or self._from is not self._target:
             self._advance_singly()
         else:
             # The first half of the coming step was done at the end of the last one, when the sensors were read.
             data.ctrl[:] = self._target
             if self.averaging:
-                for row in self._window[:-1]:
-                    mujoco.mj_step2(model, data)
-                    data.sensordata.take(self._force_places, out=row)
-                    mujoco.mj_step1(model, data)
-                mujoco.mj_step2(model, data)
-                data.sensordata.take(self._force_places, out=self._window[-1])
+                step = mujoco.mj_step2
+                for row in self._window:
+                    step(model, data)
+                    data.sensordata.take(self._force_places, out=row, mode="clip")
+                    step = mujoco.mj_step
             else:
                 mujoco.mj_step2(model, data)
                 if steps > 1:
@@ -387,6 +387,7 @@ class Plant:
         self._gyro_places = np.array(places[:3], dtype=np.intp)
         self._force_places = np.array(places[3:], dtype=np.intp)
         self._window = np.zeros((self.steps if self.averaging else 1, len(places) - 3))
+        self._samples = np.array(float(len(self._window)))
         self._signals = np.empty(2 * na + len(places))
         self._positions, self._velocities = self._signals[:na], self._signals[na : 2 * na]
         self._rates = self._signals[2 * na : 2 * na + 3]
@@ -405,20 +406,19 @@ class Plant:
         data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
         data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
         np.add.reduce(self._window, axis=0, out=self._forces)  # the mean, without the overhead of np.mean
-        self._forces /= len(self._window)
+        np.divide(self._forces, self._samples, out=self._forces)
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
         np.negative(self._wrenches, out=self._wrenches)
 
     def _after_step(self) -> None:
         data = self.data
-        data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque)
+        data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque, mode="clip")
         self._truth = None
         self._measurement = None
-        self._sample()
-        if self._chain.depth:
-            self._chain.push(self._signals)
-        warned = data.warning.number
-        if warned.any() or not math.isfinite(data.qpos.sum() + data.qvel.sum()):
+        if self._chain.oldest == 0:
+            self._sample()
+        warned, q, v = data.warning.number, data.qpos, data.qvel
+        if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
             names = [mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)]
             self.diverged = (
                 f"simulation diverged before {self.time:.4f} s ({', '.join(names) or 'NaN in the state'})"
@@ -446,7 +446,7 @@ class Plant:
             if velocity is not None:
                 target += self._kd * velocity
             target += torque
-        if not math.isfinite(target.sum()):
+        if not math.isfinite(target.dot(target)):
             self._refuse(command)
         self._soles.check(command.sole_stiffness)
         if self._soles.advance(command.sole_stiffness, self.control_period):
@@ -465,7 +465,7 @@ class Plant:
             if value is not None and not np.isfinite(value).all():
                 joint = self.robot.joint_names[int(np.argmin(np.isfinite(value)))]
                 raise InputError(f"command: {name} of joint '{joint}' is not finite")
-        raise InputError("command: references so large that their sum is not finite")
+        raise InputError("command: references so large that their squares are not finite")
 
     def _set_mode(self, *, position_control: bool) -> None:
         """Switch the servos on or off: their gains are the bias of the actuators."""
@@ -475,22 +475,27 @@ class Plant:
     def _advance_singly(self) -> None:
         """One control period step by step: for pushes, moving references and sensors with a memory."""
         model, data = self.model, self.data
-        ctrl, sensors, window = data.ctrl, data.sensordata, self._window
-        moving = self._from is not self._target
+        ctrl, sensors, window, places = data.ctrl, data.sensordata, self._window, self._force_places
+        moving, rows = self._from is not self._target, len(self._window)
+        newest, oldest = self._chain.newest, self._chain.oldest
         ctrl[:] = self._target
-        for i in range(1, self.steps + 1):
+        begun = True  # the first half of the coming step is done
+        for left in range(self.steps - 1, -1, -1):
+            done = self.steps - left
             if moving:
                 part = self._target - self._from
-                ctrl[:] = self._target if i == self.steps else self._from + (i / self.steps) * part
+                ctrl[:] = self._target if left == 0 else self._from + (done / self.steps) * part
             if self._pushes:
                 self._pushes.apply(data, self.timestep)
-            mujoco.mj_step2(model, data)
-            sensors.take(self._force_places, out=window[(i - 1) % len(window)], mode="clip")
-            if i == self.steps:
+            (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
+            sensors.take(places, out=window[(done - 1) % rows], mode="clip")
+            if left == 0:
                 self._truth_reader.capture(data)
-            mujoco.mj_step1(model, data)
-            # Older signals than the latency will never be read; those of the last step come after it.
-            if 0 < self.steps - i <= self._chain.depth:
+            read = newest <= left <= oldest
+            begun = left == 0 or read or bool(self._pushes)
+            if begun:
+                mujoco.mj_step1(model, data)
+            if read and oldest > 0:
                 self._sample()
                 self._chain.push(self._signals)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from itertools import groupby
 from types import MappingProxyType
 
 import numpy as np
@@ -106,10 +107,11 @@ class SensorChain:
     The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole].
 
     Attributes:
-        depth: How many physics steps the oldest signal lies behind; 0 needs no history.
+        oldest: How many physics steps the oldest signal that is read lies behind; 0 needs no history.
+        newest: How many the newest one does; what is younger need not be pushed.
     """
 
-    def __init__(self, noise: SensorNoise, joints: int, soles: int, timestep: float) -> None:
+    def __init__(self, noise: SensorNoise, joints: int, soles: int, timestep: float, steps: int = 1) -> None:
         """Lay the errors out over the vector.
 
         Args:
@@ -117,6 +119,7 @@ class SensorChain:
             joints: Number of encoders.
             soles: Number of force sensors.
             timestep: Physics step, s.
+            steps: Physics steps from one reading to the next.
         """
         wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
         channels = (
@@ -131,13 +134,22 @@ class SensorChain:
         self._bias_std = np.array([c.bias_std for c in channels])
         # 1e-9: a latency of 3 steps of 0.001 s is 3 steps, not 4.
         self._delay = np.array([math.ceil(c.latency / timestep - 1e-9) for c in channels], dtype=np.intp)
-        quantum = np.array([c.quantum for c in channels])
-        self._rounded = np.flatnonzero(quantum)
-        self._quantum = quantum[self._rounded]
+        self._rounded: list[tuple[slice, Array]] = []  # channels in a row with the same resolution
+        start = 0
+        for quantum, run in groupby(c.quantum for c in channels):
+            stop = start + len(list(run))
+            if quantum > 0.0:
+                self._rounded.append((slice(start, stop), np.array(quantum)))
+            start = stop
         self._noisy = bool(self._std.any())
-        self.depth = int(self._delay.max(initial=0))
-        self._history = np.zeros((self.depth + 1, self.size))
-        self._columns = np.arange(self.size)
+        self.oldest = int(self._delay.max())
+        # Where a signal may be read one reading later, all of them are kept.
+        self.newest = int(self._delay.min()) if self.oldest < steps else 0
+        depth = 1 + self.oldest - self.newest
+        self._history = np.zeros((depth, self.size))
+        # Where in the flattened history each channel is read, for each place of the newest signals.
+        rows = (np.arange(depth)[:, None] - (self._delay - self.newest)) % depth
+        self._places = rows * self.size + np.arange(self.size)
         self._head = 0
         self._draw = np.empty(self.size)
         self._bias = np.zeros(self.size)
@@ -157,8 +169,11 @@ class SensorChain:
         self._head = 0
 
     def push(self, truth: Array) -> None:
-        """Take in the true signals after one physics step, shape (size,); needed with a latency alone."""
-        self._head = (self._head + 1) % (self.depth + 1)
+        """Take in the true signals, shape (size,); needed with a latency alone.
+
+        To be called after each physics step that lies `newest` to `oldest` steps before the next reading.
+        """
+        self._head = (self._head + 1) % len(self._history)
         self._history[self._head] = truth
 
     def read(self, truth: Array) -> Array:
@@ -170,15 +185,15 @@ class SensorChain:
         Returns:
             Readings, shape (size,), a new array.
         """
-        if self.depth:
-            out = self._history[(self._head - self._delay) % (self.depth + 1), self._columns]
-        else:
-            out = truth.copy()
+        out: Array = self._history.take(self._places[self._head]) if self.oldest else truth.copy()
         if self._biased:
             out += self._bias
         if self._noisy:
             self._rng.standard_normal(out=self._draw)
-            out += self._std * self._draw
-        if self._rounded.size:
-            out[self._rounded] = np.rint(out[self._rounded] / self._quantum) * self._quantum
+            out += np.multiply(self._std, self._draw, out=self._draw)
+        for part, quantum in self._rounded:
+            values = out[part]
+            values /= quantum
+            np.rint(values, out=values)
+            values *= quantum
         return out

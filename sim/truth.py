@@ -74,8 +74,8 @@ class TruthReader:
         self._geom = contact.geom.copy()
         self._dim = contact.dim.copy()
         self._force = data.efc_force.copy()
-        self._sole_position = data.site_xpos[self._sites]
-        self._sole_rotation = data.site_xmat[self._sites]
+        self._sole_position = data.site_xpos.take(self._sites, axis=0)
+        self._sole_rotation = data.site_xmat.take(self._sites, axis=0)
 
     def read(self, data: mujoco.MjData, joint_torque: Array) -> GroundTruth:
         """Take everything down, in arrays of its own.

@@ -67,6 +67,18 @@ class CoMTask(MotionTask):
     def target(self, value: ArrayLike) -> None:
         self._target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
+    def follow(self, com: Array, velocity: Array, acceleration: Array) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            com: Point in the world, shape (3,), m; kept, not copied.
+            velocity: Its velocity along the task's axes, shape (dim,), m/s.
+            acceleration: Its acceleration along them, shape (dim,), m/s².
+        """
+        self._target = com
+        self._rows.velocity[:] = velocity
+        self._rows.acceleration[:] = acceleration
+
     def bind(self, robot: Robot) -> None:
         """Take the present centre of mass as target when none was given.
 

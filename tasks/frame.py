@@ -227,6 +227,14 @@ class OrientationTask(FrameTask):
     def target(self, value: ArrayLike) -> None:
         self._target = rotation_matrix(f"target of task '{self.name}'", value)
 
+    def follow(self, target: Array) -> None:
+        """Set the target for one tick, unchecked: for a controller that makes it itself.
+
+        Args:
+            target: Rotation from the frame to the world, shape (3, 3); kept, not copied.
+        """
+        self._target = target
+
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
@@ -304,6 +312,18 @@ class PoseTask(FrameTask):
     def target(self, value: pin.SE3) -> None:
         target = pose(f"target of task '{self.name}'", value)
         self._orientation, self._position = np.array(target.rotation), np.array(target.translation)
+
+    def follow(self, placement: pin.SE3, velocity: Array, acceleration: Array) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            placement: Pose in the world; kept, not copied.
+            velocity: [linear; angular] along the task's axes, shape (dim,), m/s and rad/s.
+            acceleration: Its derivative, shape (dim,), m/s² and rad/s².
+        """
+        self._orientation, self._position = placement.rotation, placement.translation
+        self._rows.velocity[:] = velocity
+        self._rows.acceleration[:] = acceleration
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

@@ -271,8 +271,11 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
     q, v = np.array(robot.q), np.array(robot.v)
     for tick in range(250):
         lift = speed * tick * controller.dt
-        contact.target = pin.SE3(place.rotation, place.translation + [0.0, 0.0, lift])
-        contact.velocity = [0.0, 0.0, speed, 0.0, 0.0, 0.0]
+        target = pin.SE3(place.rotation, place.translation + [0.0, 0.0, lift])
+        if tick % 2:
+            contact.target, contact.velocity = target, [0.0, 0.0, speed, 0.0, 0.0, 0.0]
+        else:  # the same, unchecked
+            contact.follow(target, np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0]))
         controller.update(q, v)
         solution = controller.solve()
         assert solution.ok, controller.diagnose()

@@ -229,6 +229,31 @@ def test_latency_shows_the_past(latency: float, steps: int) -> None:
         assert measured.time == pytest.approx(0.005 * (tick + 1))
 
 
+@pytest.mark.parametrize("slowest", [4, 7])  # within a control period of 5 steps, and beyond it
+def test_latencies_of_all_signals(slowest: int) -> None:
+    """No signal is fresh: the youngest ones are not even sampled, and each has its own age."""
+    ages = {"joint_position": 2, "joint_velocity": slowest, "angular_velocity": 3, "specific_force": 1}
+    late_by = {name: SignalNoise(latency=0.001 * age) for name, age in ages.items()}
+    wrench = SignalNoise(latency=0.002)
+    noise = SensorNoise(**late_by, sole_force=wrench, sole_moment=wrench)
+    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise, averaging=False)
+    fresh = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    past = [fresh.measure()]
+    for tick in range(6):
+        if tick == 3:
+            for plant in (late, fresh):
+                plant.push("torso", (40.0, 0.0, 0.0), 0.007)
+        command = swaying(late, 10 * tick)
+        late.step(command)
+        for _ in range(5):
+            fresh.step(command)
+            past.append(fresh.measure())
+        measured = late.measure()
+        for name, age in (ages | {"sole_wrench": 2}).items():
+            then = past[max(0, len(past) - 1 - age)]
+            np.testing.assert_array_equal(getattr(measured, name), getattr(then, name), err_msg=name)
+
+
 def test_realistic_noise_is_small_against_the_signals() -> None:
     plant = Plant(load("hrp4_class"), noise=REALISTIC, seed=3)
     perfect = Plant(load("hrp4_class"))

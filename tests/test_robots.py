@@ -265,6 +265,24 @@ def test_the_summary_is_json_and_the_report_readable(name: str) -> None:
     assert max(map(len, report.splitlines()[:12])) < 160
 
 
+@pytest.mark.parametrize("name", names())
+def test_kinematics_alone_are_those_of_the_whole_update(name: str) -> None:
+    """To the last bit: an estimate does not depend on which of both was called."""
+    whole = load(name).robot()
+    part, rng = whole.clone(), np.random.default_rng(0)
+    for _ in range(10):
+        q = pin.integrate(whole.model, whole.half_sitting, 0.3 * rng.standard_normal(whole.nv))
+        v = rng.standard_normal(whole.nv)
+        whole.update(q, v)
+        part.update_kinematics(q, v)
+        for what in ("q", "v", "com", "com_velocity"):
+            np.testing.assert_array_equal(getattr(part, what), getattr(whole, what), err_msg=what)
+        for i, (one, other) in enumerate(zip(part.data.oMf, whole.data.oMf, strict=True)):
+            np.testing.assert_array_equal(one.homogeneous, other.homogeneous)
+            rates = (pin.getFrameVelocity(r.model, r.data, i, pin.LOCAL).vector for r in (part, whole))
+            np.testing.assert_array_equal(*rates)
+
+
 def test_models_are_copies() -> None:
     """What one caller does to its model or robot does not reach another."""
     description = load("hrp4_class")

@@ -183,6 +183,33 @@ def test_gains_feed_forward_and_drift_make_the_reference(case: str) -> None:
     np.testing.assert_allclose(jacobian @ solution.accelerations + drift, wanted, rtol=1e-4, atol=1e-4)
 
 
+def test_following_is_setting_target_and_feed_forwards() -> None:
+    """What a controller sets every tick, unchecked, is what the checked properties set."""
+    robot, rng = make_robot("g1"), np.random.default_rng(8)
+    robot.update(*random_state(robot, rng))
+    place, point = pin.SE3.Random(), rng.normal(size=3)
+    velocity, acceleration = rng.normal(size=(2, 6))
+    tasks: list[tuple[PoseTask | CoMTask | OrientationTask, ...]] = []
+    for _ in range(2):
+        tasks.append((PoseTask("pelvis"), CoMTask(), OrientationTask("pelvis")))
+        for task in tasks[-1]:
+            task.bind(robot)
+    (pose, com, turn), (pose_follows, com_follows, turn_follows) = tasks
+    pose.target, com.target, turn.target = place, point, place.rotation
+    pose.feedforward_velocity, pose.feedforward_acceleration = velocity, acceleration
+    com.feedforward_velocity, com.feedforward_acceleration = velocity[:3], acceleration[:3]
+    assert isinstance(pose_follows, PoseTask) and isinstance(com_follows, CoMTask)
+    assert isinstance(turn_follows, OrientationTask)
+    pose_follows.follow(place, velocity, acceleration)
+    com_follows.follow(point, velocity[:3], acceleration[:3])
+    turn_follows.follow(place.rotation)
+    for checked, unchecked in zip(*tasks, strict=True):
+        for one, other in zip(rows_of(checked, robot), rows_of(unchecked, robot), strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-14)
+        np.testing.assert_array_equal(checked.feedforward_velocity, unchecked.feedforward_velocity)
+        np.testing.assert_array_equal(checked.feedforward_acceleration, unchecked.feedforward_acceleration)
+
+
 def test_momentum_cannot_be_changed_in_flight() -> None:
     robot, rng = make_robot("talos"), np.random.default_rng(6)
     controller = Controller(robot, 0.002)

@@ -21,7 +21,7 @@ from wbc.walking.lipm import (
     natural_frequency,
     zmp_of_motion,
 )
-from wbc.walking.zmp import NoContactForceError, cop, net_wrench, zmp
+from wbc.walking.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 
 metres = st.floats(-0.5, 0.5)
 
@@ -98,6 +98,14 @@ def test_cop_and_zmp_agree_on_a_tilted_sole_anywhere() -> None:
         np.testing.assert_allclose(cop(wrench), [x, y], atol=1e-12)
         world = net_wrench(wrench[None], [sole])
         np.testing.assert_allclose(zmp(world, sole), sole.act(np.array([x, y, 0.0])), atol=1e-9)
+
+
+def test_the_zmp_on_a_level_is_that_of_a_level_plane() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        wrench, point = rng.uniform(-300, 300, 6), rng.uniform(-100, 100, 3)
+        wrench[2] = rng.uniform(1, 500)
+        np.testing.assert_array_equal(level_zmp(wrench, point), zmp(wrench, pin.SE3(np.eye(3), point)))
 
 
 def test_two_feet_share_the_zmp_by_load() -> None:

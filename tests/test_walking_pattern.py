@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -43,7 +41,7 @@ def inside(area: tuple[np.ndarray, np.ndarray], point: np.ndarray) -> float:
 def pushed(state: Pendulum, shift: np.ndarray) -> Pendulum:
     com = state.com.copy()
     com[:2] += shift
-    return replace(state, com=com)
+    return state._replace(com=com)
 
 
 def moved(state: Pendulum, world: pin.SE3) -> Pendulum:
@@ -185,6 +183,12 @@ def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
             middle = pattern.at(time + 0.5 * support.duration)
             np.testing.assert_allclose(middle.zmp, support.feet[0].position, atol=1e-9)
         time += support.duration
+
+
+def test_the_dcm_alone_is_that_of_the_pendulum() -> None:
+    pattern = analytic_pattern(WALK, HEIGHT, REST)
+    for time in np.linspace(0.0, pattern.duration + 0.5, 97):
+        np.testing.assert_array_equal(pattern.dcm_at(time), pattern.at(time).dcm[:2])
 
 
 def test_plans_move_and_mirror_with_the_world() -> None:

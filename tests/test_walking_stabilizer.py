@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -277,7 +276,7 @@ def test_gains_act_along_the_robots_own_axes() -> None:
 
 
 def test_the_zmp_velocity_term_and_the_height_terms() -> None:
-    target = replace(REST, zmp_velocity=np.array([0.1, -0.2, 0.0]))
+    target = REST._replace(zmp_velocity=np.array([0.1, -0.2, 0.0]))
     zero = np.zeros(3)
     errors = PendulumErrors(np.array([0, 0, 0.02]), np.array([0, 0, -0.1]), *[zero[:2]] * 4)
     gains = StabilizerGains(zmp_d=0.05, com_v=0.0, height_p=40.0, height_d=10.0)

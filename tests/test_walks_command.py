@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -28,6 +30,67 @@ def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     }
 
 
+CONFIG = """
+foot = "soft"
+distance = 0.05
+noise = "none"
+swing-height = 0.07
+single_support = 0.7
+
+[set]
+dcm_p = 4
+"walk.phases.lift_off" = 0.2
+
+[[push]]
+impulse = 0.05
+direction = 90
+step = 2
+"""
+
+
+def test_gait_and_gains_from_a_file_and_what_is_given_comes_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "gait.toml"
+    file.write_text(CONFIG)
+    assert (
+        main(["walk", "--config", str(file), "--set", "dcm-p=5", "--single-support", "0.8", "--json"]) == RAN
+    )
+    spec = json.loads(capsys.readouterr().out)["spec"]
+    assert spec["changes"] == {"gains.dcm_p": [5.0, 5.0], "walk.phases.lift_off": 0.2}
+    assert spec["gait"]["swing_height"] == 0.07 and spec["gait"]["single_support"] == 0.8
+    assert spec["foot"] == "soft" and spec["noise"] == "none" and spec["plan"]["distance"] == 0.05
+    (push,) = spec["pushes"]
+    assert push["step"] == 2 and push["direction"] == pytest.approx(math.pi / 2)
+    (tmp_path / "gait.json").write_text(json.dumps(tomllib.loads(CONFIG)))
+    assert main(["walk", "--config", str(tmp_path / "gait.json"), "--json"]) == RAN
+    other = json.loads(capsys.readouterr().out)["spec"]
+    assert other["changes"]["gains.dcm_p"] == [4.0, 4.0] and other["gait"]["single_support"] == 0.7
+    assert other["pushes"] == spec["pushes"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.toml", "swing = 0.1", "swing"),
+        ("a.toml", "seed = 1.5", "--seed must be a whole number, got 1.5"),
+        ("a.toml", "seed = 'x'", "seed"),
+        ("a.toml", "[gait]\nstep_length = 0.1", r"\[gait\] .* choices: .*set"),
+        ("a.toml", "[set]\ndcm_q = 1", "dcm_p"),
+        ("a.toml", "step_length: 0.1", "not TOML"),
+        ("a.json", "step_length = 0.1", "not JSON"),
+        ("a.json", "[1]", "must hold options"),
+        ("a.json", "", "not JSON"),
+    ],
+)
+def test_bad_files_of_options_are_refused(
+    name: str, text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_text(text)
+    assert main(["walk", "--config", str(tmp_path / name)]) == BAD_INPUT
+    assert re.search(message, capsys.readouterr().err)
+
+
 def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
     push = "impulse=1.2,direction=90,step=1,phase=0.3"
     assert main(["walk", "--distance", "0.05", "--push", push]) == RAN
@@ -41,6 +104,12 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["walk", "--set", "dcm_q=1"], "dcm_p"),
         (["walk", "--spec", "nothing.json"], "cannot be read"),
         (["walk", "--spec", "nothing.json", "--foot", "soft"], "leave --foot out"),
+        (["walk", "--spec", "nothing.json", "--foot", "variable"], "leave --foot out"),
+        (["walk", "--spec", "nothing.json", "--swing-height", "0.06"], "leave --swing-height out"),
+        (["walk", "--config", "nothing.toml"], "cannot be read"),
+        (["walk", "--seed", "1.5"], "--seed must be a whole number, got 1.5"),
+        (["walk", "--velocity", "0.1", "0", "0", "--steps", "2.5"], "--steps must be a whole number"),
+        (["walk", "--seed", "one"], "one"),
         (["walk", "--push", "impuls=0.1"], "impulse"),
         (["walk", "--param", "foo=2"], "parameter of terrain 'stones'"),
         (["study", "run", "flat_floor", "--journal", "."], "folder"),

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.plant import Plant
@@ -37,16 +36,36 @@ LEAST_FORCE = 1.0
 
 
 class _Moment(NamedTuple):
-    """What the onset of a fall may need, kept for a while."""
+    """What the onset of a fall may need, kept for a while as it was found."""
 
     time: float
     step: int
-    phase: str
-    share: float
-    forward: float
-    outward: float
-    roll: float
-    pitch: float
+    phase: Phase
+    elapsed: float
+    duration: float
+    stance: int
+    rotation: list[float]  # of the stance sole, row by row
+    dcm_error: list[float]  # target minus measured
+
+    @property
+    def share(self) -> float:
+        """Part of the phase that is over."""
+        return min(1.0, self.elapsed / self.duration) if self.duration > 0.0 else 0.0
+
+    @property
+    def dcm(self) -> tuple[float, float]:
+        """How far the DCM is from where it should be, forward and outward seen from the stance foot, m."""
+        yaw = math.atan2(self.rotation[3], self.rotation[0])
+        c, s = math.cos(yaw), math.sin(yaw)
+        x, y = -self.dcm_error[0], -self.dcm_error[1]
+        left = c * y - s * x
+        return c * x + s * y, left if self.stance == 0 else -left
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch of the stance sole, rad."""
+        down, side, up = self.rotation[6:]
+        return math.atan2(side, up), -math.asin(min(1.0, max(-1.0, down)))
 
 
 class WalkMeter:
@@ -68,8 +87,8 @@ class WalkMeter:
         self._area: list[float] = []
         self._events: Counter[Event] = Counter()
         self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
-        self._torque = np.zeros(plant.robot.na)
         self._limits = np.asarray(plant.description.torque_limit)
+        self._torque, self._peak, self._ratio = (np.zeros(plant.robot.na) for _ in range(3))
         self._effort: list[float] = []
         self._impact: float | None = None
         self._impact_until = -math.inf
@@ -86,21 +105,23 @@ class WalkMeter:
         if reference is None or output is None or reference is self._reference:
             return  # the controller has had no good measurement, yet or this time
         self._reference = reference
-        measured, wanted = output.measured_zmp, reference.pendulum.zmp
-        distance = math.hypot(wanted[0] - measured[0], wanted[1] - measured[1])
+        (x, y, _), (wanted_x, wanted_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
+        distance = math.hypot(wanted_x - x, wanted_y - y)
         if math.isfinite(distance):  # there is none in the air
             self._zmp.append(distance)
-        com, dcm = output.errors.com, output.errors.dcm
-        self._com.append(math.hypot(com[0], com[1]))
-        self._dcm.append(math.hypot(dcm[0], dcm[1]))
+        x, y, _ = output.errors.com.tolist()
+        self._com.append(math.hypot(x, y))
+        dcm_error = output.errors.dcm.tolist()
+        self._dcm.append(math.hypot(*dcm_error))
         self._notice_events(reference.events, measurement)
-        self._look_at_stance(dcm)
+        self._look_at_stance(dcm_error)
 
     def after_step(self) -> None:
         """Take in what the plant did with the command."""
-        torque = np.abs(self._plant.joint_torque)
-        np.maximum(self._torque, torque, out=self._torque)
-        self._effort.append(float((torque / self._limits).max()))
+        torque, ratio = np.abs(self._plant.joint_torque, out=self._torque), self._ratio
+        np.maximum(self._peak, torque, out=self._peak)
+        np.divide(torque, self._limits, out=ratio)
+        self._effort.append(float(ratio[ratio.argmax()]))
 
     def _notice_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
         phases, now = self._walking.walk.phases, measurement.time
@@ -118,75 +139,65 @@ class WalkMeter:
         """Keep the greatest force of a landing, N."""
         self._impact = force if self._impact is None else max(force, self._impact)
 
-    def _look_at_stance(self, dcm_error: Array) -> None:
+    def _look_at_stance(self, dcm_error: list[float]) -> None:
         """Tilt of the stance sole and the DCM seen from it; its contacts once a step."""
         phases, plant = self._walking.walk.phases, self._plant
-        single = phases.phase is Phase.SINGLE
-        steps = phases.plan.steps
-        index = min(phases.step, len(steps) - 1)
-        stance = 1 - SIDES.index(steps[index].side) if steps else 0
-        rotation = plant.data.site_xmat[self._sites[stance]].reshape(3, 3)
-        roll = math.atan2(rotation[2, 1], rotation[2, 2])
-        pitch = -math.asin(min(1.0, max(-1.0, float(rotation[2, 0]))))
-        yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-        c, s = math.cos(yaw), math.sin(yaw)
-        x, y = -float(dcm_error[0]), -float(dcm_error[1])
-        left = c * y - s * x
-        share = min(1.0, phases.elapsed / phases.duration) if phases.duration > 0.0 else 0.0
-        self._moments.append(
-            _Moment(
-                plant.time,
-                phases.step + 1,
-                phases.phase.value,
-                share,
-                c * x + s * y,
-                left if stance == 0 else -left,
-                roll,
-                pitch,
-            )
+        phase, step, steps = phases.phase, phases.step, phases.plan.steps
+        stance = 1 - SIDES.index(steps[min(step, len(steps) - 1)].side) if steps else 0
+        rotation = plant.data.site_xmat[self._sites[stance]].tolist()
+        moment = _Moment(
+            plant.time, step + 1, phase, phases.elapsed, phases.duration, stance, rotation, dcm_error
         )
-        if not single:
+        self._moments.append(moment)
+        if phase is not Phase.SINGLE:
             return
+        roll, pitch = moment.tilt
         self._roll.append(abs(roll))
         self._pitch.append(abs(pitch))
-        if share >= 0.5 and self._middle != phases.step:
-            self._middle = phases.step
-            truth = plant.truth()
-            mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > LEAST_FORCE)
-            points = (truth.contact_position[mine] - plant.data.site_xpos[self._sites[stance]]) @ rotation
-            self._area.append(hull(points[:, :2])[1])
+        if self._middle != step and moment.share >= 0.5:
+            self._middle = step
+            self._area.append(self._contact_area(stance))
+
+    def _contact_area(self, stance: int) -> float:
+        """Area of the hull of the contacts of a sole, m²."""
+        truth, data, site = self._plant.truth(), self._plant.data, self._sites[stance]
+        mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > LEAST_FORCE)
+        points = (truth.contact_position[mine] - data.site_xpos[site]) @ data.site_xmat[site].reshape(3, 3)
+        return hull(points[:, :2])[1]
 
     def fall(self, reason: str) -> Fall:
         """How a fall that has just been noticed began."""
         phases = self._walking.walk.phases
-        now = _Moment(self._plant.time, phases.step + 1, phases.phase.value, 0.0, 0.0, 0.0, 0.0, 0.0)
+        level = np.eye(3).ravel().tolist()
+        now = _Moment(self._plant.time, phases.step + 1, phases.phase, 0.0, 0.0, 0, level, [0.0, 0.0])
         moments = list(self._moments) or [now]
         onset = moments[-1]
         for moment in reversed(moments):
-            if math.hypot(moment.forward, moment.outward) < EXCURSION:
+            if math.hypot(*moment.dcm) < EXCURSION:
                 break
             onset = moment
-        if abs(onset.outward) >= abs(onset.forward):
-            direction = "outward" if onset.outward > 0.0 else "inward"
+        (forward, outward), (roll, pitch) = onset.dcm, onset.tilt
+        if abs(outward) >= abs(forward):
+            direction = "outward" if outward > 0.0 else "inward"
         else:
-            direction = "forward" if onset.forward > 0.0 else "backward"
+            direction = "forward" if forward > 0.0 else "backward"
         return Fall(
             reason,
             self._plant.time,
             onset.time,
             onset.step,
-            onset.phase,
+            onset.phase.value,
             onset.share,
-            onset.forward,
-            onset.outward,
+            forward,
+            outward,
             direction,
-            onset.roll,
-            onset.pitch,
+            roll,
+            pitch,
         )
 
     def figures(self) -> dict[str, Any]:
         """The fields of a `WalkResult` that are measured here."""
-        ratios = self._torque / self._limits
+        ratios = self._peak / self._limits
         worst = int(np.argmax(ratios))
         count = self._events
         return {

@@ -314,5 +314,6 @@ class TrueFall:
 
     def _height(self) -> float:
         """Height of the pelvis over the lower sole, m."""
-        data = self._plant.data
-        return float(data.qpos[2]) - min(float(data.site_xpos[site][2]) for site in self._sites)
+        data, (one, other) = self._plant.data, self._sites
+        places = data.site_xpos
+        return float(data.qpos[2]) - min(float(places[one, 2]), float(places[other, 2]))

@@ -212,6 +212,16 @@ class Contact(ABC):
     def velocity(self, value: ArrayLike) -> None:
         self._velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
 
+    def follow(self, target: pin.SE3, velocity: Array) -> None:
+        """Set `target` and `velocity` for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            target: Where the contact is held, in the world; kept, not copied.
+            velocity: In the contact frame, shape (dim,), m/s and rad/s.
+        """
+        self._target = target
+        self._velocity[:] = velocity
+
     def attach(self, velocity: Array) -> None:
         """Move the velocity into a view of the controller's arrays."""
         velocity[:] = self._velocity

@@ -498,7 +498,7 @@ class Controller:
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             slot.cone_upper[:] = 0.0 if engaged else 1.0
-            self.problem.empty[slot.rows] = engaged & contact.free & contact.free_force
+            self.problem.set_empty(slot.rows, engaged & contact.free & contact.free_force)
             if not engaged:
                 if slot.full is not None:
                     slot.full[:] = 0.0

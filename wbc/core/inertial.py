@@ -50,6 +50,10 @@ class InertialSettings:
             positive("bias_time_constant (s)", self.bias_time_constant)
 
 
+_HALF = np.array(0.5)
+"""An array without axes: NumPy multiplies by it in half the time that it takes for a number."""
+
+
 class InertialFilter:
     """State of the filter.
 
@@ -65,6 +69,8 @@ class InertialFilter:
         self.velocity: Array = np.zeros(3)
         self.gyro_bias: Array = np.zeros(3)
         self._last: tuple[Array, Array] | None = None
+        self._bias_time = np.array(self.settings.bias_time_constant)
+        self._dt = math.nan
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Start over from an attitude; the gyro bias that was learnt is kept.
@@ -99,14 +105,15 @@ class InertialFilter:
         self._last = (np.array(angular_velocity), np.array(specific_force))
         if dt <= 0.0:
             return
+        half_period = np.array(0.5 * dt)
         rate = gyro + angular_velocity
-        rate *= 0.5
+        rate *= _HALF
         rate -= self.gyro_bias
-        rate *= 0.5 * dt
+        rate *= half_period
         half = pin.exp3(rate)
         middle = self.rotation.dot(half)
         push = middle.dot(force + specific_force)
-        push *= 0.5 * dt
+        push *= half_period
         self.velocity += push
         self.velocity[2] -= dt * GRAVITY
         self.rotation = middle.dot(half)
@@ -124,12 +131,16 @@ class InertialFilter:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
             return
         innovation = velocity - self.velocity
-        share = -math.expm1(-dt / s.velocity_time_constant)
-        self.velocity += share * innovation
+        if dt != self._dt:
+            self._dt = dt
+            self._velocity_share = -math.expm1(-dt / s.velocity_time_constant)
+            self._velocity_gain = np.array(self._velocity_share)
+            self._yaw_share = -math.expm1(-dt / s.yaw_time_constant)
+        share, yaw = self._velocity_share, self._yaw_share
+        self.velocity += self._velocity_gain * innovation
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
         tilt = share / (GRAVITY * s.tilt_time_constant)
-        yaw = -math.expm1(-dt / s.yaw_time_constant)
         x, y, _ = innovation.tolist()
         turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))
-        self.gyro_bias -= turn.dot(self.rotation) / s.bias_time_constant
+        self.gyro_bias -= turn.dot(self.rotation) / self._bias_time
         self.rotation = pin.exp3(turn).dot(self.rotation)

@@ -42,7 +42,7 @@ class BrakingLaw:
         self._per_distance, self._per_velocity = 2.0 * braking, braking * dt
         self._half = 0.5 * dt * braking
         self._square = self._half * self._half
-        self._final, self._product = np.zeros_like(self._half), np.zeros_like(self._half)
+        self._zero, self._final, self._product = (np.zeros_like(self._half) for _ in range(3))
 
     def __call__(self, distance: Array, velocity: Array) -> Array:
         """Return the upper bound of the velocity v⁺ towards the bound, rad/s; overwritten by the next call.
@@ -55,7 +55,7 @@ class BrakingLaw:
         np.multiply(self._per_distance, distance, out=final)
         final -= np.multiply(self._per_velocity, velocity, out=self._product)
         final += self._square
-        np.maximum(final, 0.0, out=final)
+        np.maximum(final, self._zero, out=final)
         np.sqrt(final, out=final)
         final -= self._half
         flat = final.reshape(-1)
@@ -119,7 +119,6 @@ class JointLimits:
         Raises:
             InputError: An acceleration bound that is not positive or of the wrong shape.
         """
-        self._robot = robot
         na = robot.na
         self.acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[6:]
@@ -141,6 +140,8 @@ class JointLimits:
         self._offset = np.array([self.upper, -self.lower])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._gap = np.zeros(na)
+        self._positions, self._velocities = robot.q[7:], robot.v[6:]
+        self._bounded = bool(np.isfinite(self.acceleration).any())
         self._dt = 0.0
 
     def write(self, dt: float, lower: Array, upper: Array) -> None:
@@ -155,10 +156,11 @@ class JointLimits:
             self._dt = dt
             self._law = BrakingLaw(np.array([self.braking, self.braking]), dt)
             self._least = -np.array([self.braking, self.braking])
-        robot, rate, distance = self._robot, self._rate, self._distance
-        np.multiply(self._sign, robot.v[6:], out=rate)
+            self._per_period = np.array(1.0 / dt)
+        rate, distance = self._rate, self._distance
+        np.multiply(self._sign, self._velocities, out=rate)
         if self._use_position:
-            np.multiply(self._sign, robot.q[7:], out=distance)
+            np.multiply(self._sign, self._positions, out=distance)
             bound = self._law(np.subtract(self._offset, distance, out=distance), rate)
             if self._use_velocity:
                 np.minimum(bound, self.velocity, out=bound)
@@ -167,8 +169,9 @@ class JointLimits:
         else:
             bound = np.full_like(rate, np.inf)
         bound -= rate
-        bound *= 1.0 / dt
-        np.minimum(bound, self.acceleration, out=bound)
+        bound *= self._per_period
+        if self._bounded:
+            np.minimum(bound, self.acceleration, out=bound)
         np.maximum(bound, self._least, out=bound)
         upper[:] = bound[0]
         np.negative(bound[1], out=lower)

@@ -24,6 +24,9 @@ from wbc.core.inertial import InertialFilter, InertialSettings
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Measurement
 
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+"""What an estimate is made of, as `Measurement` calls it."""
+
 
 @dataclass(frozen=True)
 class ObserverSettings:
@@ -58,7 +61,8 @@ class Observer:
     """Estimates the state of a robot from its sensors.
 
     Attributes:
-        robot: The estimated robot; updated in place by every `update`.
+        robot: The estimated robot; updated in place by every `update`. A clone has its frames and its centre of mass
+            up to date, but not its dynamics (`Robot.update_kinematics`); an adopted robot has all.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
         load: Normal forces after the low-pass, shape (number of soles,), N.
@@ -79,17 +83,12 @@ class Observer:
         """
         q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
+        self._update_robot = robot.update if adopt else self.robot.update_kinematics
         self.settings = settings or ObserverSettings()
         self.inertial = InertialFilter(self.settings.inertial)
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
-        self._shapes = (
-            ("joint_position", (robot.na,)),
-            ("joint_velocity", (robot.na,)),
-            ("angular_velocity", (3,)),
-            ("specific_force", (3,)),
-            ("sole_wrench", (n, 6)),
-        )
+        self._shapes = ((robot.na,), (robot.na,), (3,), (3,), (n, 6))
         self._half = [(0.5 * sole.length, 0.5 * sole.width) for sole in robot.soles]
         self._imu = robot.frame_id(robot.imu_frame)
         self._data = robot.model.createData()  # kinematics with the base at the origin
@@ -100,8 +99,10 @@ class Observer:
         self._anchor_yaw = [0.0] * n
         self._loads, self._shares = [0.0] * n, [0.0] * n
         # Live views of Pinocchio's frames, and memory for what is made of them.
-        self._imu_placement = self._data.oMf[self._imu]
-        self._sole_placements = [self._data.oMf[sole] for sole in self._soles]
+        imu, soles = self._data.oMf[self._imu], [self._data.oMf[sole] for sole in self._soles]
+        self._imu_rotation_t, self._imu_position = imu.rotation.T, imu.translation
+        self._sole_columns = [sole.rotation[:, :2] for sole in soles]
+        self._sole_positions = [sole.translation for sole in soles]
         self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
         self._sole_axes = np.zeros((n, 3, 2))
         self._arms = np.zeros((n, 3, 1))
@@ -185,12 +186,11 @@ class Observer:
         pin.forwardKinematics(model, data, self._q, self._v)
         for frame in (self._imu, *self._soles):
             pin.updateFramePlacement(model, data, frame)
-        imu = self._imu_placement
         imu_rate = pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
         gyro = measurement.angular_velocity
         self.inertial.predict(gyro, measurement.specific_force, dt)
-        base = self.inertial.rotation.dot(imu.rotation.T)
+        base = self.inertial.rotation.dot(self._imu_rotation_t)
         spin = self.inertial.rotation.dot(gyro - self.inertial.gyro_bias) - base.dot(imu_rate.angular)
 
         self._update_loads(measurement.sole_wrench, dt, base, first)
@@ -201,23 +201,26 @@ class Observer:
         yaw_error = 0.0
         velocity = None
         if not self.in_flight:
-            slip = np.zeros(3)  # what the velocity of the anchors would be if the base only turned
+            slip = [0.0, 0.0, 0.0]  # what the velocity of the anchors would be if the base only turned
+            turning = spin.tolist()
             for i, sole in enumerate(self._soles):
                 share = self._shares[i]
                 if share == 0.0:
                     continue
                 rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
-                point = base.dot(self._sole_placements[i].translation + arms[i])
-                slip += share * (_cross(spin, point) + base.dot(rate.linear + _cross(rate.angular, arms[i])))
+                point = base.dot(self._sole_positions[i] + arms[i]).tolist()
+                sliding = _moved(rate.linear.tolist(), rate.angular.tolist(), arms[i].tolist())
+                moved = _moved(base.dot(np.array(sliding)).tolist(), turning, point)
+                slip = [total + share * value for total, value in zip(slip, moved, strict=True)]
                 yaw = _yaw(base, self._sole_axes[i])
                 yaw_error += share * _wrap(self._anchor_yaw[i] - yaw)
-            velocity = -slip
-        imu_arm = _cross(spin, base.dot(imu.translation)) + base.dot(imu_rate.linear)
+            velocity = -np.array(slip)
+        imu_arm = _cross(spin, base.dot(self._imu_position)) + base.dot(imu_rate.linear)
         if first and velocity is not None:
             self.inertial.velocity = velocity + imu_arm
         self.inertial.correct(None if velocity is None else velocity + imu_arm, yaw_error, dt)
 
-        base = self.inertial.rotation.dot(imu.rotation.T)
+        base = self.inertial.rotation.dot(self._imu_rotation_t)
         base_velocity = self.inertial.velocity - imu_arm
         self._update_position(base, base_velocity, arms, soles, dt)
 
@@ -226,17 +229,25 @@ class Observer:
         q[3:7] = pin.Quaternion(base).normalized().coeffs()
         np.dot(base_velocity, base, out=v[:3])
         np.dot(spin, base, out=v[3:6])
-        self.robot.update(q, v)
+        self._update_robot(q, v)
         q[:7] = self._origin
         v[:BASE_DOF] = 0.0
         self._wrenches[:] = measurement.sole_wrench
         return self.robot
 
     def _check(self, measurement: Measurement) -> None:
-        for name, shape in self._shapes:
-            got = getattr(measurement, name).shape
-            if got != shape:
-                raise MeasurementError(f"{name} must have shape {shape} for {self.robot!r}, got {got}")
+        m = measurement
+        shapes = (
+            m.joint_position.shape,
+            m.joint_velocity.shape,
+            m.angular_velocity.shape,
+            m.specific_force.shape,
+            m.sole_wrench.shape,
+        )
+        if shapes != self._shapes:
+            for name, got, shape in zip(SIGNALS, shapes, self._shapes, strict=True):
+                if got != shape:
+                    raise MeasurementError(f"{name} must have shape {shape} for {self.robot!r}, got {got}")
         measurement.check_finite()
         if self._time is not None and measurement.time < self._time:
             raise MeasurementError(
@@ -247,21 +258,22 @@ class Observer:
         """Loads, shares and centres of pressure; an anchor moves over the sole with the latter."""
         s = self.settings
         gain = 1.0 if first else _gain(dt, s.load_time_constant)
+        rows = wrenches.tolist()
         total = 0.0
-        for i, row in enumerate(wrenches[:, 2].tolist()):
-            load = self._loads[i] = self._loads[i] + gain * (max(row, 0.0) - self._loads[i])
+        for i, row in enumerate(rows):
+            load = self._loads[i] = self._loads[i] + gain * (max(row[2], 0.0) - self._loads[i])
             self._shares[i] = max(load - s.min_load, 0.0)
             total += self._shares[i]
         if total > 0.0:
             self._shares = [share / total for share in self._shares]
         self.load[:] = self._loads
         self.share[:] = self._shares
-        for axes, placement in zip(self._sole_axes, self._sole_placements, strict=True):
-            axes[:] = placement.rotation[:, :2]
+        for axes, columns in zip(self._sole_axes, self._sole_columns, strict=True):
+            axes[:] = columns
         if not s.anchor_at_cop:
             return
         gain = 1.0 if first else _gain(dt, s.cop_time_constant)
-        for i, (_, _, force, roll, pitch, _) in enumerate(wrenches.tolist()):
+        for i, (_, _, force, roll, pitch, _) in enumerate(rows):
             x = y = 0.0
             if force > s.min_load:
                 length, width = self._half[i]
@@ -283,7 +295,7 @@ class Observer:
         """Hang the base on the anchors; anchors that carry little follow the base."""
         s, shares = self.settings, self._shares
         n = len(shares)
-        reach = [base.dot(self._sole_placements[i].translation + arms[i]) for i in range(n)]
+        reach = [base.dot(self._sole_positions[i] + arms[i]) for i in range(n)]
         yaws = [_yaw(base, self._sole_axes[i]) for i in range(n)]
         if soles is not None:
             if len(soles) != n:
@@ -324,6 +336,14 @@ def _cross(a: Array, b: Array) -> Array:
     """Cross product of two vectors; `np.cross` takes ten times as long."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+
+
+def _moved(
+    velocity: Sequence[float], spin: Sequence[float], arm: Sequence[float]
+) -> tuple[float, float, float]:
+    """Velocity of another point of a body: spin × arm + velocity."""
+    (vx, vy, vz), (ax, ay, az), (bx, by, bz) = velocity, spin, arm
+    return ay * bz - az * by + vx, az * bx - ax * bz + vy, ax * by - ay * bx + vz
 
 
 def _yaw(rotation: Array, axes: Array | None = None) -> float:

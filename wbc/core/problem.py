@@ -30,7 +30,8 @@ class Problem:
         diagonal: Shape (n,), ≥ 0.
         linear: Shape (n,).
         n_physics: Number of equalities, the first ones, that nothing may relax; all of them unless set otherwise.
-        empty: Mask of equalities that are 0 = 0, shape (n_eq,): held in reserve, to keep the size fixed.
+        empty: Mask of equalities that are 0 = 0, shape (n_eq,): held in reserve, to keep the size fixed; None when
+            there are none.
         lower: Lower bounds, shape (n_in,); −inf where there is none.
         upper: Upper bounds, shape (n_in,); inf where there is none.
         contacts: Contact name → its force variables.
@@ -47,13 +48,19 @@ class Problem:
         self.inequality = self.rows[n_eq + n_soft :]
         self.target = np.zeros(n_eq + n_soft)
         self.n_physics = n_eq
-        self.empty = np.zeros(n_eq, dtype=bool)
+        self.empty: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None
         self.soft_weight = np.zeros(n_soft)
         self.diagonal, self.linear = np.zeros(n), np.zeros(n)
         self.lower, self.upper = np.full(n_in, -np.inf), np.full(n_in, np.inf)
         self.contacts: dict[str, slice] = {}
         self.equality_groups: dict[str, slice] = {}
         self.inequality_groups: dict[str, slice] = {}
+
+    def set_empty(self, rows: slice, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> None:
+        """Say which of some equalities are 0 = 0."""
+        empty = np.zeros(self.n_eq, dtype=bool) if self.empty is None else self.empty
+        empty[rows] = mask
+        self.empty = empty if empty.any() else None
 
     @property
     def equality_target(self) -> Array:

@@ -36,6 +36,12 @@ SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
 
 
+_CENTRE = ZmpTarget()
+
+_NOTHING = np.zeros(2)
+_NOTHING.setflags(write=False)
+
+
 @dataclass(frozen=True)
 class AdjustmentSettings:
     """Costs and limits of step adjustment.
@@ -152,14 +158,14 @@ class StepAdjuster:
             The step to take; the planned one where the stance foot can do it or it is too late to change.
         """
         s, omega = self.settings, self._omega
-        keep = Adjustment(step, remaining, np.zeros(2), False)
+        keep = Adjustment(step, remaining, _NOTHING, False)
         if remaining <= s.freeze:
             return keep
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
-        under = (target or ZmpTarget()).in_sole(stance.side)
-        half = self._half[SIDES.index(stance.side)]
-        shift_low = [min(0.0, -size - place) for size, place in zip(half, under, strict=True)]
-        shift_high = [max(0.0, size - place) for size, place in zip(half, under, strict=True)]
+        ahead, left = (target or _CENTRE).in_sole(stance.side)
+        length, width = self._half[SIDES.index(stance.side)]
+        shift_low = (min(0.0, -length - ahead), min(0.0, -width - left))
+        shift_high = (max(0.0, length - ahead), max(0.0, width - left))
         grow = math.exp(omega * (remaining + transfer))
         if self._idle(dcm, planned, (c, sn), grow, shift_low, shift_high):
             return keep

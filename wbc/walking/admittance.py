@@ -15,7 +15,7 @@ Source: S. Caron et al., ICRA 2019, section V; K. Nagasaka, PhD thesis, Universi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,8 +26,7 @@ from wbc.walking.gains import StabilizerGains, pair
 from wbc.walking.swing import FootMotion
 
 
-@dataclass(frozen=True, slots=True)
-class FootCorrection:
+class FootCorrection(NamedTuple):
     """What the admittances add to a foot.
 
     Attributes:
@@ -48,13 +47,14 @@ class FootCorrection:
 
     def apply(self, motion: FootMotion) -> FootMotion:
         """Where the foot should be, given where the walk wants it; accelerations are left alone."""
-        rotation = motion.placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
-        translation = motion.placement.translation.copy()
-        translation[2] += self.height
+        placement = motion.placement
+        rotation = placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
+        x, y, z = placement.translation.tolist()
         velocity = motion.velocity.copy()
         velocity[2] += self.height_rate
         velocity[3:] += rotation.dot(np.array((self.roll_rate, self.pitch_rate, 0.0)))
-        return FootMotion(pin.SE3(rotation, translation), velocity, motion.acceleration)
+        place = pin.SE3(rotation, np.array((x, y, z + self.height)))
+        return FootMotion(place, velocity, motion.acceleration)
 
 
 def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:

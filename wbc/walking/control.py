@@ -179,11 +179,14 @@ class WalkingControl:
         self.settings = s = settings or WalkingSettings()
         self.dt = positive("control period (s)", dt)
         self._robot, self._torque = robot, s.mode == "torque"
+        # As commanded; they move with the robot.
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         self._sole_ids = [robot.frame_id(sole.frame) for sole in robot.soles]
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
+        # An array without axes: NumPy divides by it in half the time of a number.
+        self._omega = np.array(self.walk.omega)
         self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
         gains = s.gains
         if s.cop_bandwidth is not None:
@@ -220,6 +223,10 @@ class WalkingControl:
         self.time = 0.0
         self._in_contact = (True, True)
         self._wrench_targets = np.zeros((2, 6))
+        self._dcm = np.zeros(3)  # as measured, with its bias
+        estimate = self.control.observer.robot
+        self._torso = estimate.placement(estimate.torso_frame)
+        self._estimated_soles = [estimate.placement(sole.frame) for sole in estimate.soles]
         if len(plan):
             self.walk.start()
         self._update_area()
@@ -321,17 +328,17 @@ class WalkingControl:
     def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
         """Set all targets of this tick."""
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
-        dcm = com + velocity / self.walk.omega
+        self._dcm = dcm = com + velocity / self._omega
         wrenches = measurement.sole_wrench
         # Filtered loads: a foot that has just met the ground presses in jerks.
         loads = self.control.observer.load.tolist()
         bias = None if self.bias is None else self._estimate_bias(dcm)
         if bias is not None:
+            dcm = dcm.copy()
             dcm[:2] -= bias
         self.reference = reference = self.walk.update(loads, self._soles, dcm)
         if reference.contact != self._in_contact:
             self._switch_contacts(reference)
-        soles = [estimate.data.oMf[i] for i in self._sole_ids]
         for side, area in enumerate(self._carrying):
             if reference.contact[side]:
                 rate = pin.getFrameVelocity(estimate.model, estimate.data, self._sole_ids[side], pin.LOCAL)
@@ -342,7 +349,7 @@ class WalkingControl:
             com,
             velocity,
             wrenches,
-            soles,
+            self._estimated_soles,
             reference.contact,
             reference.heading,
             self.dt,
@@ -375,17 +382,14 @@ class WalkingControl:
         for side, contact in enumerate(self._contacts):
             motion = reference.feet[side]
             if not reference.contact[side]:
-                task = self._swings[side]
-                task.target = motion.placement
-                task.feedforward_velocity = motion.velocity
-                task.feedforward_acceleration = motion.acceleration
+                self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
             elif self._torque:
                 self._wrenches[side].target = output.feet.wrenches[side]
             else:
                 motion = output.corrections[side].apply(motion)
-                contact.target = motion.placement
                 to_sole = motion.placement.rotation.T
-                contact.velocity = (to_sole @ motion.velocity.reshape(2, 3).T).T.reshape(6)
+                velocity = to_sole.dot(motion.velocity.reshape(2, 3).T).T.reshape(6)
+                contact.follow(motion.placement, velocity)
 
     def _move_body(self, reference: WalkReference, output: StabilizerOutput) -> None:
         pendulum = reference.pendulum
@@ -398,13 +402,12 @@ class WalkingControl:
             com[:2] += output.com_offset
             velocity[:2] += output.com_velocity_offset
             acceleration[:2] += output.com_acceleration_offset
-        self._com.target, self._com.feedforward_velocity = com, velocity
-        self._com.feedforward_acceleration = acceleration
+        self._com.follow(com, velocity, acceleration)
         if reference.heading != self._heading:
             self._heading = reference.heading
             heading = _turn(reference.heading)
             for task, tilt in zip(self._upright, self._tilts, strict=True):
-                task.target = heading @ tilt
+                task.follow(heading.dot(tilt))
 
     def _feedforward(self, solution: Solution) -> Array:
         """Joint torques of the commanded motion with the desired foot wrenches in place of the program's own."""
@@ -427,8 +430,9 @@ class WalkingControl:
         if self.reference is None:
             return
         estimate, pendulum = self.control.observer.robot, self.reference.pendulum
-        dcm = estimate.com[:2] + estimate.com_velocity[:2] / self.walk.omega
         normals, offsets = self._area
+        beyond = normals.dot(self._dcm[:2])
+        beyond -= offsets
         solution = self.control.solution
         self.falls.update(
             self.time,
@@ -436,8 +440,8 @@ class WalkingControl:
             q=estimate.q,
             v=estimate.v,
             drop=float(pendulum.com[2] - estimate.com[2]),
-            torso_up=estimate.placement(estimate.torso_frame).rotation[:, 2],
-            dcm_distance=float((normals @ dcm - offsets).max()),
+            torso_up=self._torso.rotation[:, 2],
+            dcm_distance=float(beyond[beyond.argmax()]),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -77,8 +78,7 @@ class DistributionSettings:
         return DistributionSettings(net_force=1e2, ankle_yaw=1e-8, ankle_shear=1e-6, ankle_normal=1e-8)
 
 
-@dataclass(frozen=True, slots=True)
-class FootWrenches:
+class FootWrenches(NamedTuple):
     """What each foot should feel.
 
     Attributes:

@@ -97,7 +97,9 @@ class FallDetector:
         s = self.settings
         self._away = self._away + dt if dcm_distance > s.dcm else 0.0
         self._failures = 0 if solved else self._failures + 1
-        if not (math.isfinite(q.dot(q)) and np.abs(v).max(initial=0.0) < s.speed):  # NaN is below nothing
+        # NaN is below nothing. No speed exceeds the length of them all, which is quicker to see.
+        slow = v.dot(v) < s.speed**2 or np.abs(v).max(initial=0.0) < s.speed
+        if not (math.isfinite(q.dot(q)) and slow):
             self.reason = FallReason.DIVERGED
         elif self._failures >= s.failures:
             self.reason = FallReason.SOLVER

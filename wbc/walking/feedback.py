@@ -15,7 +15,7 @@ Source: Frizza et al., Humanoids 2022, eq. (3); S. Caron et al., ICRA 2019; Mori
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +30,7 @@ LEAST_VERTICAL = -0.5 * GRAVITY
 nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class PendulumErrors:
+class PendulumErrors(NamedTuple):
     """Target minus measured, in the world; heights are in the CoM alone.
 
     Attributes:

@@ -14,6 +14,20 @@ def share(dt: float, time_constant: float) -> float:
     return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
 
 
+class _Share:
+    """`share`, worked out again only when its arguments change; an array without axes, twice as quick as a number."""
+
+    def __init__(self) -> None:
+        self._of = (math.nan, math.nan)
+        self._share: Array = np.zeros(())
+
+    def __call__(self, dt: float, time_constant: float) -> Array:
+        if self._of != (dt, time_constant):
+            self._of = (dt, time_constant)
+            self._share = np.array(share(dt, time_constant))
+        return self._share
+
+
 def clamp(value: Array, bound: float) -> None:
     """Cut each component off at ±bound, in place."""
     if max(map(abs, value.tolist())) > bound:  # hardly ever, and quicker to see than to clip
@@ -37,6 +51,7 @@ class LowPass:
         self.time_constant = non_negative("time constant of a low-pass (s)", time_constant)
         self.value: Array = np.zeros(shape)
         self._fresh = True
+        self._share = _Share()
 
     def reset(self) -> None:
         """Start over: the next input is taken as it is."""
@@ -48,7 +63,7 @@ class LowPass:
             self.value[:] = u
             self._fresh = False
         else:
-            self.value += share(dt, self.time_constant) * (u - self.value)
+            self.value += self._share(dt, self.time_constant) * (u - self.value)
         return self.value
 
 
@@ -69,6 +84,7 @@ class Average:
         """
         self._time_constant, self._bound = time_constant, bound
         self.value: Array = np.zeros(size)
+        self._share = _Share()
 
     def reset(self) -> None:
         """Forget everything."""
@@ -76,7 +92,7 @@ class Average:
 
     def update(self, error: Array, dt: float) -> Array:
         """Take in one error and return the average, which the next call overwrites."""
-        self.value += share(dt, self._time_constant) * (error - self.value)
+        self.value += self._share(dt, self._time_constant) * (error - self.value)
         clamp(self.value, self._bound)
         return self.value
 

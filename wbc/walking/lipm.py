@@ -15,7 +15,7 @@ Source: Kajita et al., IROS 2001; Takenaka et al., IROS 2009; Englsberger et al.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -110,8 +110,7 @@ def com_after(
     return (divergent + convergent) / 2.0, (divergent - convergent) * (omega / 2.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Pendulum:
+class Pendulum(NamedTuple):
     """What the pattern wants at one instant, in the world.
 
     Attributes:

@@ -114,6 +114,26 @@ class Pattern:
 
     def at(self, time: float) -> Pendulum:
         """The pendulum at a time from the start of the pattern (s, not negative)."""
+        com, velocity, zmp, zmp_velocity = self._horizontal(time)
+        level, climb, push = self._profile.at(time)
+        square = self.omega * self.omega
+        acceleration = (square * (com[0] - zmp[0]), square * (com[1] - zmp[1]), push)
+        return Pendulum(
+            np.array((*com, level + self.height)),
+            np.array((*velocity, climb)),
+            np.array(acceleration),
+            np.array((*zmp, level)),
+            np.array((*zmp_velocity, climb)),
+            self.omega,
+        )
+
+    def dcm_at(self, time: float) -> Array:
+        """The DCM at a time from the start of the pattern (s, not negative), shape (2,), m."""
+        (x, y), (speed_x, speed_y), _, _ = self._horizontal(time)
+        return np.array((x + speed_x / self.omega, y + speed_y / self.omega))
+
+    def _horizontal(self, time: float) -> tuple[tuple[float, float], ...]:
+        """CoM (m) and its velocity (m/s), ZMP (m) and its velocity (m/s)."""
         i = max(0, bisect_right(self._knots, time) - 1)
         omega, dt = self.omega, max(0.0, time - self._knots[i])
         x0, y0, rate_x, rate_y, dcm_x, dcm_y, convergent_x, convergent_y = self._pieces[i]
@@ -125,16 +145,12 @@ class Pattern:
             dcm_y = y + lead_y + grow * (dcm_y - y0 - lead_y)
         convergent_x = x - lead_x + (convergent_x - x0 + lead_x) / grow
         convergent_y = y - lead_y + (convergent_y - y0 + lead_y) / grow
-        com_x, com_y = 0.5 * (dcm_x + convergent_x), 0.5 * (dcm_y + convergent_y)
-        level, climb, push = self._profile.at(time)
-        half, square = 0.5 * omega, omega * omega
-        return Pendulum(
-            np.array((com_x, com_y, level + self.height)),
-            np.array((half * (dcm_x - convergent_x), half * (dcm_y - convergent_y), climb)),
-            np.array((square * (com_x - x), square * (com_y - y), push)),
-            np.array((x, y, level)),
-            np.array((rate_x, rate_y, climb)),
-            omega,
+        half = 0.5 * omega
+        return (
+            (0.5 * (dcm_x + convergent_x), 0.5 * (dcm_y + convergent_y)),
+            (half * (dcm_x - convergent_x), half * (dcm_y - convergent_y)),
+            (x, y),
+            (rate_x, rate_y),
         )
 
 

@@ -178,7 +178,7 @@ class PreviewController:
         self, times: Array, reference: Array, areas: list[tuple[Array, Array]], end_dcm: Array, dcm: Array
     ) -> None:
         """Write the program."""
-        p, omega, free = self._problem, self.omega, self._free
+        p, omega = self._problem, self.omega
         span = np.diff(times)
         # ξ_0 = Σ_k weights_k z_k + decay ξ_N: each piece gives to its two ends (linear shape functions).
         x = omega * span
@@ -191,8 +191,7 @@ class PreviewController:
         p.target[:2] = dcm - (weights @ reference + before[-1] * end_dcm)
         p.diagonal[:-2] = np.repeat(0.5 * (span[:-1] + span[1:]), 2)
         p.soft_weight[:] = np.repeat(self.settings.rate_weight / span, 2)
-        for k in range(free):
-            normals, offsets = areas[k]
+        for k, (normals, offsets) in enumerate(areas):
             rows = slice(EDGES * k, EDGES * (k + 1))
             p.inequality[rows, 2 * k : 2 * k + 2] = normals
-            p.upper[rows] = offsets - normals @ reference[k + 1]
+            np.subtract(offsets, normals.dot(reference[k + 1]), out=p.upper[rows])

@@ -96,9 +96,12 @@ class ZmpTarget:
 
     def under(self, foot: Footstep) -> Array:
         """The point under a foot, in the world, shape (2,), m."""
+        return np.array(self._under(foot))
+
+    def _under(self, foot: Footstep) -> tuple[float, float]:
         forward, side = self.in_sole(foot.side)
         c, s = math.cos(foot.yaw), math.sin(foot.yaw)
-        return np.array([foot.x + c * forward - s * side, foot.y + s * forward + c * side])
+        return foot.x + c * forward - s * side, foot.y + s * forward + c * side
 
 
 def zmp_reference(supports: Sequence[Support], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
@@ -112,14 +115,15 @@ def zmp_reference(supports: Sequence[Support], target: ZmpTarget, start: Array) 
     Returns:
         Times from now, shape (k,), s, and points of the broken line, shape (k, 2), m.
     """
-    times, points = [0.0], [np.asarray(start, dtype=float)]
+    times, points = [0.0], [tuple(np.asarray(start, dtype=float).tolist())]
     for i, support in enumerate(supports):
         if support.single:
-            goal = target.under(support.feet[0])
+            goal = target._under(support.feet[0])
         elif i + 1 < len(supports):
-            goal = target.under(supports[i + 1].feet[0])
+            goal = target._under(supports[i + 1].feet[0])
         else:
-            goal = 0.5 * (target.under(support.feet[0]) + target.under(support.feet[1]))
+            (x, y), (u, v) = target._under(support.feet[0]), target._under(support.feet[1])
+            goal = 0.5 * (x + u), 0.5 * (y + v)
         times.append(times[-1] + support.duration)
         points.append(goal)
     return np.array(times), np.array(points)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,14 +22,10 @@ from wbc.walking.feedback import DcmFeedback, PendulumErrors, wrench_through, zm
 from wbc.walking.filters import LowPass
 from wbc.walking.gains import StabilizerGains
 from wbc.walking.lipm import Pendulum
-from wbc.walking.zmp import MIN_FORCE, net_wrench, zmp
-
-LEVEL = np.eye(3)
-"""Rotation of a plane that is level."""
+from wbc.walking.zmp import MIN_FORCE, level_zmp, net_wrench
 
 
-@dataclass(frozen=True, slots=True)
-class StabilizerOutput:
+class StabilizerOutput(NamedTuple):
     """Result of one tick, in the world unless said otherwise.
 
     Attributes:
@@ -161,11 +157,16 @@ class Stabilizer:
             InputError: Measurements that are not finite, or no foot in contact.
         """
         dt = positive("control period (s)", dt)
-        wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
-        com, com_velocity = (
-            finite_array("CoM (m)", com, (3,)),
-            finite_array("CoM velocity (m/s)", com_velocity, (3,)),
-        )
+        if not (
+            com.shape == com_velocity.shape == (3,)
+            and wrenches.shape == (2, 6)
+            and math.isfinite(
+                com.dot(com) + com_velocity.dot(com_velocity) + wrenches.ravel().dot(wrenches.ravel())
+            )
+        ):
+            finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
+            finite_array("CoM (m)", com, (3,))
+            finite_array("CoM velocity (m/s)", com_velocity, (3,))
         self._notice_air(wrenches)
         measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
         idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])
@@ -191,7 +192,8 @@ class Stabilizer:
             zmp_error = None
             if felt is not None and all(contact):
                 distributed = net_wrench(feet.wrenches, soles)
-                zmp_error = (zmp(distributed, pin.SE3(LEVEL, target.zmp)) - measured_zmp)[:2]
+                if distributed[2] >= MIN_FORCE:
+                    zmp_error = (level_zmp(distributed, target.zmp) - measured_zmp)[:2]
             self._com.update(zmp_error, yaw, dt)
         return StabilizerOutput(
             errors,
@@ -223,4 +225,4 @@ class Stabilizer:
         total = net_wrench([wrenches[i] for i in used], [soles[i] for i in used])
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
-        return zmp(total, pin.SE3(LEVEL, target.zmp))
+        return level_zmp(total, target.zmp)

@@ -11,7 +11,7 @@ On stairs the foot travels later going up and earlier going down, so that it cle
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -32,8 +32,7 @@ RPY = ("roll", "pitch", "yaw")
 COORDINATES = ("x", "y", "z", *RPY)
 
 
-@dataclass(frozen=True, slots=True)
-class FootMotion:
+class FootMotion(NamedTuple):
     """Where a foot should be at one instant.
 
     Attributes:

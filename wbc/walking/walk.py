@@ -12,6 +12,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -65,8 +66,7 @@ class WalkSettings:
         finite_scalar("rise_memory", self.rise_memory, low=0.0, high=1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class WalkReference:
+class WalkReference(NamedTuple):
     """What one tick of a walk asks for.
 
     Attributes:
@@ -98,7 +98,7 @@ class _Swing:
         landing: Where the foot lands.
         duration: Time of touch-down from lift-off, s.
         transfer: Time from there until the new foot has taken over, s.
-        dcm: DCM at that time, shape (3,), m.
+        dcm: DCM at that time, shape (2,), m.
     """
 
     pattern: Pattern
@@ -172,6 +172,7 @@ class Walk:
         )
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
         self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
+        self._yaws = [_yaw(motion) for motion in self._feet]
         self._swing: SwingFoot | None = None
         self._nominal: _Swing | None = None
         middle = 0.5 * (plan.left.position + plan.right.position)
@@ -260,12 +261,13 @@ class Walk:
             self._adjust(dcm)
         if self._swing is not None:
             side = SIDES.index(self._swing.landing.side)
-            self._feet[side] = self._swing.at(self.phases.elapsed)
+            self._feet[side] = motion = self._swing.at(self.phases.elapsed)
+            self._yaws[side] = _yaw(motion)
         return WalkReference(
             self._pattern.at(self._time) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
             self.phases.contact,
-            self._heading(),
+            mean_heading(*self._yaws),  # of the feet as they are asked for
             self.phases.phase,
             self.phases.step,
             events,
@@ -289,7 +291,8 @@ class Walk:
         wanted = self._swing.landing
         side = SIDES.index(wanted.side)
         # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
-        self._feet[side] = FootMotion.at_rest(pin.SE3(placements[side]))
+        self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
+        self._yaws[side] = _yaw(motion)
         landed = Footstep.of(wanted.side, placements[side])
         surprise = landed.z - wanted.z
         self._ground += self.settings.ground_memory * surprise
@@ -304,7 +307,7 @@ class Walk:
             error = self.settings.feedback * (np.asarray(dcm[:2]) - start.dcm[:2])
             com = start.com.copy()
             com[:2] += error
-            start = replace(start, com=com)
+            start = start._replace(com=com)
         self._pattern = self._preview.plan(self.phases.supports(), start)
         self._time = 0.0
         status = self._preview.status
@@ -318,7 +321,7 @@ class Walk:
         last = phases.step + 1 >= len(phases.plan)
         transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
         begin, duration = phases.elapsed, phases.duration
-        dcm = self._pattern.at(duration - begin + transfer).dcm
+        dcm = self._pattern.dcm_at(duration - begin + transfer)
         self._nominal = _Swing(self._pattern, begin, landing, duration, transfer, dcm)
 
     def _adjust(self, dcm: Array) -> None:
@@ -336,7 +339,7 @@ class Walk:
             return
         adjusted = self._adjuster.adjust(
             np.asarray(dcm),
-            nominal.pattern.at(elapsed - nominal.begin).dcm,
+            nominal.pattern.dcm_at(elapsed - nominal.begin),
             nominal.dcm,
             nominal.landing,
             plan.stance(phases.step),
@@ -354,7 +357,8 @@ class Walk:
         self._swing.retarget(elapsed, landing, elapsed + time)
         self._replan(None)
 
-    def _heading(self) -> float:
-        """Mean heading of both feet, as they are asked for."""
-        left, right = (math.atan2(m.placement.rotation[1, 0], m.placement.rotation[0, 0]) for m in self._feet)
-        return mean_heading(left, right)
+
+def _yaw(motion: FootMotion) -> float:
+    """Heading of a foot, rad."""
+    rotation = motion.placement.rotation
+    return math.atan2(rotation[1, 0], rotation[0, 0])

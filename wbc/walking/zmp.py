@@ -73,6 +73,24 @@ def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
     )
 
 
+def level_zmp(wrench: Array, point: Array) -> Array:
+    """Zero-tilting moment point of a wrench on the level of a point, `zmp` in a plane that is level.
+
+    Args:
+        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm; it presses down.
+        point: A point of the plane, shape (3,), m.
+
+    Returns:
+        Point in the world, shape (3,), m.
+    """
+    fx, fy, fz, mx, my, _ = wrench.tolist()
+    x, y, z = point.tolist()
+    # Moment about the point; the force goes through where it vanishes.
+    mx -= y * fz - z * fy
+    my -= z * fx - x * fz
+    return np.array((x - my / fz, y + mx / fz, z))
+
+
 def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
     """Sum of contact wrenches at the world origin in world axes.
 

@@ -76,6 +76,8 @@ class WalkOptions:
         push: Pushes on the way, each as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (0 forward, 90
             left), number of the step, share of that step.
         gait: Sizes and timings of steps.
+        config: File with some of these options, TOML or JSON, such as swing_height = 0.07; names and values are tables,
+            such as dcm_p = 5 under [set]. What is given on the command line comes before it.
         spec: File with the whole walk as JSON, such as an earlier output of --json; takes the place of all of these.
         record: File to write everything to that happens, tick by tick (.arrow).
     """
@@ -105,6 +107,7 @@ class WalkOptions:
     set: tuple[str, ...] = ()
     push: tuple[str, ...] = ()
     gait: Annotated[Gait, Parameter(name="*")] = field(default_factory=Gait)
+    config: Path | None = None
     spec: Path | None = None
     record: Path | None = None
 
@@ -115,10 +118,6 @@ class WalkOptions:
             InputError: Whatever is wrong with it.
         """
         if self.spec is not None:
-            default = WalkOptions()
-            for f in fields(self):
-                if f.name not in ("spec", "record") and getattr(self, f.name) != getattr(default, f.name):
-                    raise InputError(f"--spec says the whole walk; leave --{f.name.replace('_', '-')} out")
             return read_spec(self.spec)
         terrain = "stones" if self.terrain is None else self.terrain
         return WalkSpec(
