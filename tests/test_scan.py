@@ -60,7 +60,15 @@ def test_a_plane_is_reconstructed_exactly(a: float, b: float, yaw: float, step: 
     np.testing.assert_allclose(profile.x / step, np.round(profile.x / step), atol=1e-9)
     np.testing.assert_allclose(profile.points[:, 2], profile.z)
     np.testing.assert_allclose(profile.points[:, :2] @ profile.forward, profile.x, atol=1e-12)
-    assert profile.coverage > 0.9
+    # The toe is quick in the middle of its swing: there the finest cells are passed over.
+    places, pitch = swing()
+    d = rays(pitch)
+    hits = places[:, 0] + (a + b * places[:, 0] - places[:, 2]) / (d[:, 2] - b * d[:, 0]) * d[:, 0]
+    cells = np.floor(hits / step + 0.5)
+    near = np.abs(hits / step + 0.5 - np.round(hits / step + 0.5)) < 1e-9  # on the border of two cells
+    nodes = np.round(profile.x / step)
+    assert set(cells[~near]) & set(nodes) <= set(nodes[profile.seen]) <= set(cells) | set(cells - 1)
+    assert profile.coverage > (0.85 if step == 0.006 else 0.95)
     assert 0.24 < profile.length <= 0.36
     assert np.all((profile.lateral > 0.069) & (profile.lateral < 0.074))
 

@@ -246,3 +246,20 @@ def test_bad_input_is_refused() -> None:
         replace(DistributionSettings(), friction=0.0)
     with pytest.raises(InputError, match="pressure"):
         DistributionSettings(pressure=-1.0)
+
+
+def test_answers_do_not_depend_on_where_memory_lies() -> None:
+    """What ProxQP returns does, in its last digits; with mc_rtc's costs nothing else can solve many of these."""
+    settings, shifts = DistributionSettings.legacy(), np.random.default_rng(5)
+    one, other = (WrenchDistribution(SIZES, settings) for _ in range(2))
+    for net, soles, zmp, ratio, contact in random_cases(400, 11):
+        if all(contact):
+            continue
+        first = one.solve(net, soles, zmp, ratio, contact)
+        kept = [np.empty(shifts.integers(1, 400)) for _ in range(20)]
+        second = other.solve(net, soles, zmp, ratio, contact)
+        del kept
+        np.testing.assert_array_equal(first.wrenches, second.wrenches)
+        np.testing.assert_array_equal(first.shortfall, second.shortfall)
+    counts = one._solver.counts
+    assert counts["ProxQP"] + counts["fresh ProxQP"] > 50

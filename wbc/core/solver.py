@@ -335,15 +335,27 @@ class QpSolver:
         """Make an answer of ProxQP exact, from its active set or else by DAQP.
 
         What ProxQP returns depends in the last digits on where its memory lies, so that two runs of a simulation would
-        differ; an exact answer does not.
+        differ; an exact answer does not. One that nothing confirms, as where costs differ by ten orders of magnitude,
+        is cut off before those digits.
         """
         self.counts[name] += 1
         if self.settings.active_set_changes and not self._polish():
             solution = self._daqp(hessian, gradient)
-            if solution is not None and not self._accept(*solution):
+            if solution is None or not self._accept(*solution):
                 logger.debug("neither the active set nor DAQP confirms ProxQP's answer")
+                self._cut_off()
             self._fast.guess(self.multipliers)
         return status
+
+    def _cut_off(self) -> None:
+        """Keep of an answer that nothing confirms the digits that count, which are the same in every run."""
+        quantum = 0.1 * self.settings.residual_tolerance
+        np.multiply(np.rint(self.x / quantum), quantum, out=self.x)
+        np.dot(self.problem.rows, self.x, out=self.values)
+        for multipliers in (self.multipliers, *self._guess[1:]):
+            least = max(1e-6 * float(np.abs(multipliers).max(initial=0.0)), quantum)
+            np.multiply(np.rint(multipliers / least), least, out=multipliers)
+        self._guess[0][:] = self.x
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted answer; False, and nothing changed, if that fails."""
