@@ -222,6 +222,7 @@ class Controller:
         robot, nv, na = self.robot, self.robot.nv, self.robot.na
         for task in self._tasks:
             task.detach()
+        self._listening = [task for task in self._tasks if type(task).observe is not Task.observe]
         motion = [t for t in self._tasks if isinstance(t, MotionTask)]
         selection = [t for t in self._tasks if isinstance(t, SelectionTask)]
         variable = [t for t in self._tasks if isinstance(t, VariableTask)]
@@ -394,7 +395,7 @@ class Controller:
         if self._dirty:
             self._build()
         if measurement is not None:
-            for task in self._tasks:
+            for task in self._listening:
                 task.observe(measurement, self.dt)
         self._assemble()
         assembled = perf_counter()

@@ -214,7 +214,7 @@ class WalkPhases:
         Returns:
             What happened.
         """
-        self.elapsed += positive("control period (s)", dt)
+        self.elapsed += dt if dt > 0.0 else positive("control period (s)", dt)
         if self.phase is Phase.SINGLE:
             return self._single(loads, dt)
         if self.phase is Phase.DOUBLE:

@@ -156,7 +156,8 @@ class Stabilizer:
         Raises:
             InputError: Measurements that are not finite, or no foot in contact.
         """
-        dt = positive("control period (s)", dt)
+        if not dt > 0.0:
+            positive("control period (s)", dt)
         if not (
             com.shape == com_velocity.shape == (3,)
             and wrenches.shape == (2, 6)
