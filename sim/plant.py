@@ -29,6 +29,7 @@ from wbc.core.errors import (
     choose,
     finite_array,
     positive,
+    scalar,
     whole_number,
 )
 from wbc.core.robot import Robot
@@ -229,7 +230,8 @@ class Plant:
         self.ticks = 0
         self.diverged = None
         self._after_step()
-        self._sample()
+        if self._chain.oldest > 0:
+            self._sample()
         self._chain.reset(self._signals, sensor_seed)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
@@ -387,7 +389,7 @@ class Plant:
         self._gyro_places = np.array(places[:3], dtype=np.intp)
         self._force_places = np.array(places[3:], dtype=np.intp)
         self._window = np.zeros((self.steps if self.averaging else 1, len(places) - 3))
-        self._samples = np.array(float(len(self._window)))
+        self._samples = scalar(len(self._window))
         self._signals = np.empty(2 * na + len(places))
         self._positions, self._velocities = self._signals[:na], self._signals[na : 2 * na]
         self._rates = self._signals[2 * na : 2 * na + 3]

@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wbc.core.errors import Array, choose, non_negative
+from wbc.core.errors import Array, choose, non_negative, scalar
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class SensorChain:
         for quantum, run in groupby(c.quantum for c in channels):
             stop = start + len(list(run))
             if quantum > 0.0:
-                self._rounded.append((slice(start, stop), np.array(quantum)))
+                self._rounded.append((slice(start, stop), scalar(quantum)))
             start = stop
         self._noisy = bool(self._std.any())
         self.oldest = int(self._delay.max())

@@ -248,8 +248,8 @@ def test_bad_input_is_refused() -> None:
         DistributionSettings(pressure=-1.0)
 
 
-def test_answers_do_not_depend_on_where_memory_lies() -> None:
-    """What ProxQP returns does, in its last digits; with mc_rtc's costs nothing else can solve many of these."""
+def test_the_last_digits_of_proxqp_do_not_show() -> None:
+    """They depend on where its memory lies; with mc_rtc's costs nothing else can solve many of these."""
     settings, shifts = DistributionSettings.legacy(), np.random.default_rng(5)
     one, other = (WrenchDistribution(SIZES, settings) for _ in range(2))
     for net, soles, zmp, ratio, contact in random_cases(400, 11):

@@ -118,5 +118,7 @@ def test_two_feet_share_the_zmp_by_load() -> None:
 def test_no_point_without_force() -> None:
     with pytest.raises(NoContactForceError, match="below 1 N"):
         cop(np.array([0, 0, 0.5, 0, 0, 0]))
+    with pytest.raises(NoContactForceError, match="vertical"):
+        level_zmp(np.array([0, 0, 0.5, 0, 0, 0]), np.zeros(3))
     with pytest.raises(NoContactForceError, match="normal"):
         zmp(np.array([0, 0, -300.0, 0, 0, 0]), pin.SE3.Identity())

@@ -325,6 +325,20 @@ def test_net_wrench_is_the_weight_and_flight_is_noticed() -> None:
     assert not observer.net_wrench.any()
 
 
+def test_an_estimate_without_dynamics_is_the_same() -> None:
+    sensors, _, _ = sway(seconds=2.0)
+    whole, quick = Observer(biped()), Observer(biped(), dynamics=False)
+    for sensor in sensors:
+        one, other = whole.update(sensor), quick.update(sensor)
+        for what in ("q", "v", "com", "com_velocity"):
+            np.testing.assert_array_equal(getattr(one, what), getattr(other, what), err_msg=what)
+    fresh = biped()
+    fresh.update(one.q, one.v)
+    np.testing.assert_array_equal(one.bias, fresh.bias)
+    np.testing.assert_array_equal(one.mass_matrix, fresh.mass_matrix)
+    assert np.abs(other.bias - fresh.bias).max() > 1e-3  # left where it was
+
+
 def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
     robot = biped()
     observer = Observer(robot)

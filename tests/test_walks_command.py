@@ -39,9 +39,9 @@ single_support = 0.7
 
 [set]
 dcm_p = 4
-"walk.phases.lift_off" = 0.2
+walk.phases.lift_off = 0.2
 
-[[push]]
+[push]
 impulse = 0.05
 direction = 90
 step = 2
@@ -54,7 +54,8 @@ def test_gait_and_gains_from_a_file_and_what_is_given_comes_first(
     file = tmp_path / "gait.toml"
     file.write_text(CONFIG)
     assert (
-        main(["walk", "--config", str(file), "--set", "dcm-p=5", "--single-support", "0.8", "--json"]) == RAN
+        main(["walk", "--config", str(file), "--set", "gains.dcm-p=5", "--single-support", "0.8", "--json"])
+        == RAN
     )
     spec = json.loads(capsys.readouterr().out)["spec"]
     assert spec["changes"] == {"gains.dcm_p": [5.0, 5.0], "walk.phases.lift_off": 0.2}
@@ -67,6 +68,12 @@ def test_gait_and_gains_from_a_file_and_what_is_given_comes_first(
     other = json.loads(capsys.readouterr().out)["spec"]
     assert other["changes"]["gains.dcm_p"] == [4.0, 4.0] and other["gait"]["single_support"] == 0.7
     assert other["pushes"] == spec["pushes"]
+    file.write_text("set = ['dcm_p=4', 'dcm_d=0.1']\npush = ['impulse=0.1,step=1', 'impulse=0.05,step=2']")
+    words = ["walk", "--config", str(file), "--distance", "0.05", "--set", "dcm_p=5", "--json"]
+    assert main(words) == RAN
+    third = json.loads(capsys.readouterr().out)["spec"]
+    assert third["changes"]["gains.dcm_p"] == [5.0, 5.0] and third["changes"]["gains.dcm_d"] == [0.1, 0.1]
+    assert [push["step"] for push in third["pushes"]] == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -80,6 +87,11 @@ def test_gait_and_gains_from_a_file_and_what_is_given_comes_first(
         ("a.toml", "step_length: 0.1", "not TOML"),
         ("a.json", "step_length = 0.1", "not JSON"),
         ("a.json", "[1]", "must hold options"),
+        ("a.json", '{"seed": 1, "seed": 2}', "'seed' is given twice"),
+        ("a.conf", "seed = 1", "must end in .toml or .json"),
+        ("a.toml", "config = 'b.toml'", "cannot name another"),
+        ("a.toml", "spec = 'walk.json'", "leave --config out"),
+        ("a.toml", "set = 4", "must be a table"),
         ("a.json", "", "not JSON"),
     ],
 )

@@ -20,8 +20,8 @@ PARTS = ("physics", "sensors", "observer", "walk", "stabilizer", "program", "res
 
 Of the tick: the observer, the walk (phases, pattern, step adjustment), the stabilizer with its distribution, the
 whole-body program from assembly to solution, and the rest: targets, servo references, fall test. Figures are what the
-result and the fall test on the true state take. The clocks that part the whole make it slower by about a hundredth: the
-whole is that of walks without them, and the parts are scaled to it.
+result and the fall test on the true state take. The whole is timed in walks of their own: the clocks around the parts
+cost about a hundredth of it, and the parts are scaled down by that.
 """
 
 SOFT: dict[str, Any] = {"foot": "soft", "stiffness": 5.0, "amplitude": 0.02}

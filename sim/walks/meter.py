@@ -176,7 +176,7 @@ class WalkMeter:
             if math.hypot(*moment.dcm) < EXCURSION:
                 break
             onset = moment
-        (forward, outward), (roll, pitch) = onset.dcm, onset.tilt
+        forward, outward, roll, pitch = (value + 0.0 for value in (*onset.dcm, *onset.tilt))  # no -0.0
         if abs(outward) >= abs(forward):
             direction = "outward" if outward > 0.0 else "inward"
         else:

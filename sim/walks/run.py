@@ -89,7 +89,9 @@ class WalkTrial:
             if any(spec.start) or any(shift):
                 start = moved(moved(own, shift), spec.start)
                 self.plant.reset(self.plant.on_ground(start))
-            observer = Observer(robot, prepared.settings.observer, adopt=spec.mode == "torque")
+            # Only a walk in torque control needs more of the estimate than where its parts are and how they move.
+            adopt = spec.mode == "torque"
+            observer = Observer(robot, prepared.settings.observer, adopt=adopt, dynamics=False)
             observer.reset(prepared.configuration)
             robot.update(prepared.configuration, np.zeros(robot.nv))
             height, plan = prepared.settings.com_height, prepared.plan

@@ -5,94 +5,131 @@ from __future__ import annotations
 import json
 import tomllib
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from cyclopts import App, ArgumentCollection, Token
+from cyclopts import App, Argument, ArgumentCollection, Token
 from cyclopts.config import Dict
 
 from wbc.core.errors import InputError
 
-Tables = dict[str, dict[str, Any]]
-"""Tables of a file of options: options that are given as name=value, and their names and values."""
+CONFIG, SPEC = "--config", "--spec"
+
+BESIDE_SPEC = ("--record",)
+"""Options of a walk that say nothing about it."""
+
+WHOLE = ("push",)
+"""Options that take several name=value at once, with commas between: a table is one value of them."""
 
 
-def complete(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Take in the file named by --config, and refuse what the words cannot mean; cyclopts calls it for every command.
+def take_in(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Read the file named by --config, and refuse words that cannot be meant; cyclopts calls it for every command.
 
     Raises:
-        InputError: A file that cannot be used, a fraction for a whole number, or options beside --spec, which says all.
+        InputError: A file that cannot be used, a fraction for a whole number, or options beside --spec.
     """
-    _refuse_beside(arguments, "--spec", "the whole walk", ("--record",))
-    path = _word(arguments, "--config")
+    path = _word(arguments, CONFIG)
     if path is not None:
-        values, tables = read_options(Path(path))
-        # What is given one by one comes first, and in a list of name=value each name for itself.
-        for option, table in tables.items():
-            _add(arguments, option, table, path)
-        Dict(values, source=path, use_commands_as_keys=False)(app, commands, arguments)
+        _add_file(app, commands, arguments, Path(path))
+    _refuse_beside_spec(arguments)
     for argument in arguments:
         if int in (argument.hint, *typing.get_args(argument.hint)):
             for token in argument.tokens:
                 _check_whole(argument.name, token.value)
 
 
-def read_options(path: Path) -> tuple[dict[str, Any], Tables]:
+def read_options(path: Path) -> dict[str, Any]:
     """Options out of a TOML file, or out of a JSON file of the same content.
-
-    Returns:
-        Options with a value, and tables.
 
     Raises:
         InputError: It cannot be read, or is not of that form.
     """
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("toml", "json"):
+        raise InputError(f"the name of a file of options must end in .toml or .json, got '{path.name}'")
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no text") from error
-    toml = path.suffix.lower() == ".toml"
     try:
-        data = tomllib.loads(text) if toml else json.loads(text)
+        data = tomllib.loads(text) if kind == "toml" else json.loads(text, object_pairs_hook=_once)
     except ValueError as error:
-        raise InputError(f"{path} is not {'TOML' if toml else 'JSON'}: {error}") from error
+        raise InputError(f"{path} is not {kind.upper()}: {error}") from error
     if not isinstance(data, dict):
         raise InputError(f"{path} must hold options with their values, got {type(data).__name__}")
-    tables = {name: value for name, value in data.items() if isinstance(value, dict)}
-    return {name: _row(value) for name, value in data.items() if name not in tables}, tables
+    return data
 
 
-def _row(value: Any) -> Any:
-    """A value; a list of tables, each as one text with commas between, as a push is given."""
-    if isinstance(value, list):
-        return [
-            ",".join(f"{k}={_text(v)}" for k, v in each.items()) if isinstance(each, dict) else each
-            for each in value
-        ]
-    return value
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; TOML refuses a name that is given twice by itself."""
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"'{name}' is given twice")
+    return dict(pairs)
 
 
-def _add(arguments: ArgumentCollection, option: str, table: Mapping[str, Any], source: str) -> None:
-    """Append a table as name=value texts to an option that takes such."""
-    name = f"--{option.replace('_', '-')}"
-    argument = next((each for each in arguments if each.name == name), None)
-    if argument is None or argument.hint != tuple[str, ...]:
-        choices = ", ".join(each.name[2:] for each in arguments if each.hint == tuple[str, ...])
-        raise InputError(f"{source}: [{option}] is no option of name=value; choices: {choices}")
-    given = {_name(token.value) for token in argument.tokens}
-    for key, value in table.items():
-        if _name(key) not in given:
-            text = f"{key}={_text(value)}"
+def _add_file(app: App, commands: tuple[str, ...], arguments: ArgumentCollection, path: Path) -> None:
+    """Give options that were not given what a file says; where they are names and values, name by name."""
+    by_name = {argument.name: argument for argument in arguments}
+    others: dict[str, Any] = {}
+    for option, value in read_options(path).items():
+        name = f"--{option.replace('_', '-')}"
+        if name == CONFIG:
+            raise InputError(f"{path}: a file of options cannot name another one")
+        argument = by_name.get(name)
+        if argument is not None and argument.hint == tuple[str, ...] and option not in WHOLE:
+            _add_names(argument, option, value, str(path))
+        elif option in WHOLE:
+            rows = value if isinstance(value, list) else [value]
+            others[option] = [_joined(row) if isinstance(row, dict) else row for row in rows]
+        elif isinstance(value, dict):
+            choices = [each for each, own in by_name.items() if own.hint == tuple[str, ...]]
+            raise InputError(
+                f"{path}: [{option}] takes no names and values; choices: {', '.join(each[2:] for each in choices)}"
+            )
+        else:
+            others[option] = value
+    Dict(others, source=str(path), use_commands_as_keys=False)(app, commands, arguments)
+
+
+def _add_names(argument: Argument, option: str, value: Any, source: str) -> None:
+    """Append names and values, from a table or a list of name=value, to those given."""
+    texts = [f"{name}={_text(each)}" for name, each in _flat(value)] if isinstance(value, dict) else value
+    if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        raise InputError(f"{source}: {option} must be a table of names and values, got {value!r}")
+    given = [_name(token.value) for token in argument.tokens]
+    for text in texts:
+        if not any(_same(_name(text), other) for other in given):
             argument.append(
                 Token(keyword=f"[{option}]", value=text, source=source, index=len(argument.tokens))
             )
 
 
+def _flat(table: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, Any]]:
+    """Names with dots, and values: TOML makes tables of names with dots."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{name}.")
+        else:
+            yield before + name, value
+
+
+def _joined(table: Mapping[str, Any]) -> str:
+    return ",".join(f"{name}={_text(value)}" for name, value in table.items())
+
+
 def _name(text: str) -> str:
     return text.partition("=")[0].strip().replace("-", "_")
+
+
+def _same(one: str, other: str) -> bool:
+    """True for two names of one setting: dcm_p is gains.dcm_p."""
+    return one == other or one.endswith(f".{other}") or other.endswith(f".{one}")
 
 
 def _text(value: Any) -> str:
@@ -104,17 +141,17 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def _refuse_beside(arguments: ArgumentCollection, option: str, what: str, besides: tuple[str, ...]) -> None:
-    """An option that says everything leaves nothing to its neighbours, not even what is their default anyway."""
-    place = next((i for i, argument in enumerate(arguments) if argument.name == option), None)
+def _refuse_beside_spec(arguments: ArgumentCollection) -> None:
+    """A spec says the whole walk and leaves nothing to its neighbours, not even what is their default anyway."""
+    place = next((i for i, argument in enumerate(arguments) if argument.name == SPEC), None)
     if place is None or not arguments[place].tokens:
         return
     # Options of one class stand together, behind an argument without keys that stands for the class.
     before = list(takewhile(lambda each: each.keys, reversed(arguments[:place])))
     after = list(takewhile(lambda each: each.keys, arguments[place + 1 :]))
     for argument in (*before, *after):
-        if argument.tokens and argument.name not in besides:
-            raise InputError(f"{option} says {what}; leave {argument.name} out")
+        if argument.tokens and argument.name not in BESIDE_SPEC:
+            raise InputError(f"{SPEC} says the whole walk; leave {argument.name} out")
 
 
 def _word(arguments: ArgumentCollection, option: str) -> str | None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from wbc._version import __version__
-from wbc.app.arguments import complete
+from wbc.app.arguments import take_in
 from wbc.app.commands import COMMANDS, GROUPS
 from wbc.core.errors import InputError, WbcError
 
@@ -32,7 +32,7 @@ def make_app(first_word: str | None = None) -> App:
         help="Whole-body QP control for humanoids: tasks, contacts and limits, solved at every tick.",
         help_epilogue="Exit codes: 0 ran, 1 failed, 2 bad input.",
         version=__version__,
-        config=(complete,),
+        config=(take_in,),
         **options,
     )
     groups: dict[str, App] = {}

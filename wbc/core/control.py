@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.controller import Controller
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive, scalar
 from wbc.core.observer import Observer
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
@@ -242,8 +242,7 @@ class PositionControl(_Control):
         self.q = np.array(controller.robot.q)
         self.v = np.array(controller.robot.v)
         self._step = np.zeros(controller.robot.nv)
-        # Arrays without axes: NumPy multiplies by them in half the time.
-        self._dt, self._half_square = np.array(controller.dt), np.array(0.5 * controller.dt * controller.dt)
+        self._dt, self._half_square = scalar(controller.dt), scalar(0.5 * controller.dt * controller.dt)
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
     def reset(self, q: Array | None = None) -> None:

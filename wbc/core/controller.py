@@ -222,7 +222,9 @@ class Controller:
         robot, nv, na = self.robot, self.robot.nv, self.robot.na
         for task in self._tasks:
             task.detach()
-        self._listening = [task for task in self._tasks if type(task).observe is not Task.observe]
+        self._listening = [
+            task for task in self._tasks if getattr(task.observe, "__func__", None) is not Task.observe
+        ]
         motion = [t for t in self._tasks if isinstance(t, MotionTask)]
         selection = [t for t in self._tasks if isinstance(t, SelectionTask)]
         variable = [t for t in self._tasks if isinstance(t, VariableTask)]

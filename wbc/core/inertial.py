@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array, positive, scalar
 from wbc.core.robot import GRAVITY
 
 
@@ -50,8 +50,7 @@ class InertialSettings:
             positive("bias_time_constant (s)", self.bias_time_constant)
 
 
-_HALF = np.array(0.5)
-"""An array without axes: NumPy multiplies by it in half the time that it takes for a number."""
+_HALF = scalar(0.5)
 
 
 class InertialFilter:
@@ -69,8 +68,7 @@ class InertialFilter:
         self.velocity: Array = np.zeros(3)
         self.gyro_bias: Array = np.zeros(3)
         self._last: tuple[Array, Array] | None = None
-        self._bias_time = np.array(self.settings.bias_time_constant)
-        self._dt = math.nan
+        self._bias_time = scalar(self.settings.bias_time_constant)
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Start over from an attitude; the gyro bias that was learnt is kept.
@@ -105,7 +103,7 @@ class InertialFilter:
         self._last = (np.array(angular_velocity), np.array(specific_force))
         if dt <= 0.0:
             return
-        half_period = np.array(0.5 * dt)
+        half_period = scalar(0.5 * dt)
         rate = gyro + angular_velocity
         rate *= _HALF
         rate -= self.gyro_bias
@@ -131,15 +129,11 @@ class InertialFilter:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
             return
         innovation = velocity - self.velocity
-        if dt != self._dt:
-            self._dt = dt
-            self._velocity_share = -math.expm1(-dt / s.velocity_time_constant)
-            self._velocity_gain = np.array(self._velocity_share)
-            self._yaw_share = -math.expm1(-dt / s.yaw_time_constant)
-        share, yaw = self._velocity_share, self._yaw_share
-        self.velocity += self._velocity_gain * innovation
+        share = -math.expm1(-dt / s.velocity_time_constant)
+        self.velocity += share * innovation
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
         tilt = share / (GRAVITY * s.tilt_time_constant)
+        yaw = -math.expm1(-dt / s.yaw_time_constant)
         x, y, _ = innovation.tolist()
         turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))
         self.gyro_bias -= turn.dot(self.rotation) / self._bias_time

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative, positive, scalar
 from wbc.core.robot import Robot
 
 RECOVERY_TIME = 0.1
@@ -141,7 +141,6 @@ class JointLimits:
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._gap = np.zeros(na)
         self._positions, self._velocities = robot.q[7:], robot.v[6:]
-        self._bounded = bool(np.isfinite(self.acceleration).any())
         self._dt = 0.0
 
     def write(self, dt: float, lower: Array, upper: Array) -> None:
@@ -156,7 +155,7 @@ class JointLimits:
             self._dt = dt
             self._law = BrakingLaw(np.array([self.braking, self.braking]), dt)
             self._least = -np.array([self.braking, self.braking])
-            self._per_period = np.array(1.0 / dt)
+            self._per_period = scalar(1.0 / dt)
         rate, distance = self._rate, self._distance
         np.multiply(self._sign, self._velocities, out=rate)
         if self._use_position:
@@ -170,8 +169,7 @@ class JointLimits:
             bound = np.full_like(rate, np.inf)
         bound -= rate
         bound *= self._per_period
-        if self._bounded:
-            np.minimum(bound, self.acceleration, out=bound)
+        np.minimum(bound, self.acceleration, out=bound)
         np.maximum(bound, self._least, out=bound)
         upper[:] = bound[0]
         np.negative(bound[1], out=lower)

@@ -61,8 +61,7 @@ class Observer:
     """Estimates the state of a robot from its sensors.
 
     Attributes:
-        robot: The estimated robot; updated in place by every `update`. A clone has its frames and its centre of mass
-            up to date, but not its dynamics (`Robot.update_kinematics`); an adopted robot has all.
+        robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
         load: Normal forces after the low-pass, shape (number of soles,), N.
@@ -72,7 +71,12 @@ class Observer:
     """
 
     def __init__(
-        self, robot: Robot, settings: ObserverSettings | None = None, *, adopt: bool = False
+        self,
+        robot: Robot,
+        settings: ObserverSettings | None = None,
+        *,
+        adopt: bool = False,
+        dynamics: bool = True,
     ) -> None:
         """Start at rest in the configuration that the robot has.
 
@@ -80,10 +84,12 @@ class Observer:
             robot: Robot to estimate.
             settings: Settings; the defaults when None.
             adopt: Estimate into `robot` itself instead of a clone, as a controller of the estimated robot wants.
+            dynamics: Keep mass matrix, bias forces and Jacobians of the estimated robot up to date, too. Without them
+                (`Robot.update_kinematics`) an update is quicker; an adopted robot always has them.
         """
         q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
-        self._update_robot = robot.update if adopt else self.robot.update_kinematics
+        self._update_robot = self.robot.update if adopt or dynamics else self.robot.update_kinematics
         self.settings = settings or ObserverSettings()
         self.inertial = InertialFilter(self.settings.inertial)
         n = len(robot.soles)

@@ -183,7 +183,7 @@ class Robot:
         self.q[:] = q
         self.v[:] = v
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
-        # The sum of the centre of mass in the order of `update`; that of its velocity above is in it already.
+        # For the centre of mass alone, summed up in the order of `update`; its velocity stays that of the line above.
         pin.ccrba(self.model, self.data, self.q, self.v)
         pin.updateFramePlacements(self.model, self.data)
 

@@ -23,7 +23,7 @@ import proxsuite
 import qpsolvers
 from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.problem import Problem
 
 logger = logging.getLogger(__name__)
@@ -101,8 +101,7 @@ class SolverSettings:
             )
 
 
-# Arrays without axes: NumPy takes them in half the time of a number.
-_ONE, _LEAST_WEIGHT = np.array(1.0), np.array(1e-12)
+_ONE, _LEAST_WEIGHT = scalar(1.0), scalar(1e-12)
 
 
 class ActiveSet:
@@ -335,8 +334,8 @@ class QpSolver:
         """Make an answer of ProxQP exact, from its active set or else by DAQP.
 
         What ProxQP returns depends in the last digits on where its memory lies, so that two runs of a simulation would
-        differ; an exact answer does not. One that nothing confirms, as where costs differ by ten orders of magnitude,
-        is cut off before those digits.
+        differ; an exact answer does not. One that nothing confirms, as where costs differ by many orders of magnitude,
+        is rounded, which hides nearly all of that.
         """
         self.counts[name] += 1
         if self.settings.active_set_changes and not self._polish():
@@ -348,14 +347,11 @@ class QpSolver:
         return status
 
     def _cut_off(self) -> None:
-        """Keep of an answer that nothing confirms the digits that count, which are the same in every run."""
+        """Round an answer that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
         quantum = 0.1 * self.settings.residual_tolerance
-        np.multiply(np.rint(self.x / quantum), quantum, out=self.x)
-        np.dot(self.problem.rows, self.x, out=self.values)
-        for multipliers in (self.multipliers, *self._guess[1:]):
-            least = max(1e-6 * float(np.abs(multipliers).max(initial=0.0)), quantum)
-            np.multiply(np.rint(multipliers / least), least, out=multipliers)
-        self._guess[0][:] = self.x
+        multipliers = self.multipliers
+        self._accept(quantum * np.rint(self.x / quantum), _cut(multipliers))
+        self._guess[0][:], self._guess[1][:], self._guess[2][:] = self.x, _cut(self._guess[1]), multipliers
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted answer; False, and nothing changed, if that fails."""
@@ -433,6 +429,12 @@ class QpSolver:
             multipliers[above] += solution.z[: above.sum()]
             multipliers[below] -= solution.z[above.sum() :]
         return solution.x, multipliers
+
+
+def _cut(multipliers: Array) -> Array:
+    """Multipliers without the digits that are a million times smaller than the greatest."""
+    least = 1e-6 * float(np.abs(multipliers).max(initial=0.0))
+    return multipliers if least == 0.0 else least * np.rint(multipliers / least)
 
 
 def standard_form(

@@ -21,7 +21,7 @@ import pinocchio as pin
 from wbc.core.contact import SoleContact
 from wbc.core.control import PositionControl, TorqueControl
 from wbc.core.controller import Controller
-from wbc.core.errors import Array, InputError, choose, positive, two_of
+from wbc.core.errors import Array, InputError, choose, positive, scalar, two_of
 from wbc.core.limits import JointLimits, TorqueLimits
 from wbc.core.observer import Observer
 from wbc.core.robot import BASE_DOF, Robot
@@ -179,14 +179,13 @@ class WalkingControl:
         self.settings = s = settings or WalkingSettings()
         self.dt = positive("control period (s)", dt)
         self._robot, self._torque = robot, s.mode == "torque"
-        # As commanded; they move with the robot.
+        # Of the robot that the program moves: the commanded one, or the estimated one in torque control.
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         self._sole_ids = [robot.frame_id(sole.frame) for sole in robot.soles]
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
-        # An array without axes: NumPy divides by it in half the time of a number.
-        self._omega = np.array(self.walk.omega)
+        self._omega = scalar(self.walk.omega)
         self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
         gains = s.gains
         if s.cop_bandwidth is not None:

@@ -76,8 +76,8 @@ class DistributionSettings:
     def legacy() -> DistributionSettings:
         """mc_rtc's costs (10000 net, 100 · diag(1, 1, 1e-4 | 1e-3, 1e-3, 1e-4)², 1), all over 100.
 
-        The smallest, 1e-8 and 1e-6, only pick one of many solutions. They are raised to 1e-5: no solver gets digits right
-        that are ten orders of magnitude below others.
+        The smallest, 1e-8 and 1e-6, only pick one of many solutions. They are raised to 1e-5: no solver gets right what
+        is ten orders of magnitude below the rest.
         """
         tiny = 1e-5
         return DistributionSettings(net_force=1e2, ankle_yaw=tiny, ankle_shear=tiny, ankle_normal=tiny)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative
+from wbc.core.errors import Array, non_negative, scalar
 
 
 def share(dt: float, time_constant: float) -> float:
@@ -15,7 +15,7 @@ def share(dt: float, time_constant: float) -> float:
 
 
 class _Share:
-    """`share`, worked out again only when its arguments change; an array without axes, twice as quick as a number."""
+    """`share`, worked out again only when its arguments change."""
 
     def __init__(self) -> None:
         self._of = (math.nan, math.nan)
@@ -24,7 +24,7 @@ class _Share:
     def __call__(self, dt: float, time_constant: float) -> Array:
         if self._of != (dt, time_constant):
             self._of = (dt, time_constant)
-            self._share = np.array(share(dt, time_constant))
+            self._share = scalar(share(dt, time_constant))
         return self._share
 
 

@@ -156,7 +156,7 @@ class Stabilizer:
         Raises:
             InputError: Measurements that are not finite, or no foot in contact.
         """
-        if not dt > 0.0:
+        if not 0.0 < dt < math.inf:
             positive("control period (s)", dt)
         if not (
             com.shape == com_velocity.shape == (3,)

@@ -77,13 +77,18 @@ def level_zmp(wrench: Array, point: Array) -> Array:
     """Zero-tilting moment point of a wrench on the level of a point, `zmp` in a plane that is level.
 
     Args:
-        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm; it presses down.
+        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
         point: A point of the plane, shape (3,), m.
 
     Returns:
         Point in the world, shape (3,), m.
+
+    Raises:
+        NoContactForceError: The vertical force is below `MIN_FORCE`.
     """
     fx, fy, fz, mx, my, _ = wrench.tolist()
+    if not fz >= MIN_FORCE:
+        raise NoContactForceError(f"no ZMP: vertical force {fz:.3g} N is below {MIN_FORCE:g} N")
     x, y, z = point.tolist()
     # Moment about the point; the force goes through where it vanishes.
     mx -= y * fz - z * fy
