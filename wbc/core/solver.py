@@ -348,10 +348,22 @@ class QpSolver:
 
     def _cut_off(self) -> None:
         """Round an answer that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
-        quantum = 0.1 * self.settings.residual_tolerance
-        multipliers = self.multipliers
-        self._accept(quantum * np.rint(self.x / quantum), _cut(multipliers))
-        self._guess[0][:], self._guess[1][:], self._guess[2][:] = self.x, _cut(self._guess[1]), multipliers
+        p, tolerance = self.problem, self.settings.residual_tolerance
+        quantum = 0.1 * tolerance
+        x = quantum * np.rint(self.x / quantum)
+        values = np.dot(p.rows, x)
+        error, bounded = values[: p.n_eq] - p.target[: p.n_eq], values[p.n_eq + p.n_soft :]
+        if (
+            max(np.abs(error).max(initial=0.0), (bounded - p.upper).max(), (p.lower - bounded).max())
+            <= tolerance
+        ):
+            self.x[:], self.values[:] = x, values
+        self.multipliers[:] = _cut(self.multipliers)
+        self._guess[0][:], self._guess[1][:], self._guess[2][:] = (
+            self.x,
+            _cut(self._guess[1]),
+            self.multipliers,
+        )
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted answer; False, and nothing changed, if that fails."""
