@@ -13,6 +13,7 @@ from typing import Any
 from cyclopts import App, Argument, ArgumentCollection, Token
 from cyclopts.config import Dict
 
+from wbc.app.files import read_text
 from wbc.core.errors import InputError
 
 CONFIG, SPEC = "--config", "--spec"
@@ -49,12 +50,7 @@ def read_options(path: Path) -> dict[str, Any]:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("toml", "json"):
         raise InputError(f"the name of a file of options must end in .toml or .json, got '{path.name}'")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is no text") from error
+    text = read_text(path)
     try:
         data = tomllib.loads(text) if kind == "toml" else json.loads(text, object_pairs_hook=_once)
     except ValueError as error:

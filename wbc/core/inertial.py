@@ -68,7 +68,6 @@ class InertialFilter:
         self.velocity: Array = np.zeros(3)
         self.gyro_bias: Array = np.zeros(3)
         self._last: tuple[Array, Array] | None = None
-        self._bias_time = scalar(self.settings.bias_time_constant)
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Start over from an attitude; the gyro bias that was learnt is kept.
@@ -136,5 +135,5 @@ class InertialFilter:
         yaw = -math.expm1(-dt / s.yaw_time_constant)
         x, y, _ = innovation.tolist()
         turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))
-        self.gyro_bias -= turn.dot(self.rotation) / self._bias_time
+        self.gyro_bias -= turn.dot(self.rotation) / s.bias_time_constant
         self.rotation = pin.exp3(turn).dot(self.rotation)

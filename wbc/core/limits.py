@@ -18,6 +18,9 @@ RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
 
 
+_ZERO = scalar(0.0)
+
+
 class BrakingLaw:
     """Greatest velocity at the end of a period after which a bound can still be kept by braking.
 
@@ -42,7 +45,7 @@ class BrakingLaw:
         self._per_distance, self._per_velocity = 2.0 * braking, braking * dt
         self._half = 0.5 * dt * braking
         self._square = self._half * self._half
-        self._zero, self._final, self._product = (np.zeros_like(self._half) for _ in range(3))
+        self._final, self._product = np.zeros_like(self._half), np.zeros_like(self._half)
 
     def __call__(self, distance: Array, velocity: Array) -> Array:
         """Return the upper bound of the velocity v⁺ towards the bound, rad/s; overwritten by the next call.
@@ -55,7 +58,7 @@ class BrakingLaw:
         np.multiply(self._per_distance, distance, out=final)
         final -= np.multiply(self._per_velocity, velocity, out=self._product)
         final += self._square
-        np.maximum(final, self._zero, out=final)
+        np.maximum(final, _ZERO, out=final)
         np.sqrt(final, out=final)
         final -= self._half
         flat = final.reshape(-1)

@@ -205,10 +205,9 @@ class Observer:
         )  # from sole centres to centres of pressure
         arms = self._arms[:, :, 0]
         yaw_error = 0.0
-        velocity = None
+        velocity, turning = None, spin.tolist()
         if not self.in_flight:
             slip = [0.0, 0.0, 0.0]  # what the velocity of the anchors would be if the base only turned
-            turning = spin.tolist()
             for i, sole in enumerate(self._soles):
                 share = self._shares[i]
                 if share == 0.0:
@@ -221,7 +220,9 @@ class Observer:
                 yaw = _yaw(base, self._sole_axes[i])
                 yaw_error += share * _wrap(self._anchor_yaw[i] - yaw)
             velocity = -np.array(slip)
-        imu_arm = _cross(spin, base.dot(self._imu_position)) + base.dot(imu_rate.linear)
+        imu_arm = np.array(
+            _moved(base.dot(imu_rate.linear).tolist(), turning, base.dot(self._imu_position).tolist())
+        )
         if first and velocity is not None:
             self.inertial.velocity = velocity + imu_arm
         self.inertial.correct(None if velocity is None else velocity + imu_arm, yaw_error, dt)
@@ -336,12 +337,6 @@ def _draw(point: Array, goal: Array, gain: float) -> None:
     """Move a point of three coordinates part of the way to a goal, in place."""
     (x, y, z), (to_x, to_y, to_z) = point.tolist(), goal.tolist()
     point[:] = (x + gain * (to_x - x), y + gain * (to_y - y), z + gain * (to_z - z))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross product of two vectors; `np.cross` takes ten times as long."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
 def _moved(

@@ -348,15 +348,10 @@ class QpSolver:
 
     def _cut_off(self) -> None:
         """Round an answer that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
-        p, tolerance = self.problem, self.settings.residual_tolerance
-        quantum = 0.1 * tolerance
+        quantum = 0.1 * self.settings.residual_tolerance
         x = quantum * np.rint(self.x / quantum)
-        values = np.dot(p.rows, x)
-        error, bounded = values[: p.n_eq] - p.target[: p.n_eq], values[p.n_eq + p.n_soft :]
-        if (
-            max(np.abs(error).max(initial=0.0), (bounded - p.upper).max(), (p.lower - bounded).max())
-            <= tolerance
-        ):
+        values = np.dot(self.problem.rows, x)
+        if self._room(values, self.problem.n_eq) is not None:
             self.x[:], self.values[:] = x, values
         self.multipliers[:] = _cut(self.multipliers)
         self._guess[0][:], self._guess[1][:], self._guess[2][:] = (
@@ -383,18 +378,28 @@ class QpSolver:
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
         """
-        p, tolerance = self.problem, self.settings.residual_tolerance
-        values = np.dot(p.rows, x)
-        n_eq = p.n_eq if n_eq is None else n_eq
-        error = values[:n_eq] - p.target[:n_eq]
-        bounded = values[p.n_eq + p.n_soft :]
-        above, below = p.upper - bounded, bounded - p.lower
-        if not (np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance):
+        values = np.dot(self.problem.rows, x)
+        room = self._room(values, self.problem.n_eq if n_eq is None else n_eq)
+        if room is None:
             return False
+        above, below = room
         if not (np.abs(z) * np.minimum(np.where(z > 0.0, above, below), 1e3)).max() <= COMPLEMENTARITY:
             return False
         self.x[:], self.values[:], self.multipliers[:] = x, values, z
         return True
+
+    def _room(self, values: Array, n_eq: int) -> tuple[Array, Array] | None:
+        """Room of the inequalities to their upper and lower bounds; None if an answer does not keep all rows.
+
+        Args:
+            values: All rows times the answer.
+            n_eq: How many equalities, the first ones, have to be kept.
+        """
+        p, tolerance = self.problem, self.settings.residual_tolerance
+        error, bounded = values[:n_eq] - p.target[:n_eq], values[p.n_eq + p.n_soft :]
+        above, below = p.upper - bounded, bounded - p.lower
+        kept = np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance
+        return (above, below) if kept else None
 
     def _fresh(self) -> proxsuite.proxqp.dense.QP:
         p, dense, ours = self.problem, proxsuite.proxqp.dense, self.settings

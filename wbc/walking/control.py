@@ -37,7 +37,7 @@ from wbc.walking.bias import BiasEstimator, BiasSettings
 from wbc.walking.carrying import CarryingArea, CarryingSettings
 from wbc.walking.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, heading
 from wbc.walking.gains import StabilizerGains
 from wbc.walking.schedule import support_area
 from wbc.walking.stabilizer import Stabilizer, StabilizerOutput
@@ -253,8 +253,8 @@ class WalkingControl:
             )
             for name, frame in upright.items()
         ]
-        heading = _yaw(robot.placement(robot.base_frame).rotation)
-        self._tilts = [_turn(-heading) @ task.target for task in self._upright]
+        back = _turn(-heading(robot.placement(robot.base_frame).rotation))
+        self._tilts = [back @ task.target for task in self._upright]
         self._heading: float | None = None  # that the targets of these tasks are for
         c.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness), JointLimits())
         self._contacts = [
@@ -404,9 +404,9 @@ class WalkingControl:
         self._com.follow(com, velocity, acceleration)
         if reference.heading != self._heading:
             self._heading = reference.heading
-            heading = _turn(reference.heading)
+            turn = _turn(reference.heading)
             for task, tilt in zip(self._upright, self._tilts, strict=True):
-                task.follow(heading.dot(tilt))
+                task.follow(turn.dot(tilt))
 
     def _feedforward(self, solution: Solution) -> Array:
         """Joint torques of the commanded motion with the desired foot wrenches in place of the program's own."""
@@ -462,10 +462,6 @@ def _check_start(robot: Robot, plan: FootstepPlan) -> None:
                 f"the plan must begin where the robot stands, within 0.02 m (0.05 m in height) and 0.05 rad; its "
                 f"{foot.side} foot is at {planned}, that of the robot at {real}"
             )
-
-
-def _yaw(rotation: Array) -> float:
-    return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def _turn(yaw: float) -> Array:

@@ -77,6 +77,11 @@ class Footstep:
         return c * dx + s * dy, c * dy - s * dx, self.z - stance.z, turn
 
 
+def heading(rotation: Array) -> float:
+    """Heading of the x axis of a frame, given its rotation to the world, shape (3, 3); rad."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
 def mean_heading(left: float, right: float) -> float:
     """Heading half way between those of two feet, the short way round, rad."""
     return right + 0.5 * math.remainder(left - right, 2.0 * math.pi)

@@ -10,7 +10,6 @@ reaching down, the pendulum is held meanwhile). Nothing here moves: the machine 
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -215,7 +214,7 @@ class WalkPhases:
         Returns:
             What happened.
         """
-        self.elapsed += dt if 0.0 < dt < math.inf else positive("control period (s)", dt)
+        self.elapsed += positive("control period (s)", dt)
         if self.phase is Phase.SINGLE:
             return self._single(loads, dt)
         if self.phase is Phase.DOUBLE:

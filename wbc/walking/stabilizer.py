@@ -156,18 +156,12 @@ class Stabilizer:
         Raises:
             InputError: Measurements that are not finite, or no foot in contact.
         """
-        if not 0.0 < dt < math.inf:
-            positive("control period (s)", dt)
-        if not (
-            com.shape == com_velocity.shape == (3,)
-            and wrenches.shape == (2, 6)
-            and math.isfinite(
-                com.dot(com) + com_velocity.dot(com_velocity) + wrenches.ravel().dot(wrenches.ravel())
-            )
-        ):
-            finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
-            finite_array("CoM (m)", com, (3,))
-            finite_array("CoM velocity (m/s)", com_velocity, (3,))
+        dt = positive("control period (s)", dt)
+        wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
+        com, com_velocity = (
+            finite_array("CoM (m)", com, (3,)),
+            finite_array("CoM velocity (m/s)", com_velocity, (3,)),
+        )
         self._notice_air(wrenches)
         measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
         idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])

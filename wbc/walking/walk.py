@@ -20,7 +20,7 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, mean_heading
+from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.lipm import Pendulum
 from wbc.walking.pattern import Pattern
 from wbc.walking.phases import Event, Phase, PhaseSettings, WalkPhases
@@ -172,7 +172,7 @@ class Walk:
         )
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
         self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
-        self._yaws = [_yaw(motion) for motion in self._feet]
+        self._yaws = [heading(motion.placement.rotation) for motion in self._feet]
         self._swing: SwingFoot | None = None
         self._nominal: _Swing | None = None
         middle = 0.5 * (plan.left.position + plan.right.position)
@@ -262,7 +262,7 @@ class Walk:
         if self._swing is not None:
             side = SIDES.index(self._swing.landing.side)
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
-            self._yaws[side] = _yaw(motion)
+            self._yaws[side] = heading(motion.placement.rotation)
         return WalkReference(
             self._pattern.at(self._time) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
@@ -292,7 +292,7 @@ class Walk:
         side = SIDES.index(wanted.side)
         # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
-        self._yaws[side] = _yaw(motion)
+        self._yaws[side] = heading(motion.placement.rotation)
         landed = Footstep.of(wanted.side, placements[side])
         surprise = landed.z - wanted.z
         self._ground += self.settings.ground_memory * surprise
@@ -356,9 +356,3 @@ class Walk:
         phases.retime(time)
         self._swing.retarget(elapsed, landing, elapsed + time)
         self._replan(None)
-
-
-def _yaw(motion: FootMotion) -> float:
-    """Heading of a foot, rad."""
-    rotation = motion.placement.rotation
-    return math.atan2(rotation[1, 0], rotation[0, 0])

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from wbc.app.files import check_target
+from wbc.app.files import check_target, read_text
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, finite_scalar, unknown_name
@@ -208,10 +208,9 @@ def read_json(path: Path) -> Any:
     Raises:
         InputError: It cannot be read, or is no JSON.
     """
+    text = read_text(path)
     try:
-        return json.loads(path.read_text())
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+        return json.loads(text)
     except ValueError as error:
         raise InputError(f"{path} is not JSON: {error}") from error
 
