@@ -8,7 +8,6 @@ objects. Torque control sends the torques and needs the estimate alone.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -19,6 +18,7 @@ import pinocchio as pin
 
 from wbc.core.controller import Controller
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive, scalar
+from wbc.core.lag import lag_gain
 from wbc.core.observer import Observer
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
@@ -238,7 +238,7 @@ class PositionControl(_Control):
         super().__init__(controller, observer, policy, prepare)
         self.feedback = feedback
         self.feedforward = feedforward
-        self._pull = -math.expm1(-controller.dt / positive("reference time (s)", reference_time))
+        self._pull = lag_gain(controller.dt, positive("reference time (s)", reference_time))
         self.q = np.array(controller.robot.q)
         self.v = np.array(controller.robot.v)
         self._step = np.zeros(controller.robot.nv)

@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, positive, scalar
+from wbc.core.lag import LagGain
 from wbc.core.robot import GRAVITY
 
 
@@ -68,6 +69,8 @@ class InertialFilter:
         self.velocity: Array = np.zeros(3)
         self.gyro_bias: Array = np.zeros(3)
         self._last: tuple[Array, Array] | None = None
+        self._dt, self._half_period = 0.0, scalar(0.0)
+        self._velocity_gain, self._yaw_gain = LagGain(), LagGain()
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Start over from an attitude; the gyro bias that was learnt is kept.
@@ -102,7 +105,9 @@ class InertialFilter:
         self._last = (np.array(angular_velocity), np.array(specific_force))
         if dt <= 0.0:
             return
-        half_period = scalar(0.5 * dt)
+        if dt != self._dt:
+            self._dt, self._half_period = dt, scalar(0.5 * dt)
+        half_period = self._half_period
         rate = gyro + angular_velocity
         rate *= _HALF
         rate -= self.gyro_bias
@@ -128,12 +133,13 @@ class InertialFilter:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
             return
         innovation = velocity - self.velocity
-        share = -math.expm1(-dt / s.velocity_time_constant)
-        self.velocity += share * innovation
-        # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
-        tilt = share / (GRAVITY * s.tilt_time_constant)
-        yaw = -math.expm1(-dt / s.yaw_time_constant)
+        gain = self._velocity_gain(dt, s.velocity_time_constant)
         x, y, _ = innovation.tolist()
+        innovation *= gain
+        self.velocity += innovation
+        # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
+        tilt = float(gain) / (GRAVITY * s.tilt_time_constant)
+        yaw = float(self._yaw_gain(dt, s.yaw_time_constant))
         turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))
         self.gyro_bias -= turn.dot(self.rotation) / s.bias_time_constant
         self.rotation = pin.exp3(turn).dot(self.rotation)

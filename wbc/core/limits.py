@@ -138,9 +138,12 @@ class JointLimits:
         self.lower = np.minimum(robot.position_lower + self._margin, middle)
         self.upper = np.maximum(robot.position_upper - self._margin, middle)
         self.velocity = self._ratio * robot.velocity_limit
-        # Row 0 is about the upper bounds, row 1, with signs turned, about the lower ones.
-        self._sign = np.array([[1.0], [-1.0]])
-        self._offset = np.array([self.upper, -self.lower])
+        # Row 0 is about the upper bounds, row 1, with signs turned, about the lower ones; in arrays of one shape, which
+        # NumPy computes with in half the time.
+        self._twice_velocity = np.array([self.velocity, self.velocity])
+        self._greatest = None
+        if np.isfinite(self.acceleration).any():
+            self._greatest = np.array([self.acceleration, self.acceleration])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._gap = np.zeros(na)
         self._positions, self._velocities = robot.q[7:], robot.v[6:]
@@ -160,19 +163,22 @@ class JointLimits:
             self._least = -np.array([self.braking, self.braking])
             self._per_period = scalar(1.0 / dt)
         rate, distance = self._rate, self._distance
-        np.multiply(self._sign, self._velocities, out=rate)
+        rate[0] = self._velocities
+        np.negative(self._velocities, out=rate[1])
         if self._use_position:
-            np.multiply(self._sign, self._positions, out=distance)
-            bound = self._law(np.subtract(self._offset, distance, out=distance), rate)
+            np.subtract(self.upper, self._positions, out=distance[0])
+            np.subtract(self._positions, self.lower, out=distance[1])
+            bound = self._law(distance, rate)
             if self._use_velocity:
-                np.minimum(bound, self.velocity, out=bound)
+                np.minimum(bound, self._twice_velocity, out=bound)
         elif self._use_velocity:
-            bound = np.array([self.velocity, self.velocity])
+            bound = self._twice_velocity.copy()
         else:
             bound = np.full_like(rate, np.inf)
         bound -= rate
         bound *= self._per_period
-        np.minimum(bound, self.acceleration, out=bound)
+        if self._greatest is not None:
+            np.minimum(bound, self._greatest, out=bound)
         np.maximum(bound, self._least, out=bound)
         upper[:] = bound[0]
         np.negative(bound[1], out=lower)

@@ -21,8 +21,10 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative
 from wbc.core.inertial import InertialFilter, InertialSettings
+from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Measurement
+from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned
 
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 """What an estimate is made of, as `Measurement` calls it."""
@@ -64,10 +66,6 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
-        load: Normal forces after the low-pass, shape (number of soles,), N.
-        share: Part of the base that hangs on each foot, shape (number of soles,); sums to 1, or 0 in flight.
-        cop: Centres of pressure in the sole frames after the low-pass, shape (number of soles, 2), m.
-        anchor: Resting points of the feet in the world, shape (number of soles, 3), m.
     """
 
     def __init__(
@@ -100,24 +98,41 @@ class Observer:
         self._data = robot.model.createData()  # kinematics with the base at the origin
         self._q = pin.neutral(robot.model)
         self._v = np.zeros(robot.nv)
-        self.load, self.share = np.zeros(n), np.zeros(n)
-        self.cop, self.anchor = np.zeros((n, 2)), np.zeros((n, 3))
-        self._anchor_yaw = [0.0] * n
+        # Of each foot, as plain numbers: see the properties.
         self._loads, self._shares = [0.0] * n, [0.0] * n
-        # Live views of Pinocchio's frames, and memory for what is made of them.
+        self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
+        self._anchors: list[Vector] = [(0.0, 0.0, 0.0)] * n
+        self._anchor_yaw = [0.0] * n
+        # Live views of Pinocchio's frames.
         imu, soles = self._data.oMf[self._imu], [self._data.oMf[sole] for sole in self._soles]
         self._imu_rotation_t, self._imu_position = imu.rotation.T, imu.translation
-        self._sole_columns = [sole.rotation[:, :2] for sole in soles]
-        self._sole_positions = [sole.translation for sole in soles]
+        self._sole_frames = [(sole.rotation, sole.translation) for sole in soles]
         self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
-        self._sole_axes = np.zeros((n, 3, 2))
-        self._arms = np.zeros((n, 3, 1))
-        self._cop_columns = self.cop[:, :, None]
         self._origin = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
         self._wrenches = np.zeros((n, 6))
-        self._position = np.zeros(3)
+        self._position: Vector = (0.0, 0.0, 0.0)
         self._time: float | None = None
         self.reset(q)
+
+    @property
+    def load(self) -> Array:
+        """Normal forces after the low-pass, shape (number of soles,), N."""
+        return np.array(self._loads)
+
+    @property
+    def share(self) -> Array:
+        """Part of the base that hangs on each foot, shape (number of soles,); sums to 1, or 0 in flight."""
+        return np.array(self._shares)
+
+    @property
+    def cop(self) -> Array:
+        """Centres of pressure in the sole frames after the low-pass, shape (number of soles, 2), m."""
+        return np.array(self._cops)
+
+    @property
+    def anchor(self) -> Array:
+        """Resting points of the feet in the world, shape (number of soles, 3), m."""
+        return np.array(self._anchors)
 
     @property
     def net_wrench(self) -> Array:
@@ -153,18 +168,15 @@ class Observer:
             tilted = np.array(q)
             tilted[3:7] = pin.Quaternion(self.inertial.rotation @ base_to_imu).coeffs()
             robot.update(tilted, np.zeros(robot.nv))
-        self._position = np.array(robot.q[:3])
+        self._position = tuple(robot.q[:3].tolist())
         self._time = None
         n = len(self._soles)
-        self._loads, self._shares = [0.0] * n, [0.0] * n
-        self.load[:] = 0.0
-        self.share[:] = 0.0
-        self.cop[:] = 0.0
+        self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
             placement = robot.placement(sole)
-            self.anchor[i] = placement.translation
-            self._anchor_yaw[i] = _yaw(placement.rotation)
+            self._anchors[i] = tuple(placement.translation.tolist())
+            self._anchor_yaw[i] = _yaw(placement.rotation[:, 0].tolist())
 
     def update(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> Robot:
         """Take in one measurement.
@@ -199,41 +211,42 @@ class Observer:
         base = self.inertial.rotation.dot(self._imu_rotation_t)
         spin = self.inertial.rotation.dot(gyro - self.inertial.gyro_bias) - base.dot(imu_rate.angular)
 
-        self._update_loads(measurement.sole_wrench, dt, base, first)
-        np.matmul(
-            self._sole_axes, self._cop_columns, out=self._arms
-        )  # from sole centres to centres of pressure
-        arms = self._arms[:, :, 0]
+        turn, turning = base.tolist(), spin.tolist()
+        frames = [(rotation.tolist(), position.tolist()) for rotation, position in self._sole_frames]
+        arms = self._update_loads(measurement.sole_wrench.tolist(), dt, turn, [r for r, _ in frames], first)
+        # In the base frame: centres of pressure, and which way the soles look.
+        points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
+        ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
         yaw_error = 0.0
-        velocity, turning = None, spin.tolist()
+        velocity = None
         if not self.in_flight:
-            slip = [0.0, 0.0, 0.0]  # what the velocity of the anchors would be if the base only turned
+            vx = vy = vz = 0.0  # less what the velocity of the anchors would be if the base only turned
             for i, sole in enumerate(self._soles):
                 share = self._shares[i]
                 if share == 0.0:
                     continue
                 rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
-                point = base.dot(self._sole_positions[i] + arms[i]).tolist()
-                sliding = _moved(rate.linear.tolist(), rate.angular.tolist(), arms[i].tolist())
-                moved = _moved(base.dot(np.array(sliding)).tolist(), turning, point)
-                slip = [total + share * value for total, value in zip(slip, moved, strict=True)]
-                yaw = _yaw(base, self._sole_axes[i])
-                yaw_error += share * _wrap(self._anchor_yaw[i] - yaw)
-            velocity = -np.array(slip)
-        imu_arm = np.array(
-            _moved(base.dot(imu_rate.linear).tolist(), turning, base.dot(self._imu_position).tolist())
-        )
-        if first and velocity is not None:
-            self.inertial.velocity = velocity + imu_arm
-        self.inertial.correct(None if velocity is None else velocity + imu_arm, yaw_error, dt)
+                sliding = turned(turn, add_cross(rate.linear.tolist(), rate.angular.tolist(), arms[i]))
+                x, y, z = add_cross(sliding, turning, turned(turn, points[i]))
+                vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
+                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(turned(turn, ahead[i])))
+            velocity = np.array((vx, vy, vz))
+        at_imu = turned(turn, self._imu_position.tolist())
+        imu_arm = np.array(add_cross(turned(turn, imu_rate.linear.tolist()), turning, at_imu))
+        if velocity is not None:
+            velocity += imu_arm
+            if first:
+                self.inertial.velocity = velocity
+        self.inertial.correct(velocity, yaw_error, dt)
 
         base = self.inertial.rotation.dot(self._imu_rotation_t)
         base_velocity = self.inertial.velocity - imu_arm
-        self._update_position(base, base_velocity, arms, soles, dt)
+        turn = base.tolist()
+        self._update_position(turn, base_velocity, points, ahead, arms, soles, dt)
 
         q, v = self._q, self._v
         q[:3] = self._position
-        q[3:7] = pin.Quaternion(base).normalized().coeffs()
+        q[3:7] = quaternion(turn)
         np.dot(base_velocity, base, out=v[:3])
         np.dot(spin, base, out=v[3:6])
         self._update_robot(q, v)
@@ -261,104 +274,105 @@ class Observer:
                 f"measurement at {measurement.time:g} s is older than the last, {self._time:g} s"
             )
 
-    def _update_loads(self, wrenches: Array, dt: float, base: Array, first: bool) -> None:
-        """Loads, shares and centres of pressure; an anchor moves over the sole with the latter."""
+    def _update_loads(
+        self, wrenches: Sequence[Vector], dt: float, base: Rows, soles: Sequence[Rows], first: bool
+    ) -> list[Vector]:
+        """Loads, shares and centres of pressure; an anchor moves over the sole with the latter.
+
+        Args:
+            wrenches: Measured, N and Nm.
+            dt: Time since the last measurement, s.
+            base: Rotation of the base.
+            soles: Rotations of the soles in the base frame.
+            first: No low-pass: take it as it is.
+
+        Returns:
+            From the sole centres to the centres of pressure, in the base frame, m.
+        """
         s = self.settings
-        gain = 1.0 if first else _gain(dt, s.load_time_constant)
-        rows = wrenches.tolist()
-        total = 0.0
-        for i, row in enumerate(rows):
-            load = self._loads[i] = self._loads[i] + gain * (max(row[2], 0.0) - self._loads[i])
-            self._shares[i] = max(load - s.min_load, 0.0)
-            total += self._shares[i]
-        if total > 0.0:
-            self._shares = [share / total for share in self._shares]
-        self.load[:] = self._loads
-        self.share[:] = self._shares
-        for axes, columns in zip(self._sole_axes, self._sole_columns, strict=True):
-            axes[:] = columns
+        gain = 1.0 if first else lag_gain(dt, s.load_time_constant)
+        self._loads = [
+            load + gain * (max(row[2], 0.0) - load) for load, row in zip(self._loads, wrenches, strict=True)
+        ]
+        shares = [max(load - s.min_load, 0.0) for load in self._loads]
+        total = sum(shares)
+        self._shares = [share / total for share in shares] if total > 0.0 else shares
         if not s.anchor_at_cop:
-            return
-        gain = 1.0 if first else _gain(dt, s.cop_time_constant)
-        for i, (_, _, force, roll, pitch, _) in enumerate(rows):
+            return [(0.0, 0.0, 0.0)] * len(soles)
+        gain = 1.0 if first else lag_gain(dt, s.cop_time_constant)
+        arms: list[Vector] = []
+        for i, (_, _, force, roll, pitch, _) in enumerate(wrenches):
             x = y = 0.0
             if force > s.min_load:
                 length, width = self._half[i]
                 x = min(max(-pitch / force, -length), length)
                 y = min(max(roll / force, -width), width)
-            old_x, old_y = self.cop[i].tolist()
+            old_x, old_y = self._cops[i]
             dx, dy = gain * (x - old_x), gain * (y - old_y)
-            self.cop[i] = (old_x + dx, old_y + dy)
-            self.anchor[i] += base.dot(self._sole_axes[i].dot(np.array((dx, dy))))
+            self._cops[i] = x, y = old_x + dx, old_y + dy
+            (a, b, _), (c, d, _), (e, f, _) = soles[i]
+            arms.append((a * x + b * y, c * x + d * y, e * x + f * y))
+            step_x, step_y, step_z = turned(base, (a * dx + b * dy, c * dx + d * dy, e * dx + f * dy))
+            at_x, at_y, at_z = self._anchors[i]
+            self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z)
+        return arms
 
     def _update_position(
         self,
-        base: Array,
+        base: Rows,
         base_velocity: Array,
-        arms: Array,
+        points: Sequence[Vector],
+        ahead: Sequence[Vector],
+        arms: Sequence[Vector],
         soles: Sequence[pin.SE3 | None] | None,
         dt: float,
     ) -> None:
-        """Hang the base on the anchors; anchors that carry little follow the base."""
-        s, shares = self.settings, self._shares
-        n = len(shares)
-        reach = [base.dot(self._sole_positions[i] + arms[i]) for i in range(n)]
-        yaws = [_yaw(base, self._sole_axes[i]) for i in range(n)]
+        """Hang the base on the anchors; anchors that carry little follow the base.
+
+        Args:
+            base: Rotation of the base.
+            base_velocity: In the world, shape (3,), m/s.
+            points: Centres of pressure in the base frame, m.
+            ahead: First axes of the soles in the base frame.
+            arms: From the sole centres to the centres of pressure, in the base frame, m.
+            soles: Where the controller has its soles.
+            dt: Time since the last measurement, s.
+        """
+        s, shares, anchors = self.settings, self._shares, self._anchors
+        reach = [turned(base, point) for point in points]
+        yaws = [_yaw(turned(base, axis)) for axis in ahead]
         if soles is not None:
-            if len(soles) != n:
-                raise InputError(f"one sole placement for each of {n} soles, got {len(soles)}")
-            gain = _gain(dt, s.reference_time_constant)
+            if len(soles) != len(shares):
+                raise InputError(f"one sole placement for each of {len(shares)} soles, got {len(soles)}")
+            gain = lag_gain(dt, s.reference_time_constant)
             for i, reference in enumerate(soles):
                 if reference is None or shares[i] == 0.0:
                     continue
-                over = base.dot(arms[i])
-                over += reference.translation
-                _draw(self.anchor[i], over, gain)
-                self._anchor_yaw[i] += gain * _wrap(_yaw(reference.rotation) - self._anchor_yaw[i])
+                (x, y, z), (u, v, w) = reference.translation.tolist(), turned(base, arms[i])
+                anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
+                yaw = _yaw(reference.rotation[:, 0].tolist())
+                self._anchor_yaw[i] += gain * _wrap(yaw - self._anchor_yaw[i])
         if self.in_flight:
-            self._position = self._position + dt * base_velocity
+            (x, y, z), (u, v, w) = self._position, base_velocity.tolist()
+            x, y, z = x + dt * u, y + dt * v, z + dt * w
         else:
-            position = np.zeros(3)
-            for i in range(n):
-                if shares[i] != 0.0:
-                    position += shares[i] * (self.anchor[i] - reach[i])
-            self._position = position
+            x = y = z = 0.0
+            for share, (at_x, at_y, at_z), (u, v, w) in zip(shares, anchors, reach, strict=True):
+                x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
+        self._position = (x, y, z)
         # Feet that disagree settle between themselves; equal gains leave their common place and yaw alone.
         common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(shares, self._anchor_yaw, yaws, strict=True))
-        slip = _gain(dt, s.slip_time_constant)
-        for i in range(n):
+        slip = lag_gain(dt, s.slip_time_constant)
+        for i, (u, v, w) in enumerate(reach):
             gain = 1.0 if shares[i] == 0.0 else slip
-            reach[i] += self._position
-            _draw(self.anchor[i], reach[i], gain)
+            anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
 
 
-def _draw(point: Array, goal: Array, gain: float) -> None:
-    """Move a point of three coordinates part of the way to a goal, in place."""
-    (x, y, z), (to_x, to_y, to_z) = point.tolist(), goal.tolist()
-    point[:] = (x + gain * (to_x - x), y + gain * (to_y - y), z + gain * (to_z - z))
-
-
-def _moved(
-    velocity: Sequence[float], spin: Sequence[float], arm: Sequence[float]
-) -> tuple[float, float, float]:
-    """Velocity of another point of a body: spin × arm + velocity."""
-    (vx, vy, vz), (ax, ay, az), (bx, by, bz) = velocity, spin, arm
-    return ay * bz - az * by + vx, az * bx - ax * bz + vy, ax * by - ay * bx + vz
-
-
-def _yaw(rotation: Array, axes: Array | None = None) -> float:
-    """Heading of the x axis of a frame; with `axes`, of the frame whose first axis they hold, turned by `rotation`."""
-    if axes is None:
-        return math.atan2(rotation[1, 0], rotation[0, 0])
-    x, y, _ = rotation.dot(axes[:, 0]).tolist()
-    return math.atan2(y, x)
+def _yaw(axis: Vector) -> float:
+    """Heading of a direction, such as the x axis of a frame, rad."""
+    return math.atan2(axis[1], axis[0])
 
 
 def _wrap(angle: float) -> float:
     return math.remainder(angle, 2.0 * math.pi)
-
-
-def _gain(dt: float, time_constant: float) -> float:
-    """Share of the way to its input that a first-order low-pass goes in dt."""
-    return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)

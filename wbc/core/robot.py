@@ -173,8 +173,8 @@ class Robot:
     def update_kinematics(self, q: Array, v: Array) -> None:
         """Compute frames, centre of mass and their velocities alone, in half the time of `update`.
 
-        These are as `update` makes them, to the last bit. Mass matrix, bias forces, accelerations and Jacobians are
-        not those of this state afterwards.
+        These are as `update` makes them, but for rounding in the centre of mass. Mass matrix, bias forces,
+        accelerations and Jacobians are not those of this state afterwards.
 
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
@@ -183,8 +183,6 @@ class Robot:
         self.q[:] = q
         self.v[:] = v
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
-        # For the centre of mass alone, summed up in the order of `update`; its velocity stays that of the line above.
-        pin.ccrba(self.model, self.data, self.q, self.v)
         pin.updateFramePlacements(self.model, self.data)
 
     def clone(self) -> Robot:

@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
+from wbc.core.vectors import turned
 from wbc.walking.filters import LeakyIntegral
 from wbc.walking.gains import StabilizerGains, pair
 from wbc.walking.swing import FootMotion
@@ -50,10 +51,10 @@ class FootCorrection(NamedTuple):
         placement = motion.placement
         rotation = placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
         x, y, z = placement.translation.tolist()
-        velocity = motion.velocity.copy()
-        velocity[2] += self.height_rate
-        velocity[3:] += rotation.dot(np.array((self.roll_rate, self.pitch_rate, 0.0)))
+        vx, vy, vz, wx, wy, wz = motion.velocity.tolist()
+        spin_x, spin_y, spin_z = turned(rotation.tolist(), (self.roll_rate, self.pitch_rate, 0.0))
         place = pin.SE3(rotation, np.array((x, y, z + self.height)))
+        velocity = np.array((vx, vy, vz + self.height_rate, wx + spin_x, wy + spin_y, wz + spin_z))
         return FootMotion(place, velocity, motion.acceleration)
 
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from wbc.core.errors import Array, InputError, finite_array, positive
-from wbc.walking.filters import share
+from wbc.core.lag import lag_gain
 
 
 class CopBandwidth:
@@ -66,7 +66,7 @@ class CopBandwidth:
         if self._slow_desired is None:
             self._slow_desired, self._slow_measured = desired.copy(), measured.copy()
             return None
-        gain = share(dt, self._window)
+        gain = lag_gain(dt, self._window)
         # d/dt filtered by 1/(w s + 1) is (z − slow z)/w: the same filter on both sides of ż = λ (z_d − z).
         rate = (measured - self._slow_measured) / self._window
         gap = self._slow_desired - self._slow_measured

@@ -1,14 +1,15 @@
 """One wrench for the whole robot → one wrench for each foot.
 
-A quadratic program of fixed size serves double and single support alike. Its unknowns are both foot wrenches in
-their own sole frames and a shortfall s in newtons and newton metres, so that it always has a solution:
+A quadratic program of fixed size serves double and single support alike. Its unknowns are both foot wrenches, in the
+axes of their soles at the points under the ankles, and a shortfall s in newtons and newton metres, so that it always
+has a solution:
 
     minimise    net |s|² + ankle |ankle torques|² + … + pressure ((1 − r) f_L − r f_R)²
     subject to  wrench_L + wrench_R + s = desired, about the target ZMP
-                friction, CoP and yaw torque of a rectangle; least normal force; nothing on a foot in the air
+                friction, CoP and yaw torque of a rectangle; least normal force
 
 with r the left-foot ratio: 1 when the left foot should carry everything. Taking moments about the ZMP keeps the
-numbers small wherever the robot stands.
+numbers small wherever the robot stands. A foot in the air has no part in the sum: its wrench only costs, and is zero.
 
 Source: S. Caron, A. Kheddar, O. Tempier, "Stair climbing stabilization of the HRP-4 humanoid robot using
 whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabilizer.
@@ -28,6 +29,9 @@ from wbc.core.contact import rectangle_wrench_cone
 from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.problem import Problem
 from wbc.core.solver import QpSolver, SolverSettings, Status
+
+ROWS = 17
+"""Inequalities of a foot: 16 of its cone, then its normal force."""
 
 Rectangle = tuple[float, float, float, float]
 """Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
@@ -106,8 +110,10 @@ def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
         left: Left ankle or sole centre, shape (3,), m.
         right: Right ankle or sole centre, shape (3,), m.
     """
-    line = left - right
-    return min(max(float((zmp - right).dot(line) / line.dot(line)), 0.0), 1.0)
+    (zx, zy, zz), (lx, ly, lz), (x, y, z) = zmp.tolist(), left.tolist(), right.tolist()
+    lx, ly, lz = lx - x, ly - y, lz - z
+    along = (zx - x) * lx + (zy - y) * ly + (zz - z) * lz
+    return float(min(max(along / (lx * lx + ly * ly + lz * lz), 0.0), 1.0))
 
 
 class WrenchDistribution:
@@ -140,19 +146,17 @@ class WrenchDistribution:
         ]
         for rectangle in self.rectangles:
             _cone(rectangle, s.margin, s.friction)
-        self._problem = p = Problem(0, 0, 18, 6, 7, 2 * 22)
-        for foot, (x, y) in enumerate(ankles):
-            column = 6 * foot
-            # Torque about the ankle point a: m − a × f.
-            p.soft[3 * foot : 3 * foot + 3, column : column + 3] = -pin.skew(np.array([x, y, 0.0]))
-            p.soft[3 * foot : 3 * foot + 3, column + 3 : column + 6] = np.eye(3)
+        self._problem = p = Problem(0, 0, 18, 6, 1, 2 * ROWS)
+        for column, row in ((0, 0), (6, ROWS)):
             p.diagonal[column : column + 3] = (s.ankle_shear, s.ankle_shear, s.ankle_normal)
-            p.diagonal[column + 3 : column + 6] = 1e-2 * s.ankle_yaw
-            p.inequality[22 * foot + 16 : 22 * foot + 22, column : column + 6] = np.eye(6)
+            p.diagonal[column + 5] = s.ankle_yaw
+            p.inequality[row + ROWS - 1, column + 2] = 1.0
         p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
         p.equality[:, 12:] = np.eye(6)
+        self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
+        self._ankles = [(float(x), float(y)) for x, y in ankles]
         self._drawn: list[Rectangle | None] = [None, None]
-        self._bounds: list[tuple[float, float, float] | None] = [None, None]
+        self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
         # Newtons: a millinewton is nothing.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
@@ -185,46 +189,54 @@ class WrenchDistribution:
             raise InputError("a wrench can only be distributed over feet in contact; neither is")
         ratio = finite_scalar("left-foot ratio", ratio, low=0.0, high=1.0)
         p, s = self._problem, self.settings
-        for foot in (0, 1):
-            self._write_foot(foot, soles[foot], zmp, bool(contact[foot]), float(max_force[foot]))
-        p.soft[6, 2], p.soft[6, 8] = 1.0 - ratio, -ratio
-        # On one foot there is nothing to choose: its torque is what the ZMP asks for.
         both = all(contact)
-        torque = s.ankle_torque if both else s.ankle_yaw
-        p.soft_weight[:] = (
-            torque,
-            torque,
-            s.ankle_yaw,
-            torque,
-            torque,
-            s.ankle_yaw,
-            s.pressure if both else 0.0,
-        )
-        p.target[:3] = net[:3]
-        p.target[3:6] = net[3:] - pin.skew(zmp).dot(net[:3])
+        for foot in (0, 1):
+            self._bound(foot, bool(contact[foot]), float(max_force[foot]))
+            if contact[foot]:
+                self._write_foot(foot, soles[foot], zmp)
+        # On one foot there is nothing to choose: its torque is what the ZMP asks for.
+        p.diagonal[self._torques] = s.ankle_torque if both else s.ankle_yaw
+        p.soft[0, 2], p.soft[0, 8] = (1.0 - ratio, -ratio) if both else (0.0, 0.0)
+        p.soft_weight[0] = s.pressure if both else 0.0
+        fx, fy, fz, mx, my, mz = net.tolist()
+        x, y, z = zmp.tolist()
+        p.target[:6] = (fx, fy, fz, mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)
         status = self._solver.solve()
-        x = self._solver.x
-        return FootWrenches(x[:12].reshape(2, 6).copy(), x[12:].copy(), status)
+        solution = self._solver.x.copy()
+        wrenches = solution[:12].reshape(2, 6)
+        for wrench, (x, y) in zip(wrenches, self._ankles, strict=True):
+            if x or y:  # from under the ankle to the sole centre
+                fx, fy, fz = wrench[:3].tolist()
+                wrench[3:] += (y * fz, -x * fz, x * fy - y * fx)
+        return FootWrenches(wrenches, solution[12:], status)
 
-    def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array, contact: bool, max_force: float) -> None:
+    def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
+        """What a foot on the ground gives to the sum, and where its centre of pressure may be."""
         p, s = self._problem, self.settings
-        column, row = 6 * foot, 22 * foot
-        rotation = sole.rotation
+        column, row = 6 * foot, ROWS * foot
+        rotation, at, ankle = sole.rotation, sole.translation, self._ankles[foot]
+        if ankle != (0.0, 0.0):
+            at = sole.act(np.array((*ankle, 0.0)))
         force, moment = slice(column, column + 3), slice(column + 3, column + 6)
         p.equality[:3, force] = p.equality[3:6, moment] = rotation
-        p.equality[3:6, force] = pin.skew(sole.translation - zmp).dot(rotation)
+        p.equality[3:6, force] = pin.skew(at - zmp).dot(rotation)
         rectangle = self.rectangles[foot]
         if rectangle != self._drawn[foot]:
-            p.inequality[row : row + 16, column : column + 6] = _cone(rectangle, s.margin, s.friction)
-            p.upper[row : row + 16] = 0.0
+            p.inequality[row : row + ROWS - 1, column : column + 6] = _cone(
+                rectangle, s.margin, s.friction, ankle
+            )
             self._drawn[foot] = rectangle
-        # Least and greatest normal force, and magnitude of all others.
-        bounds = (min(s.min_force, max_force), max_force, np.inf) if contact else (0.0, 0.0, 0.0)
-        if bounds != self._bounds[foot]:
-            low, high, rest = bounds
-            p.lower[row + 16 : row + 22], p.upper[row + 16 : row + 22] = -rest, rest
-            p.lower[row + 18], p.upper[row + 18] = low, high
-            self._bounds[foot] = bounds
+
+    def _bound(self, foot: int, contact: bool, max_force: float) -> None:
+        """Least and greatest normal force; far from zero for a foot in the air, whose bounds must not act."""
+        bounds = (min(self.settings.min_force, max_force), max_force, 0.0) if contact else (-1.0, 1.0, 1.0)
+        if bounds == self._bounds[foot]:
+            return
+        p, row, last = self._problem, ROWS * foot, ROWS * foot + ROWS - 1
+        p.lower[last], p.upper[last], p.upper[row:last] = bounds
+        self._bounds[foot] = bounds
+        if not contact:
+            p.equality[:6, 6 * foot : 6 * foot + 6] = 0.0
 
 
 def distribute_by_ratio(
@@ -272,13 +284,15 @@ def distribute_by_ratio(
 
 
 @lru_cache(maxsize=256)
-def _cone(rectangle: Rectangle, margin: float, friction: float) -> Array:
-    """Rows F with F w ≤ 0 for a wrench at the sole centre and a rectangle anywhere in the sole, shape (16, 6)."""
+def _cone(
+    rectangle: Rectangle, margin: float, friction: float, ankle: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Rows F with F w ≤ 0 for a wrench at a point of the sole and a rectangle anywhere in the sole, shape (16, 6)."""
     x0, x1, y0, y1 = rectangle
     half_length, half_width = 0.5 * (x1 - x0) - margin, 0.5 * (y1 - y0) - margin
     if not (half_length > 0.0 and half_width > 0.0):
         raise InputError(f"a margin of {margin:g} m leaves nothing of the rectangle {rectangle} m of a sole")
     move = np.eye(6)
-    move[3:, :3] = -pin.skew(np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0]))
+    move[3:, :3] = -pin.skew(np.array((0.5 * (x0 + x1) - ankle[0], 0.5 * (y0 + y1) - ankle[1], 0.0)))
     cone: Array = rectangle_wrench_cone(half_length, half_width, friction) @ move
     return cone

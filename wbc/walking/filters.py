@@ -6,26 +6,8 @@ import math
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative, scalar
-
-
-def share(dt: float, time_constant: float) -> float:
-    """Part of the way to its input that a first-order lag goes in dt; all of it without a time constant."""
-    return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
-
-
-class _Share:
-    """`share`, worked out again only when its arguments change."""
-
-    def __init__(self) -> None:
-        self._of = (math.nan, math.nan)
-        self._share: Array = np.zeros(())
-
-    def __call__(self, dt: float, time_constant: float) -> Array:
-        if self._of != (dt, time_constant):
-            self._of = (dt, time_constant)
-            self._share = scalar(share(dt, time_constant))
-        return self._share
+from wbc.core.errors import Array, non_negative
+from wbc.core.lag import LagGain
 
 
 def clamp(value: Array, bound: float) -> None:
@@ -51,7 +33,7 @@ class LowPass:
         self.time_constant = non_negative("time constant of a low-pass (s)", time_constant)
         self.value: Array = np.zeros(shape)
         self._fresh = True
-        self._share = _Share()
+        self._gain = LagGain()
 
     def reset(self) -> None:
         """Start over: the next input is taken as it is."""
@@ -63,7 +45,7 @@ class LowPass:
             self.value[:] = u
             self._fresh = False
         else:
-            self.value += self._share(dt, self.time_constant) * (u - self.value)
+            self.value += self._gain(dt, self.time_constant) * (u - self.value)
         return self.value
 
 
@@ -84,7 +66,7 @@ class Average:
         """
         self._time_constant, self._bound = time_constant, bound
         self.value: Array = np.zeros(size)
-        self._share = _Share()
+        self._gain = LagGain()
 
     def reset(self) -> None:
         """Forget everything."""
@@ -92,7 +74,7 @@ class Average:
 
     def update(self, error: Array, dt: float) -> Array:
         """Take in one error and return the average, which the next call overwrites."""
-        self.value += self._share(dt, self._time_constant) * (error - self.value)
+        self.value += self._gain(dt, self._time_constant) * (error - self.value)
         clamp(self.value, self._bound)
         return self.value
 

@@ -256,7 +256,8 @@ class Walk:
             events
             or self._time >= (0.5 * self.settings.phases.hold if overdue else self.settings.replan) - 1e-9
         ):
-            self._replan(dcm)
+            if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
+                self._replan(dcm)
         elif dcm is not None and self._adjuster is not None and self._swing is not None and not overdue:
             self._adjust(dcm)
         if self._swing is not None:

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, WbcError
+from wbc.core.vectors import add_cross, turned
 
 MIN_FORCE = 1.0
 """Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`)."""
@@ -106,7 +107,10 @@ def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> A
     Returns:
         [force; moment], shape (6,), N and Nm.
     """
-    total = np.zeros(6)
+    total = [0.0] * 6
     for wrench, sole in zip(wrenches, soles, strict=True):
-        total += sole.act(pin.Force(wrench)).vector
-    return total
+        rotation, (fx, fy, fz, mx, my, mz) = sole.rotation.tolist(), wrench.tolist()
+        force = turned(rotation, (fx, fy, fz))
+        moment = add_cross(turned(rotation, (mx, my, mz)), sole.translation.tolist(), force)
+        total = [a + b for a, b in zip(total, (*force, *moment), strict=True)]
+    return np.array(total)

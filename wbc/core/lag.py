@@ -1,0 +1,29 @@
+"""How far a first-order lag goes in one period, exactly: time constants mean the same at any control period."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wbc.core.errors import Array, scalar
+
+
+def lag_gain(dt: float, time_constant: float) -> float:
+    """Part of the way to its input that a first-order lag goes in dt; all of it without a time constant."""
+    return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
+
+
+class LagGain:
+    """`lag_gain` for arrays, worked out again only when its arguments change."""
+
+    def __init__(self) -> None:
+        self._of = (math.nan, math.nan)
+        self._gain: Array = np.zeros(())
+
+    def __call__(self, dt: float, time_constant: float) -> Array:
+        """The gain, an array without axes, not to be written to."""
+        if self._of != (dt, time_constant):
+            self._of = (dt, time_constant)
+            self._gain = scalar(lag_gain(dt, time_constant))
+        return self._gain
