@@ -227,13 +227,19 @@ class OrientationTask(FrameTask):
     def target(self, value: ArrayLike) -> None:
         self._target = rotation_matrix(f"target of task '{self.name}'", value)
 
-    def follow(self, target: Array) -> None:
-        """Set the target for one tick, unchecked: for a controller that makes it itself.
+    def follow(self, target: Array, velocity: Array | None = None, acceleration: Array | None = None) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
 
         Args:
             target: Rotation from the frame to the world, shape (3, 3); kept, not copied.
+            velocity: Angular velocity along the task's axes, shape (dim,), rad/s; unchanged when None.
+            acceleration: Its derivative, shape (dim,), rad/s²; unchanged when None.
         """
         self._target = target
+        if velocity is not None:
+            self._rows.velocity[:] = velocity
+        if acceleration is not None:
+            self._rows.acceleration[:] = acceleration
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

@@ -49,8 +49,8 @@ class TrialSettings(WalkingSettings):
         """Settings by name.
 
         "legacy" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift
-        when their time has come whatever they carry, and no step adjustment. Early and late touch-downs are noticed
-        as in "default": a walk over unknown ground has to know when it stands.
+        when their time has come whatever they carry, no step adjustment, an upright trunk. Early and late touch-downs
+        are noticed as in "default": a walk over unknown ground has to know when it stands.
 
         Raises:
             UnknownNameError: No such preset.
@@ -61,6 +61,7 @@ class TrialSettings(WalkingSettings):
             feedforward=False,
             gains=StabilizerGains.legacy(),
             distribution=DistributionSettings.legacy(),
+            lean=None,
             walk=WalkSettings(
                 preview=PreviewSettings(),
                 phases=replace(PhaseSettings(), lift_off=1.0, stance=0.0, max_wait=0.0),

@@ -267,12 +267,14 @@ class PositionControl(_Control):
         controller, dt = self.controller, self.controller.dt
         robot = controller.robot
         start = perf_counter()
-        # In open loop the estimate is kept in the commanded robot's world: loaded feet are where that has them.
-        good = measured = self._measure(measurement, self._soles if self.feedback == "open" else None)
+        soles = None
+        if self.feedback == "open":
+            # The estimate is kept in the commanded robot's world: loaded feet are where that has them now.
+            robot.update(self.q, self.v)
+            soles = self._soles
+        good = measured = self._measure(measurement, soles)
         if measured:
-            if self.feedback == "open":
-                robot.update(self.q, self.v)
-            else:
+            if self.feedback != "open":
                 robot.update(self.observer.robot.q, self.observer.robot.v)
             controller.model_time = perf_counter() - start
             if self.prepare is not None:

@@ -39,6 +39,7 @@ from wbc.walking.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, heading
 from wbc.walking.gains import StabilizerGains
+from wbc.walking.lean import UPRIGHT, Lean, LeanSettings
 from wbc.walking.schedule import support_area
 from wbc.walking.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.walk import Walk, WalkReference, WalkSettings
@@ -95,6 +96,7 @@ class WalkingSettings:
         distribution: Of the desired wrench over the feet; a CoP asked for at the very edge tips the foot.
         tasks: Of the tasks.
         falls: When the robot counts as fallen.
+        lean: Lean of the trunk where the feet cannot give the moment that is wanted; None keeps it upright.
         carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
             believes in the whole sole.
         cop_bandwidth: How fast the CoP is to follow, 1/s: `gains.cop_admittance` is then this over `foot_stiffness`,
@@ -113,6 +115,7 @@ class WalkingSettings:
     distribution: DistributionSettings = field(default_factory=lambda: DistributionSettings(margin=0.008))
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
+    lean: LeanSettings | None = field(default_factory=LeanSettings)
     carrying: CarryingSettings | None = None
     cop_bandwidth: float | None = None
     foot_stiffness: tuple[float, float] | None = None
@@ -142,6 +145,7 @@ class WalkingControl:
         reference: References of the last tick with a good measurement; None before the first one.
         output: What the stabilizer said in that tick; None before the first one.
         stiffness: Sets the soles while they swing; None leaves them alone.
+        lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None believes the model.
         falls: Tells whether the robot has fallen, and why.
         time: Since the start, s.
@@ -197,6 +201,7 @@ class WalkingControl:
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), gains)
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
+        self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self._carrying: list[CarryingArea] = []
         if s.carrying is not None:
             if s.distribution.margin >= s.carrying.smallest:
@@ -256,6 +261,7 @@ class WalkingControl:
         back = _turn(-heading(robot.placement(robot.base_frame).rotation))
         self._tilts = [back @ task.target for task in self._upright]
         self._heading: float | None = None  # that the targets of these tasks are for
+        self._leaning = UPRIGHT  # and the lean
         c.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness), JointLimits())
         self._contacts = [
             c.add(
@@ -402,11 +408,15 @@ class WalkingControl:
             velocity[:2] += output.com_velocity_offset
             acceleration[:2] += output.com_acceleration_offset
         self._com.follow(com, velocity, acceleration)
-        if reference.heading != self._heading:
-            self._heading = reference.heading
-            turn = _turn(reference.heading)
+        lean = UPRIGHT
+        if self.lean is not None:
+            x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
+            lean = self.lean.update((x, y), self.dt)
+        if reference.heading != self._heading or lean is not self._leaning:
+            self._heading, self._leaning = reference.heading, lean
+            turn = lean.rotation.dot(_turn(reference.heading))
             for task, tilt in zip(self._upright, self._tilts, strict=True):
-                task.follow(turn.dot(tilt))
+                task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
 
     def _feedforward(self, solution: Solution) -> Array:
         """Joint torques of the commanded motion with the desired foot wrenches in place of the program's own."""

@@ -39,7 +39,7 @@ class WalkSettings:
     """Settings of a walk.
 
     Attributes:
-        preview: Preview control; the ZMP is planned 10 mm to the inner side of a stance foot, because rough ground tips
+        preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
             robots outward.
         phases: When phases change.
         adjustment: Step adjustment; None for none.
@@ -51,7 +51,7 @@ class WalkSettings:
             the estimate keeps drifting, as it does by a millimetre or two a step, feet would always land too early.
     """
 
-    preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.01)))
+    preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
     replan: float = 0.1

@@ -1,0 +1,140 @@
+"""Leaning: what the feet cannot do against a fall, the trunk does for a while.
+
+Where the CoP cannot go further, the distribution of wrenches says which moment m about the desired ZMP is missing. The
+reaction to a trunk that is turned the other way gives it, as people do on a beam (the hip strategy):
+
+    I φ̈ = −m − I (2 ζ √k φ̇ + k φ),   |φ| ≤ φ_max,
+
+with φ the lean about the horizontal axes of the world and I the moment for a unit of acceleration. That is as if the
+support were wider by up to I φ_max / (m_robot h), until the trunk comes back upright.
+
+Source: B. Stephens, "Humanoid push recovery", Humanoids 2007; A. Hofmann, M. Popovic, H. Herr, "Exploiting angular
+momentum to enhance bipedal center-of-mass control", ICRA 2009. The spring is ours.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, positive
+from wbc.core.robot import GRAVITY
+
+STILL_ANGLE = 1e-4
+"""Lean below which a trunk with nothing to do is upright, rad."""
+
+STILL_SPEED = 1e-3
+"""Speed below which it rests, rad/s."""
+
+
+@dataclass(frozen=True)
+class LeanSettings:
+    """How the trunk leans.
+
+    Attributes:
+        inertia: I, in parts of m h² with the mass of the robot and the height of its CoM; a smaller one leans more.
+        stiffness: How fast the trunk comes back, k, 1/s².
+        damping: Damping ratio of that, ζ.
+        least: Missing moment that is left alone, in parts of m g h.
+        limit: Greatest lean about each axis, φ_max, rad.
+        braking: Deceleration before the limit, rad/s².
+    """
+
+    inertia: float = 0.06
+    stiffness: float = 25.0
+    damping: float = 0.7
+    least: float = 0.002
+    limit: float = 0.5
+    braking: float = 60.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            positive(f"{field.name} of the lean", getattr(self, field.name))
+
+
+class LeanMotion(NamedTuple):
+    """A lean at one instant, in the world.
+
+    Attributes:
+        rotation: From the upright trunk to the leaning one, shape (3, 3).
+        velocity: Angular velocity, shape (3,), rad/s.
+        acceleration: Its derivative, shape (3,), rad/s².
+    """
+
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+
+
+UPRIGHT = LeanMotion(np.eye(3), np.zeros(3), np.zeros(3))
+
+
+class Lean:
+    """The lean of one trunk.
+
+    Attributes:
+        settings: Settings.
+        angle: Lean about x and y, rad.
+        speed: Its derivative, rad/s.
+    """
+
+    def __init__(self, mass: float, height: float, settings: LeanSettings | None = None) -> None:
+        """Stand upright.
+
+        Args:
+            mass: Mass of the robot, kg.
+            height: Height of its CoM over the support, m.
+            settings: Settings; the defaults when None.
+
+        Raises:
+            InputError: A mass or a height that is not above zero.
+        """
+        self.settings = s = settings or LeanSettings()
+        first_moment = positive("mass (kg)", mass) * positive(
+            "height of the CoM over the support (m)", height
+        )
+        self._inertia = s.inertia * first_moment * height
+        self._least = s.least * first_moment * GRAVITY
+        self.angle = self.speed = (0.0, 0.0)
+
+    def reset(self) -> None:
+        """Stand upright, at once."""
+        self.angle = self.speed = (0.0, 0.0)
+
+    def update(self, missing: tuple[float, float], dt: float) -> LeanMotion:
+        """Move on by one period.
+
+        Args:
+            missing: Moment about the horizontal axes of the world that is wanted and that the feet do not give, Nm.
+            dt: Period, s.
+
+        Returns:
+            The lean at its end; `UPRIGHT` itself when there is none.
+        """
+        if math.hypot(*missing) < self._least:
+            missing = (0.0, 0.0)
+            if max(map(abs, self.angle)) < STILL_ANGLE and max(map(abs, self.speed)) < STILL_SPEED:
+                self.angle = self.speed = missing
+                return UPRIGHT
+        (x, wx, ax), (y, wy, ay) = (
+            self._moved(*axis, dt) for axis in zip(self.angle, self.speed, missing, strict=True)
+        )
+        self.angle, self.speed = (x, y), (wx, wy)
+        # For leans of half a radian and less the rates of the angles are those of the rotation.
+        rotation = np.array(pin.exp3(np.array((x, y, 0.0))))
+        return LeanMotion(rotation, np.array((wx, wy, 0.0)), np.array((ax, ay, 0.0)))
+
+    def _moved(self, angle: float, speed: float, missing: float, dt: float) -> tuple[float, float, float]:
+        """Angle, speed and acceleration about one axis after a period; it can always still brake."""
+        s = self.settings
+        push = -missing / self._inertia
+        wanted = speed + dt * (push - 2.0 * s.damping * math.sqrt(s.stiffness) * speed - s.stiffness * angle)
+        after = angle + dt * wanted
+        highest = math.sqrt(2.0 * s.braking * max(0.0, s.limit - after))
+        lowest = -math.sqrt(2.0 * s.braking * max(0.0, s.limit + after))
+        reached = min(max(wanted, lowest), highest)
+        return angle + dt * reached, reached, (reached - speed) / dt
