@@ -480,11 +480,20 @@ def adjust(error: tuple[float, float], elapsed: float = 0.4, *, plan: FootstepPl
 
 
 def test_small_errors_are_left_to_the_stance_foot() -> None:
-    for error in ((0.0, 0.0), (0.02, 0.01), (-0.03, 0.0)):
+    for error in ((0.0, 0.0), (0.02, 0.01), (-0.01, 0.0)):
         result = adjust(error)
         assert (
             not result.changed and result.landing == PLAN.steps[1] and result.remaining == pytest.approx(0.4)
         )
+
+
+def test_the_heel_is_counted_on_only_so_far() -> None:
+    """What the DCM lags behind by, the stance foot makes up for, or else a shorter or later step."""
+    assert not adjust((-0.03, 0.0), settings=AdjustmentSettings(backward=0.1)).changed
+    result = adjust((-0.03, 0.0))
+    assert result.changed
+    assert result.landing.x < PLAN.steps[1].x - 0.005 or result.remaining > 0.41
+    assert not adjust((0.03, 0.0)).changed  # towards the toes the whole sole is
 
 
 def test_the_dcm_ends_where_the_plan_has_it_over_the_new_foot() -> None:

@@ -49,9 +49,8 @@ class AdjustmentSettings:
     Attributes:
         shift: Cost of a shift of the ZMP within the stance foot, 1/m².
         margin: Distance of the ZMP from the edge of the stance foot, m.
-        room: Greatest shift of the ZMP from the centre of the stance foot that is counted on, forward and sideways, m.
-            On stones a sole seldom carries at toe and heel: a step that counts on them comes too early and lands too
-            far ahead of the DCM.
+        backward: Greatest shift of the ZMP towards the heel that is counted on, m. With a step that comes early the DCM
+            lags behind; the heel would have to push it on, and seldom carries on stones.
         threshold: Change of landing below which the step is left alone, m.
         landing: Cost of a landing away from the plan, 1/m².
         time: Cost of another time: of a relative change of e^{ωT}, 1.
@@ -64,7 +63,7 @@ class AdjustmentSettings:
 
     shift: float = 0.01
     margin: float = 0.01
-    room: tuple[float, float] = (0.015, 0.1)
+    backward: float = 0.03
     threshold: float = 0.005
     landing: float = 1.0
     time: float = 0.05
@@ -76,12 +75,10 @@ class AdjustmentSettings:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            if field.name in ("max_shift", "room"):
-                what = f"{field.name} of step adjustment (m)"
-                forward, sideways = (
-                    non_negative(what, value) for value in two_of(what, getattr(self, field.name))
-                )
-                object.__setattr__(self, field.name, (forward, sideways))
+            if field.name == "max_shift":
+                pair = two_of("max_shift (m)", self.max_shift)
+                forward, sideways = (non_negative("max_shift (m)", value) for value in pair)
+                object.__setattr__(self, "max_shift", (forward, sideways))
             elif field.name in ("shift", "landing", "time", "offset"):
                 positive(f"cost '{field.name}' of step adjustment", getattr(self, field.name))
             else:
@@ -127,13 +124,7 @@ class StepAdjuster:
         self._omega = positive("natural frequency (1/s)", omega)
         self._reach = reach
         margin = self.settings.margin
-        self._half = [  # where the ZMP may be, from the centre
-            [
-                max(min(0.5 * size - margin, room), 1e-3)
-                for size, room in zip(sole, self.settings.room, strict=True)
-            ]
-            for sole in sizes
-        ]
+        self._half = [[max(0.5 * size - margin, 1e-3) for size in sole] for sole in sizes]  # less the margin
         # Unknowns: landing, shift of the ZMP, relative time τ/τ*, DCM over the landing; in the stance foot's axes.
         self._problem = p = Problem(0, 0, 7, 2, 1, 5)
         s = self.settings
@@ -176,7 +167,7 @@ class StepAdjuster:
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
         ahead, left = (target or _CENTRE).in_sole(stance.side)
         length, width = self._half[SIDES.index(stance.side)]
-        shift_low = (min(0.0, -length - ahead), min(0.0, -width - left))
+        shift_low = (min(0.0, max(-length - ahead, -s.backward)), min(0.0, -width - left))
         shift_high = (max(0.0, length - ahead), max(0.0, width - left))
         grow = math.exp(omega * (remaining + transfer))
         if self._idle(dcm, planned, (c, sn), grow, shift_low, shift_high):

@@ -48,7 +48,7 @@ class LeanSettings:
     stiffness: float = 25.0
     damping: float = 0.7
     least: float = 0.002
-    limit: float = 0.5
+    limit: float = 0.4
     braking: float = 60.0
 
     def __post_init__(self) -> None:
