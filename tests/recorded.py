@@ -29,12 +29,13 @@ SECONDS = 3.0
 Hook = Callable[[wbc.Plant, WalkingControl, Measurement, Command], None]
 
 
-def make_walk(mode: str = "position") -> tuple[wbc.Plant, WalkingControl]:
+def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.Plant, WalkingControl]:
     soft, robot = foot("soft"), wbc.load_robot("hrp4_class")
     description = shod(robot, soft)
     period = 0.005 if mode == "position" else 0.002
     plant = wbc.Plant(robot, foot=soft, noise="realistic", seed=3, control_period=period)
     model = description.robot()
+    model.velocity_limit *= velocity_ratio
     plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.15)
     settings = WalkingSettings(mode="torque" if mode == "torque" else "position")
     return plant, WalkingControl(model, plan, period, settings)

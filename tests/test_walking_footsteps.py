@@ -38,6 +38,16 @@ def same(a: FootstepPlan, b: FootstepPlan) -> None:
         np.testing.assert_allclose(p.placement.homogeneous, q.placement.homogeneous, atol=1e-9)
 
 
+def test_a_plan_climbs_where_a_foot_is_put_a_stair_higher_or_lower() -> None:
+    level = walk_distance(START, 1.0)
+    assert not level.climbs and not START.climbs
+    for rise in (0.1, -0.1):
+        assert climb_stairs(START, rise=rise, tread=0.3, count=1, first_edge=0.4).climbs
+    assert not level.with_step(3, replace(level.steps[3], z=0.019)).climbs
+    assert level.with_step(3, replace(level.steps[3], z=0.021)).climbs
+    assert level.with_step(0, replace(level.steps[0], z=-0.021)).climbs
+
+
 def test_three_metres_are_22_steps_and_end_side_by_side() -> None:
     plan = walk_distance(START, 3.0)
     assert len(plan) == 22

@@ -188,6 +188,23 @@ def test_the_zmp_stays_under_the_feet_and_the_com_between_them(metre: Result) ->
         assert (normals @ reference.pendulum.zmp[:2] - offsets).max() < 1e-3
 
 
+@pytest.mark.parametrize("climbing", [False, True])
+def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool) -> None:
+    plan = walk_distance(START, 0.6)
+    if climbing:
+        plan = replace(
+            plan, steps=tuple(replace(step, z=0.03 * (i // 2 + 1)) for i, step in enumerate(plan.steps))
+        )
+    settings, inward = WalkSettings(adjustment=None), []
+    for reference in run(plan, settings).references[::10]:
+        if reference.phase is Phase.SINGLE:
+            side = 0 if reference.contact[0] else 1
+            y = reference.feet[side].placement.actInv(np.array([*reference.pendulum.zmp[:2], 0.0]))[1]
+            inward.append(-y if side == 0 else y)
+    expected = settings.climbing_inward if climbing else settings.preview.target.inward
+    assert np.median(inward) == pytest.approx(expected, abs=2e-3)
+
+
 def test_the_zmps_lead_takes_out_the_lag_of_the_cop(metre: Result) -> None:
     lead = run(walk_distance(START, 0.6), gains=StabilizerGains(zmp_d=1 / 20.0))
     plain, led = (np.linalg.norm(r.dcm_error, axis=1).mean() for r in (metre, lead))

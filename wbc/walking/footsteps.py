@@ -19,6 +19,9 @@ from wbc.walking.gait import Gait
 
 SIDES = ("left", "right")
 
+LEAST_STAIR = 0.02
+"""Difference in height from which two footholds are on a stair, m."""
+
 
 def other(side: str) -> str:
     """The other side."""
@@ -128,6 +131,12 @@ class FootstepPlan:
             return self.steps[index - 2]
         side = self.steps[index].side
         return self.left if side == "left" else self.right
+
+    @property
+    def climbs(self) -> bool:
+        """True if a foot is put down a stair (`LEAST_STAIR`) or more above or below the other one."""
+        heights = [self.stance(0).z, *(step.z for step in self.steps)] if self.steps else []
+        return any(abs(b - a) >= LEAST_STAIR for a, b in zip(heights, heights[1:], strict=False))
 
     @property
     def final(self) -> tuple[Footstep, Footstep]:

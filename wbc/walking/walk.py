@@ -41,6 +41,8 @@ class WalkSettings:
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
             robots outward.
+        climbing_inward: The same, at most, for a plan with stairs, m: the further inward the ZMP, the more torque the
+            hips need, and on a stair they have none to spare.
         phases: When phases change.
         adjustment: Step adjustment; None for none.
         replan: Time between plans of the pattern, s; it is planned anew at each event as well.
@@ -52,6 +54,7 @@ class WalkSettings:
     """
 
     preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
+    climbing_inward: float = 0.01
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
     replan: float = 0.1
@@ -60,6 +63,7 @@ class WalkSettings:
     rise_memory: float = 0.1
 
     def __post_init__(self) -> None:
+        finite_scalar("climbing_inward (m)", self.climbing_inward)
         positive("time between plans (s)", self.replan)
         finite_scalar("feedback of the pattern", self.feedback, low=0.0, high=1.0)
         finite_scalar("ground_memory", self.ground_memory, low=0.0, high=1.0)
@@ -165,7 +169,10 @@ class Walk:
             (robot.soles[0].length, robot.soles[0].width),
             (robot.soles[1].length, robot.soles[1].width),
         )
-        self._preview = PreviewController(self._sizes, com_height, s.preview)
+        preview = s.preview
+        if plan.climbs and preview.target.inward > s.climbing_inward:
+            preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
+        self._preview = PreviewController(self._sizes, com_height, preview)
         self.omega = self._preview.omega
         self._adjuster = (
             None if s.adjustment is None else StepAdjuster(self.omega, self.reach, self._sizes, s.adjustment)
@@ -346,7 +353,7 @@ class Walk:
             plan.stance(phases.step),
             nominal.duration - elapsed,
             nominal.transfer,
-            self.settings.preview.target,
+            self._preview.settings.target,
         )
         landing, now = adjusted.landing, plan.steps[phases.step]
         time = max(self._period, round(adjusted.remaining / self._period) * self._period)
