@@ -86,6 +86,7 @@ class Witness:
             "pendulum/omega": pendulum.omega,
             "walk/heading": walk.reference.heading,
             "walk/steps_done": walk.steps_done,
+            "walk/lean": [] if walk.lean is None else walk.lean.angle,
             "stabilizer/in_air": output.in_air,
             "stabilizer/dcm_error_average": output.errors.average,
             "stabilizer/dcm_error_rate": output.errors.rate,
