@@ -60,7 +60,9 @@ class WalkSource(Source):
         place = ("x", "y", "z", "yaw")
         columns.group("step/landing", place, ("m", "m", "m", "rad"), "where it is to land, world")
         self.omega = columns.add("pendulum/omega", "1/s", "natural frequency")
-        columns.group("walk/lean", ("roll", "pitch"), ("rad", "rad"), "of the trunk, about x and y of the world")
+        columns.group(
+            "walk/lean", ("roll", "pitch"), ("rad", "rad"), "of the trunk, about x and y of the world"
+        )
         columns.add("stabilizer/in_air", "1", "neither foot feels the ground", "flag")
         for foot in feet:
             columns.add(f"foot/{foot}/contact", "1", "the walk has it on the ground", "flag")
