@@ -29,6 +29,7 @@ from wbc.core.contact import rectangle_wrench_cone
 from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.problem import Problem
 from wbc.core.solver import QpSolver, SolverSettings, Status
+from wbc.core.vectors import add_cross
 
 ROWS = 17
 """Inequalities of a foot: 16 of its cone, then its normal force."""
@@ -206,8 +207,7 @@ class WrenchDistribution:
         wrenches = solution[:12].reshape(2, 6)
         for wrench, (x, y) in zip(wrenches, self._ankles, strict=True):
             if x or y:  # from under the ankle to the sole centre
-                fx, fy, fz = wrench[:3].tolist()
-                wrench[3:] += (y * fz, -x * fz, x * fy - y * fx)
+                wrench[3:] = add_cross(wrench[3:].tolist(), (x, y, 0.0), wrench[:3].tolist())
         return FootWrenches(wrenches, solution[12:], status)
 
     def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
