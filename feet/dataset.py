@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, finite_array, positive, unknown_name
+from wbc.core.files import read_text
 from wbc.feet.roughness import PARAMETERS, RoughnessSettings
 from wbc.feet.scan import PROFILE_STEP
 
@@ -243,24 +244,6 @@ class StiffnessTable:
         """Hash of rows and recipe, hex digits: equal tables, equal hash, on every machine."""
         text = json.dumps([self.columns(), asdict(self.recipe)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def read_text(path: Path, kind: str) -> str:
-    """Read a text file.
-
-    Args:
-        path: File.
-        kind: What it should be, for the message.
-
-    Raises:
-        InputError: It cannot be read, or is no text.
-    """
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a {kind}: it is no text") from error
 
 
 def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]:

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc._version import __version__
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.core.files import read_text
 from wbc.feet.clusters import Clusters
-from wbc.feet.dataset import ProfileRecipe, StiffnessTable, parse_head, read_text
+from wbc.feet.dataset import ProfileRecipe, StiffnessTable, parse_head
 from wbc.feet.features import PAPER_FEATURES, FeatureSet
 
 FORMAT = "wbc stiffness model"

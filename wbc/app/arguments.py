@@ -13,8 +13,8 @@ from typing import Any
 from cyclopts import App, Argument, ArgumentCollection, Token
 from cyclopts.config import Dict
 
-from wbc.app.files import read_text
 from wbc.core.errors import InputError
+from wbc.core.files import read_text
 
 CONFIG, SPEC = "--config", "--spec"
 

@@ -34,17 +34,3 @@ def check_target(what: str, path: str | Path, endings: tuple[str, ...]) -> Path:
     if not there:
         target.unlink()
     return target
-
-
-def read_text(path: Path) -> str:
-    """What a text file holds.
-
-    Raises:
-        InputError: It cannot be read, or is no text.
-    """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is no text") from error

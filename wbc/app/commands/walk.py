@@ -14,10 +14,11 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from wbc.app.files import check_target, read_text
+from wbc.app.files import check_target
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, finite_scalar, unknown_name
+from wbc.core.files import read_text
 from wbc.sim.changes import read_changes
 from wbc.sim.standing import Mode
 from wbc.sim.terrain.checks import check_clearance
