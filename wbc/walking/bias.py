@@ -59,36 +59,39 @@ REFERENCE_PERIOD = 0.005
 class BiasEstimator:
     """Four-state Kalman filter.
 
+    Both axes are alike, so that points of the plane are kept as complex numbers, x + i y: what a covariance matrix of
+    four rows says is then two variances and one complex covariance.
+
     Attributes:
         settings: Noise levels and limits.
     """
 
     def __init__(self, settings: BiasSettings | None = None) -> None:
         self.settings = settings or BiasSettings()
-        self._state = np.zeros(4)
-        self._covariance: Array = np.zeros((4, 4))
-        self._zmp = np.zeros(2)
-        self._yaw = 0.0
+        self._dcm = self._bias = self._zmp = 0j
+        self._heading = 1 + 0j  # cos yaw + i sin yaw
+        self._dcm_variance = self._bias_variance = 0.0
+        self._covariance = 0j  # E[ξ b*], of DCM and bias
         self._fresh = True
 
     @property
     def dcm(self) -> Array:
         """True DCM, in the world, shape (2,), m."""
-        return self._state[:2].copy()
+        return _array(self._dcm)
 
     @property
     def bias(self) -> Array:
         """What the measured DCM has too much, in the world, shape (2,), m."""
-        return self._state[2:].copy()
+        return _array(self._bias)
 
     @property
     def local_bias(self) -> Array:
         """The bias in the yaw frame of the robot, forward and sideways, shape (2,), m."""
-        return _rotation(self._yaw).T @ self._state[2:]
+        return _array(self._bias * self._heading.conjugate())
 
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""
-        self._state = np.zeros(4)
+        self._dcm = self._bias = 0j
         self._fresh = True
 
     def update(self, dcm: Array, zmp: Array, yaw: float, omega: float, dt: float) -> Array:
@@ -106,47 +109,50 @@ class BiasEstimator:
         """
         s = self.settings
         noise = s.dcm_std**2 * (REFERENCE_PERIOD / dt)
+        heading = complex(math.cos(yaw), math.sin(yaw))
+        measured = complex(dcm[0], dcm[1])
         if self._fresh:
             known = s.initial_std**2
-            self._state = np.array([dcm[0], dcm[1], 0.0, 0.0])
-            self._covariance[:] = np.kron([[known + noise, -known], [-known, known]], np.eye(2))
+            self._dcm, self._bias = measured, 0j
+            self._dcm_variance, self._bias_variance, self._covariance = known + noise, known, -known + 0j
             self._fresh = False
         else:
-            self._predict(_rotation(yaw - self._yaw), omega, dt)
-            # Both axes are measured alike: gain = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [I I].
-            cross = self._covariance[:, :2] + self._covariance[:, 2:]
-            innovation_covariance = cross[:2] + cross[2:] + noise * np.eye(2)
-            gain = np.linalg.solve(innovation_covariance, cross.T).T
-            self._state += gain @ (np.asarray(dcm[:2]) - self._state[:2] - self._state[2:])
-            covariance: Array = self._covariance - gain @ cross.T
-            self._covariance = 0.5 * (covariance + covariance.T)
-        self._yaw = yaw
-        self._zmp[:] = zmp[:2]
+            self._predict(heading * self._heading.conjugate(), omega, dt)
+            # What is measured is the sum of DCM and bias.
+            with_dcm = self._dcm_variance + self._covariance
+            with_bias = self._bias_variance + self._covariance.conjugate()
+            variance = (with_dcm + with_bias).real + noise
+            surprise = (measured - self._dcm - self._bias) / variance
+            self._dcm += with_dcm * surprise
+            self._bias += with_bias * surprise
+            self._dcm_variance -= abs(with_dcm) ** 2 / variance
+            self._bias_variance -= abs(with_bias) ** 2 / variance
+            self._covariance -= with_dcm * with_bias.conjugate() / variance
+        self._heading = heading
+        self._zmp = complex(zmp[0], zmp[1])
         self._clamp()
         return self.bias
 
-    def _predict(self, turn: Array, omega: float, dt: float) -> None:
+    def _predict(self, turn: complex, omega: float, dt: float) -> None:
         s = self.settings
         grow = math.expm1(omega * dt)  # exact over a held ZMP; ω dt to first order
-        transition = np.zeros((4, 4))
-        transition[:2, :2] = (1.0 + grow) * np.eye(2)
-        transition[2:, 2:] = turn
-        self._state = transition @ self._state
-        self._state[:2] -= grow * self._zmp
-        self._covariance = transition @ self._covariance @ transition.T
+        self._dcm += grow * (self._dcm - self._zmp)
+        self._bias *= turn
         scale = REFERENCE_PERIOD / dt
-        self._covariance[:2, :2] += scale * (grow * s.zmp_std) ** 2 * np.eye(2)
-        self._covariance[2:, 2:] += scale * (s.drift_std * dt) ** 2 * np.eye(2)
+        self._dcm_variance = (1.0 + grow) ** 2 * self._dcm_variance + scale * (grow * s.zmp_std) ** 2
+        self._bias_variance += scale * (s.drift_std * dt) ** 2
+        self._covariance *= (1.0 + grow) * turn.conjugate()
 
     def _clamp(self) -> None:
         """Cut the bias off at its limits in the yaw frame; what is cut off belongs to the DCM."""
-        rotation, limit = _rotation(self._yaw), np.array(self.settings.limit)
-        local = rotation.T @ self._state[2:]
-        cut = rotation @ (np.clip(local, -limit, limit) - local)
-        self._state[2:] += cut
-        self._state[:2] -= cut
+        forward, sideways = self.settings.limit
+        local = self._bias * self._heading.conjugate()
+        within = complex(min(max(local.real, -forward), forward), min(max(local.imag, -sideways), sideways))
+        if within != local:
+            cut = self._heading * (within - local)
+            self._bias += cut
+            self._dcm -= cut
 
 
-def _rotation(yaw: float) -> Array:
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s], [s, c]])
+def _array(point: complex) -> Array:
+    return np.array((point.real, point.imag))
