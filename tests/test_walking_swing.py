@@ -62,11 +62,26 @@ def test_it_clears_the_ground_and_never_digs() -> None:
     heights = np.array([foot.at(t).placement.translation[2] for t in np.linspace(0.0, 0.8, 401)])
     assert heights.max() == pytest.approx(GAIT.swing_height, abs=1e-6)
     assert heights.min() > -1e-9
-    assert (np.diff(heights[:200]) > -1e-9).all() and (np.diff(heights[201:]) < 1e-9).all()
+    top = round(GAIT.apex * 400)
+    assert (np.diff(heights[:top]) > -1e-9).all() and (np.diff(heights[top + 1 :]) < 1e-9).all()
     # It rises before it travels, and travels no more while it lands.
     assert foot.at(GAIT.takeoff_time).placement.translation[0] == pytest.approx(0.0, abs=1e-12)
     assert heights[int(0.15 / 0.8 * 400)] > 0.01
     assert foot.at(0.8 - GAIT.landing_time).placement.translation[0] == pytest.approx(0.29)
+
+
+def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time() -> None:
+    foot = swing()
+    slow = GAIT.landing_height / GAIT.landing_speed
+    for t in np.linspace(0.8 - slow, 0.8, 21):
+        motion = foot.at(t)
+        assert motion.velocity[2] == pytest.approx(-GAIT.landing_speed)
+        assert motion.placement.translation[2] == pytest.approx((0.8 - t) * GAIT.landing_speed)
+    # Asked to land in 0.15 s it has no time for that, and still lands at that speed.
+    foot.retarget(0.5, duration=0.65)
+    assert foot.at(0.65).velocity[2] == pytest.approx(-GAIT.landing_speed)
+    quick = SwingFoot(HERE.placement, THERE, 0.8, replace(GAIT, landing_height=0.0))
+    assert quick.at(0.6).velocity[2] < -1.5 * GAIT.landing_speed
 
 
 @pytest.mark.parametrize("rise", [0.1, -0.1])

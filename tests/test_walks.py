@@ -302,7 +302,7 @@ def test_who_is_to_walk_lower_has_not_fallen() -> None:
 def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
     """The plant's torso has its mass further back than the controller believes; means of the walk's second half."""
     off, bias = {}, np.zeros(2)
-    for name, changes in (("believed", {}), ("estimated", {"bias": True})):
+    for name, changes in (("believed", {"bias": None}), ("estimated", {})):
         trial = WalkTrial(WalkSpec(plan=WalkPlan(distance=0.3), noise="none", changes=changes))
         plant, walking = trial.plant, trial.walking
         torso = plant._plant.body("torso", plant.robot)[0]
@@ -321,10 +321,10 @@ def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
             bias = walking.bias.bias
     assert too_far > 0.005
     assert bias[0] == pytest.approx(too_far, rel=0.2) and abs(bias[1]) < 0.1 * too_far
-    # The CoM settles b (1 + ω/k_p) off; with the bias known b is left, as the force goes through the CoM believed in.
+    # The CoM settles b (1 + ω/k_p) off where its place is believed.
     omega, dcm_p = walking.walk.omega, walking.stabilizer.gains.dcm_p[0]
     assert off["believed"] == pytest.approx(too_far * (1.0 + omega / dcm_p), rel=0.1)
-    assert off["estimated"] == pytest.approx(too_far, rel=0.1)
+    assert abs(off["estimated"]) < 0.2 * too_far
 
 
 @pytest.mark.parametrize("foot", ["flat", "soft"])

@@ -49,8 +49,8 @@ class TrialSettings(WalkingSettings):
         """Settings by name.
 
         "legacy" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift
-        when their time has come whatever they carry, no step adjustment, an upright trunk. Early and late touch-downs
-        are noticed as in "default": a walk over unknown ground has to know when it stands.
+        when their time has come whatever they carry, no step adjustment, an upright trunk, no bias estimated. Early and
+        late touch-downs are noticed as in "default": a walk over unknown ground has to know when it stands.
 
         Raises:
             UnknownNameError: No such preset.
@@ -62,6 +62,7 @@ class TrialSettings(WalkingSettings):
             gains=StabilizerGains.legacy(),
             distribution=DistributionSettings.legacy(),
             lean=None,
+            bias=None,
             walk=WalkSettings(
                 preview=PreviewSettings(),
                 phases=replace(PhaseSettings(), lift_off=1.0, stance=0.0, max_wait=0.0),

@@ -69,9 +69,9 @@ class AdjustmentSettings:
     time: float = 0.05
     offset: float = 100.0
     max_shift: tuple[float, float] = (0.15, 0.12)
-    shortest: float = 0.1
+    shortest: float = 0.05
     longest: float = 0.1
-    freeze: float = 0.1
+    freeze: float = 0.05
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -103,8 +103,8 @@ class WalkingSettings:
             and `gains.dcm_p` what it leaves critically damped; None takes both as they are.
         foot_stiffness: Of ankle servo and sole in series, about pitch and roll, Nm/rad, for `cop_bandwidth`; a walk in
             the simulator knows it.
-        bias: Estimate a constant error of the measured DCM from how the ZMP drives it, and take it off; None believes
-            the model's centre of mass.
+        bias: Estimate a constant error of the measured CoM and DCM from how the ZMP drives them, and take it off:
+            sensors and models are off by millimetres. None believes them.
     """
 
     mode: Mode = "position"
@@ -119,7 +119,7 @@ class WalkingSettings:
     carrying: CarryingSettings | None = None
     cop_bandwidth: float | None = None
     foot_stiffness: tuple[float, float] | None = None
-    bias: BiasSettings | None = None
+    bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
 
     def __post_init__(self) -> None:
         choose("mode", self.mode, ("position", "torque"))
@@ -146,7 +146,7 @@ class WalkingControl:
         output: What the stabilizer said in that tick; None before the first one.
         stiffness: Sets the soles while they swing; None leaves them alone.
         lean: Lean of the trunk; None keeps it upright.
-        bias: Estimator of the error of the measured DCM; None believes the model.
+        bias: Estimator of the error of the measured DCM; None believes it.
         falls: Tells whether the robot has fallen, and why.
         time: Since the start, s.
     """

@@ -31,9 +31,12 @@ class Gait:
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
         swing_height: Highest point of the swing foot over the higher of its two ends, m.
+        apex: When the swing foot is highest, as a share of the single support.
         takeoff_time: Time the foot rises before it moves on, s.
         landing_time: Time the foot only sinks before it lands, s.
         landing_speed: Downward speed at touch-down, m/s.
+        landing_height: Height over the landing from which the foot sinks no faster, m: ground that comes early is met
+            gently, too.
         search_depth: How far below the landing the foot looks for ground that comes late, m.
         search_time: How long it takes to get there, s.
     """
@@ -45,9 +48,11 @@ class Gait:
     initial_double_support: float = 0.8
     final_double_support: float = 0.8
     swing_height: float = 0.06
+    apex: float = 0.4
     takeoff_time: float = 0.05
     landing_time: float = 0.1
-    landing_speed: float = 0.05
+    landing_speed: float = 0.1
+    landing_height: float = 0.02
     search_depth: float = 0.04
     search_time: float = 0.3
 
@@ -57,7 +62,15 @@ class Gait:
             if field.name == "feet_spacing":
                 if value is not None:
                     positive("feet_spacing (m)", value)
-            elif field.name in ("takeoff_time", "landing_time", "landing_speed", "search_depth"):
+            elif field.name == "apex":
+                finite_scalar("apex of the gait", value, low=0.1, high=0.9)
+            elif field.name in (
+                "takeoff_time",
+                "landing_time",
+                "landing_speed",
+                "landing_height",
+                "search_depth",
+            ):
                 finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST)
             else:
                 finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST, open_low=True)

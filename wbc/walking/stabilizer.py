@@ -170,6 +170,9 @@ class Stabilizer:
         if not idle:
             acceleration = self._feedback.acceleration(target, errors, yaw)
             pivot = com
+            if bias is not None:
+                pivot = com.copy()
+                pivot[:2] -= bias
         else:
             acceleration, pivot = target.com_acceleration, target.com
         net = wrench_through(pivot, acceleration, self.mass)

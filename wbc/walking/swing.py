@@ -1,8 +1,8 @@
 """The swing foot from lift-off to landing: continuous acceleration, and a landing that may move on the way.
 
     up        the foot rises before it travels, and sinks the last stretch without travelling
-    apex      half way in time, the swing height above the higher end
-    landing   at a small downward speed, so that touch-down is noticed and soft
+    apex      a little before half way in time, the swing height above the higher end
+    landing   the last stretch down at a small constant speed, so that touch-down is noticed and soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
 On stairs the foot travels later going up and earlier going down, so that it clears the edge.
@@ -116,7 +116,7 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """When the foot is highest, from lift-off, s."""
-        return 0.5 * self.duration
+        return self._gait.apex * self.duration
 
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
         """Change where or when to land; position, velocity and acceleration go on without a jump.
@@ -177,8 +177,11 @@ class SwingFoot:
         for name, goal in goals.items():
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
 
-        speed = gait.landing_speed
+        speed, height = gait.landing_speed, gait.landing_height
         down = [(end, (landing.z, -speed, 0.0))]
+        # A late change, or a short swing, leaves no time to be slow.
+        if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, 1e-9) + SHORTEST:
+            down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
         if gait.search_depth > 0.0:
             down.append((end + gait.search_time, (landing.z - gait.search_depth, 0.0, 0.0)))
         elif speed > 0.0:
