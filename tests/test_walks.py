@@ -60,7 +60,8 @@ class Notes(WalkHook):
         self.zmp.append(float(np.linalg.norm((wanted.zmp - output.measured_zmp)[:2])))
         velocity = tick.walking.control.observer.robot.com_velocity
         measured = (tick.walking.control.observer.robot.com + velocity / tick.walking.walk.omega)[:2]
-        self.dcm.append(float(np.linalg.norm(wanted.dcm[:2] - measured)))
+        assert tick.walking.bias is not None
+        self.dcm.append(float(np.linalg.norm(wanted.dcm[:2] - (measured - tick.walking.bias.bias))))
         self._add_torque()
         self.events += tick.walking.reference.events
         if tick.walking.reference.phase is Phase.SINGLE:

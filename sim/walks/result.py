@@ -122,8 +122,8 @@ class WalkResult:
         drift: How far they came to the left, m.
         yaw_error: Heading of the pelvis minus the one that the walk asked for, rad.
         zmp_error: m.
-        com_error: m.
-        dcm_error: m.
+        com_error: m; of the CoM as the stabilizer takes it, less the bias that it has found.
+        dcm_error: The same of the DCM, m.
         dcm_error_max: m.
         peak_torque_ratio: Greatest joint torque over its limit, at the ends of the control periods.
         peak_torque_joint: Which joint.

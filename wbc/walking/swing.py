@@ -5,7 +5,8 @@
     landing   the last stretch down at a small constant speed, so that touch-down is noticed and soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
-On stairs the foot travels later going up and earlier going down, so that it clears the edge.
+On stairs the foot travels later going up and earlier going down, so that it clears the edge; it is highest half way,
+and slow, half as fast, at the very end alone.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ SHORTEST = 0.05
 
 EDGE_SHARE = 0.2
 """Share of the swing by which the foot travels later up, or earlier down, a stair of the swing height."""
+
+STAIR = 0.06
+"""A rise above this is a stair, m: the plan knows it, so that nothing comes early, and all time is needed to lift."""
 
 RPY = ("roll", "pitch", "yaw")
 
@@ -116,7 +120,11 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """When the foot is highest, from lift-off, s."""
-        return self._gait.apex * self.duration
+        return (0.5 if self._climbs else self._gait.apex) * self.duration
+
+    @property
+    def _climbs(self) -> bool:
+        return abs(self.landing.z - self._origin) > STAIR
 
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
         """Change where or when to land; position, velocity and acceleration go on without a jump.
@@ -178,6 +186,8 @@ class SwingFoot:
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
 
         speed, height = gait.landing_speed, gait.landing_height
+        if self._climbs:
+            speed, height = 0.5 * speed, 0.0
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.
         if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, 1e-9) + SHORTEST:
