@@ -87,6 +87,7 @@ class Witness:
             "walk/heading": walk.reference.heading,
             "walk/steps_done": walk.steps_done,
             "walk/lean": [] if walk.lean is None else walk.lean.angle,
+            "stabilizer/bias": [] if walk.bias is None else walk.bias.bias,
             "stabilizer/in_air": output.in_air,
             "stabilizer/dcm_error_average": output.errors.average,
             "stabilizer/dcm_error_rate": output.errors.rate,

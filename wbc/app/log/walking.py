@@ -63,6 +63,7 @@ class WalkSource(Source):
         columns.group(
             "walk/lean", ("roll", "pitch"), ("rad", "rad"), "of the trunk, about x and y of the world"
         )
+        columns.group("stabilizer/bias", XY, "m", "found in the measured DCM, and taken off, world")
         columns.add("stabilizer/in_air", "1", "neither foot feels the ground", "flag")
         for foot in feet:
             columns.add(f"foot/{foot}/contact", "1", "the walk has it on the ground", "flag")
@@ -113,6 +114,7 @@ class WalkSource(Source):
             *self._next_step(walk, reference),
             pendulum.omega,
             *(walk.lean.angle if walk.lean is not None else (0.0, 0.0)),
+            *(walk.bias.bias.tolist() if walk.bias is not None else (0.0, 0.0)),
             output.in_air,
             reference.contact[0],
             left.roll,
