@@ -71,6 +71,16 @@ def test_it_clears_the_ground_and_never_digs() -> None:
     assert foot.at(0.8 - GAIT.landing_time).placement.translation[0] == pytest.approx(0.29)
 
 
+@pytest.mark.parametrize("apex", [0.3, 0.7])
+@pytest.mark.parametrize("duration", [0.25, 0.8])
+def test_it_is_highest_when_the_gait_says(apex: float, duration: float) -> None:
+    foot = swing(gait=replace(GAIT, apex=apex), duration=duration)
+    times = np.linspace(0.0, duration, 501)
+    heights = [foot.at(t).placement.translation[2] for t in times]
+    assert max(heights) == pytest.approx(GAIT.swing_height, abs=1e-5)
+    assert times[int(np.argmax(heights))] == pytest.approx(apex * duration, abs=0.002)
+
+
 def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time() -> None:
     foot = swing()
     slow = GAIT.landing_height / GAIT.landing_speed

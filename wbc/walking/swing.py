@@ -120,7 +120,8 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """When the foot is highest, from lift-off, s."""
-        return (0.5 if self._climbs else self._gait.apex) * self.duration
+        share = 0.5 if self._climbs else self._gait.apex
+        return max(share * self.duration, 1.02 * SHORTEST)
 
     @property
     def _climbs(self) -> bool:
