@@ -34,7 +34,7 @@ class Gait:
         apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7.
         takeoff_time: Time the foot rises before it moves on, s.
         landing_time: Time the foot only sinks before it lands, s.
-        landing_speed: Downward speed at touch-down, m/s; half of it on stairs.
+        landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
         landing_height: Height over the landing from which the foot sinks no faster, m: ground that comes early is met
             gently, too.
         search_depth: How far below the landing the foot looks for ground that comes late, m.

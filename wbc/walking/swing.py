@@ -5,8 +5,8 @@
     landing   the last stretch down at a small constant speed, so that touch-down is noticed and soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
-On stairs the foot travels later going up and earlier going down, so that it clears the edge; it is highest half way,
-and slow, half as fast, at the very end alone.
+Up a stair the foot travels later and down earlier, so that it clears the edge. In a plan with stairs, whose heights are
+known, it is highest half way, and slow, half as fast, at the very end alone: all time is needed to lift.
 """
 
 from __future__ import annotations
@@ -27,9 +27,6 @@ SHORTEST = 0.05
 
 EDGE_SHARE = 0.2
 """Share of the swing by which the foot travels later up, or earlier down, a stair of the swing height."""
-
-STAIR = 0.06
-"""A rise above this is a stair, m: the plan knows it, so that nothing comes early, and all time is needed to lift."""
 
 RPY = ("roll", "pitch", "yaw")
 
@@ -90,7 +87,9 @@ class SwingFoot:
         landing: Where the foot should land.
     """
 
-    def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
+    def __init__(
+        self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait, *, stairs: bool = False
+    ) -> None:
         """Plan from a foot at rest.
 
         Args:
@@ -98,11 +97,12 @@ class SwingFoot:
             landing: Where to land.
             duration: Time until touch-down, s.
             gait: Swing height, take-off and landing times, landing speed, search for late ground.
+            stairs: The plan has stairs.
 
         Raises:
             InputError: A duration that the take-off and landing times do not fit into.
         """
-        self._gait = gait
+        self._gait, self._stairs = gait, stairs
         self.duration = positive("duration of the swing (s)", duration)
         self.landing = landing
         if duration < shortest_swing(gait):
@@ -120,12 +120,8 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """When the foot is highest, from lift-off, s."""
-        share = 0.5 if self._climbs else self._gait.apex
+        share = 0.5 if self._stairs else self._gait.apex
         return max(share * self.duration, 1.02 * SHORTEST)
-
-    @property
-    def _climbs(self) -> bool:
-        return abs(self.landing.z - self._origin) > STAIR
 
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
         """Change where or when to land; position, velocity and acceleration go on without a jump.
@@ -187,7 +183,7 @@ class SwingFoot:
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
 
         speed, height = gait.landing_speed, gait.landing_height
-        if self._climbs:
+        if self._stairs:
             speed, height = 0.5 * speed, 0.0
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.
