@@ -31,12 +31,12 @@ class Gait:
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
         swing_height: Highest point of the swing foot over the higher of its two ends, m.
-        apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7.
+        apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7; half way in a plan with stairs.
         takeoff_time: Time the foot rises before it moves on, s.
         landing_time: Time the foot only sinks before it lands, s.
         landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
         landing_height: Height over the landing from which the foot sinks no faster, m: ground that comes early is met
-            gently, too.
+            gently, too; none in a plan with stairs, whose heights are known.
         search_depth: How far below the landing the foot looks for ground that comes late, m.
         search_time: How long it takes to get there, s.
     """
