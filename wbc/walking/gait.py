@@ -31,7 +31,7 @@ class Gait:
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
         swing_height: Highest point of the swing foot over the higher of its two ends, m.
-        apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7; half way in a plan with stairs.
+        apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
         takeoff_time: Time the foot rises before it moves on, s.
         landing_time: Time the foot only sinks before it lands, s.
         landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
