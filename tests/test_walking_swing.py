@@ -91,7 +91,7 @@ def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time()
     foot.retarget(0.5, duration=0.65)
     assert foot.at(0.65).velocity[2] == pytest.approx(-GAIT.landing_speed)
     # Stairs are known, and leave no time either.
-    stair = SwingFoot(HERE.placement, Footstep("left", 0.3, 0.0875, 0.1), 0.8, GAIT, stairs=True)
+    stair = swing(Footstep("left", 0.3, 0.0875, 0.1), gait=GAIT.for_stairs())
     assert stair.apex_time == pytest.approx(0.4)
     assert stair.at(0.8).velocity[2] == pytest.approx(-0.5 * GAIT.landing_speed)
     assert stair.at(0.7).velocity[2] < -GAIT.landing_speed

@@ -80,6 +80,13 @@ class Gait:
                 f"{0.5 * self.single_support:g} s, got {self.takeoff_time + self.landing_time:g} s"
             )
 
+    def for_stairs(self) -> Gait:
+        """The gait for a plan with stairs, whose heights are known: feet need all their time to lift.
+
+        They are highest half way, and slow, half as fast, at the very end alone.
+        """
+        return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
+
     def on_grid(self, period: float) -> tuple[Gait, tuple[str, ...]]:
         """Round the timings to multiples of the control period.
 

@@ -5,8 +5,7 @@
     landing   the last stretch down at a small constant speed, so that touch-down is noticed and soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
-Up a stair the foot travels later and down earlier, so that it clears the edge. In a plan with stairs, whose heights are
-known, it is highest half way, and slow, half as fast, at the very end alone: all time is needed to lift.
+Up a stair the foot travels later and down earlier, so that it clears the edge.
 """
 
 from __future__ import annotations
@@ -87,9 +86,7 @@ class SwingFoot:
         landing: Where the foot should land.
     """
 
-    def __init__(
-        self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait, *, stairs: bool = False
-    ) -> None:
+    def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
         """Plan from a foot at rest.
 
         Args:
@@ -97,12 +94,11 @@ class SwingFoot:
             landing: Where to land.
             duration: Time until touch-down, s.
             gait: Swing height, take-off and landing times, landing speed, search for late ground.
-            stairs: The plan has stairs.
 
         Raises:
             InputError: A duration that the take-off and landing times do not fit into.
         """
-        self._gait, self._stairs = gait, stairs
+        self._gait = gait
         self.duration = positive("duration of the swing (s)", duration)
         self.landing = landing
         if duration < shortest_swing(gait):
@@ -120,8 +116,7 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """When the foot is highest, from lift-off, s."""
-        share = 0.5 if self._stairs else self._gait.apex
-        return max(share * self.duration, 1.02 * SHORTEST)
+        return max(self._gait.apex * self.duration, 1.02 * SHORTEST)
 
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
         """Change where or when to land; position, velocity and acceleration go on without a jump.
@@ -183,8 +178,6 @@ class SwingFoot:
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
 
         speed, height = gait.landing_speed, gait.landing_height
-        if self._stairs:
-            speed, height = 0.5 * speed, 0.0
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.
         if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, 1e-9) + SHORTEST:

@@ -170,9 +170,11 @@ class Walk:
             (robot.soles[1].length, robot.soles[1].width),
         )
         preview = s.preview
-        self._stairs = plan.climbs  # as planned: on rough ground, landings make a plan that climbs, too
-        if self._stairs and preview.target.inward > s.climbing_inward:
-            preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
+        self._gait = gait  # of the swings
+        if plan.climbs:  # as planned: on rough ground, landings make a plan that climbs, too
+            self._gait = gait.for_stairs()
+            if preview.target.inward > s.climbing_inward:
+                preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
         self._preview = PreviewController(self._sizes, com_height, preview)
         self.omega = self._preview.omega
         self._adjuster = (
@@ -290,9 +292,7 @@ class Walk:
         landing = replace(step, z=step.z + self._ground)
         self.phases.land(landing, carry=False)
         side = SIDES.index(step.side)
-        self._swing = SwingFoot(
-            placements[side], landing, self.phases.duration, plan.gait, stairs=self._stairs
-        )
+        self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._gait)
         self._replan(None)
         self._compare_with(landing)
 
