@@ -19,8 +19,8 @@ import render_walk
 
 from wbc.core.errors import Array
 from wbc.robots import load
-from wbc.sim.push_recovery import PUSH_DURATION
-from wbc.sim.standing import Stand, StandOptions
+from wbc.sim.balance.push_recovery import PUSH_DURATION
+from wbc.sim.balance.standing import Stand, StandOptions
 
 SIZE = (1600, 560)
 """Width and height of a picture, pixels."""

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.replay.stage import Stage
-from wbc.app.view_source import PlantSource
+from wbc.app.view.source import PlantSource
 from wbc.sim import Plant
 from wbc.sim.walks import WalkHook, WalkTick
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import wbc
-from wbc.app.view import MeshcatView
-from wbc.app.view_walk import WatchWalk, wait_for_page
-from wbc.sim.falls import FallDetector
+from wbc.app.view.view import MeshcatView
+from wbc.app.view.walk import WatchWalk, wait_for_page
+from wbc.sim.balance.falls import FallDetector
 from wbc.walking.control import WalkingControl
 
 BROWSER_TIME = 20.0

@@ -16,9 +16,9 @@ from _common import parse, report, upright
 
 import wbc
 from wbc.core.errors import Array
+from wbc.core.qp.task import MotionTask
 from wbc.core.robot import Robot
-from wbc.core.task import MotionTask
-from wbc.sim.balance import balance_controller
+from wbc.sim.balance.controller import balance_controller
 
 
 class GazeTask(MotionTask):

@@ -13,7 +13,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance import balance_controller
+from wbc.sim.balance.controller import balance_controller
 
 IMPULSE = 0.15
 """Of the push, per mass, Ns/kg: by as much it changes the velocity of the centre of mass, m/s."""

@@ -13,7 +13,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance import balance_controller
+from wbc.sim.balance.controller import balance_controller
 
 REACH = np.array([0.30, -0.05, 0.25])
 """From where the hand hangs at the start to the point, m: forward, inward, up."""

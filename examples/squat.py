@@ -13,7 +13,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance import balance_controller
+from wbc.sim.balance.controller import balance_controller
 
 DEPTH, PERIOD = 0.12, 4.0
 """How far down the centre of mass goes, m, and how long down and up take together, s."""

@@ -11,10 +11,10 @@ from typing import Any
 
 from _common import parse, report
 
-from wbc.feet.roughness import profile_roughness
+from wbc.feet.stiffness.roughness import profile_roughness
 from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
 from wbc.tasks import StiffnessPolicy
-from wbc.tasks.policies import SwingScan
+from wbc.tasks.scheduling.policies import SwingScan
 
 
 class SofterWhereItIsRough(StiffnessPolicy):

@@ -14,9 +14,9 @@ from _common import parse, report, upright
 import wbc
 from wbc.sim.terrain import terrain
 from wbc.walking.control import WalkingControl
-from wbc.walking.footsteps import FootstepPlan
-from wbc.walking.gait import Gait
-from wbc.walking.planning import climb_stairs
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.plans import climb_stairs
 
 TREAD = 0.25
 """Depth of a stair, m."""

@@ -5,10 +5,11 @@ What needs MuJoCo lives in the modules whose names end in `_mjcf` and is importe
 
 from __future__ import annotations
 
-from wbc.feet.actuator import StiffnessActuator, StiffnessState
-from wbc.feet.catalog import foot, foot_name, foot_names, register_foot
-from wbc.feet.clusters import Clusters
-from wbc.feet.contact import (
+from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
+from wbc.feet.sensing.scan import GroundScan, Profile, ScanSettings, toe_sensor
+from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
+from wbc.feet.soles.catalog import foot, foot_name, foot_names, register_foot
+from wbc.feet.soles.contact import (
     LOOP_CLOSURE,
     PAPER_SOLE_GROUND,
     SOLE_GROUND,
@@ -17,17 +18,16 @@ from wbc.feet.contact import (
     effective_time_constant,
     solver_parameters,
 )
-from wbc.feet.dataset import StiffnessTable
-from wbc.feet.features import FeatureSet, select_features
-from wbc.feet.foot import Foot
-from wbc.feet.model import FootModel
-from wbc.feet.range_sensor import RangeSampler, RangeSensor
-from wbc.feet.rigid import FlatFoot, RigidFoot
-from wbc.feet.roughness import Roughness, RoughnessSettings
-from wbc.feet.scan import GroundScan, Profile, ScanSettings, toe_sensor
-from wbc.feet.soft import LongArchFoot, SoftFoot, TransverseBending, VariableStiffnessFoot
-from wbc.feet.sole import FootFit, SoleGeometry
-from wbc.feet.stiffness_model import ModelSettings, StiffnessModel
+from wbc.feet.soles.foot import Foot
+from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.rigid import FlatFoot, RigidFoot
+from wbc.feet.soles.soft import LongArchFoot, SoftFoot, TransverseBending, VariableStiffnessFoot
+from wbc.feet.soles.sole import FootFit, SoleGeometry
+from wbc.feet.stiffness.clusters import Clusters
+from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.features import FeatureSet, select_features
+from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
+from wbc.feet.stiffness.roughness import Roughness, RoughnessSettings
 
 __all__ = [
     "LOOP_CLOSURE",

@@ -1,9 +1,9 @@
 """Robots as data: `load` a built-in one, or describe any other with `RobotDescription.from_urdf`."""
 
+from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.registry import load, names, register
-from wbc.robots.servo import ServoRule
 
 __all__ = [
     "FrameDescription",

@@ -14,9 +14,10 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, ModelError, finite_scalar, non_negative, unknown_name
 from wbc.core.robot import GRAVITY, Robot, Sole
-from wbc.robots import frames, inertia, posture, urdf
+from wbc.robots import frames, urdf
+from wbc.robots.derivation import inertia, posture
+from wbc.robots.derivation.servo import ServoRule, effective_inertia, leg_joints
 from wbc.robots.frames import FrameDescription, SoleDescription
-from wbc.robots.servo import ServoRule, effective_inertia, leg_joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +113,7 @@ class RobotDescription:
     ) -> RobotDescription:
         """Describe a robot that has never been seen; what is not given is derived from the model.
 
-        `wbc.robots.derive` says how; the lines of `derived` say what came out.
+        `wbc.robots.derivation.defaults` says how; the lines of `derived` say what came out.
 
         Args:
             source: URDF, a path or the XML itself.
@@ -144,7 +145,7 @@ class RobotDescription:
             InputError: A file, frame, joint or value that cannot be used.
             ModelError: A URDF that cannot be simulated or controlled as it stands.
         """
-        from wbc.robots.derive import describe  # noqa: PLC0415 - it builds descriptions
+        from wbc.robots.derivation.defaults import describe  # noqa: PLC0415 - it builds descriptions
 
         return describe(
             source,

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import cache
 
 from wbc.core.errors import InputError, unknown_name
-from wbc.robots import example_robots, hrp4_class
 from wbc.robots.description import RobotDescription
+from wbc.robots.models import example_robots, hrp4_class
 
 _FACTORIES: dict[str, Callable[[], RobotDescription]] = {
     "hrp4_class": hrp4_class.describe,

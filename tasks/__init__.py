@@ -1,13 +1,17 @@
 """What the controller can want: tasks, each a plain object whose target is an attribute."""
 
-from wbc.tasks.admittance import AdmittanceTask, DampingTask
-from wbc.tasks.com import CoMTask
-from wbc.tasks.compliance import ComplianceTask
-from wbc.tasks.cop import CoPTask
-from wbc.tasks.frame import FrameTask, OrientationTask, PoseTask, PositionTask
-from wbc.tasks.impedance import FirstOrderImpedanceTask, ImpedanceTask
-from wbc.tasks.momentum import MomentumTask
-from wbc.tasks.policies import (
+from wbc.tasks.force.admittance import AdmittanceTask, DampingTask
+from wbc.tasks.force.compliance import ComplianceTask
+from wbc.tasks.force.cop import CoPTask
+from wbc.tasks.force.impedance import FirstOrderImpedanceTask, ImpedanceTask
+from wbc.tasks.force.torque import JointTorqueTask
+from wbc.tasks.force.wrench import WrenchTask
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.frame import FrameTask, OrientationTask, PoseTask, PositionTask
+from wbc.tasks.motion.momentum import MomentumTask
+from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.motion.relative import RelativeFrameTask
+from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
@@ -16,12 +20,8 @@ from wbc.tasks.policies import (
     stiffness_policy,
     stiffness_policy_names,
 )
-from wbc.tasks.posture import PostureTask
-from wbc.tasks.relative import RelativeFrameTask
-from wbc.tasks.stiffness import StiffnessTask
-from wbc.tasks.stiffness_record import StepStiffness, StiffnessTiming
-from wbc.tasks.torque import JointTorqueTask
-from wbc.tasks.wrench import WrenchTask
+from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
+from wbc.tasks.scheduling.stiffness import StiffnessTask
 
 __all__ = [
     "AdmittanceTask",

@@ -8,17 +8,17 @@ needs; everything else is in `wbc.core`, `wbc.robots`, `wbc.feet`, `wbc.tasks`, 
 from typing import TYPE_CHECKING, Any
 
 from wbc._version import __version__
-from wbc.core.contact import PointContact, SoleContact
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.controller import Controller
-from wbc.core.limits import JointLimits, TorqueLimits
-from wbc.core.observer import Observer
+from wbc.core.estimation.observer import Observer
+from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.qp.contact import PointContact, SoleContact
+from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.robots import load as load_robot
-from wbc.tasks.com import CoMTask
-from wbc.tasks.frame import OrientationTask, PoseTask, PositionTask
-from wbc.tasks.posture import PostureTask
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
+from wbc.tasks.motion.posture import PostureTask
 
 if TYPE_CHECKING:
     from wbc.sim import Plant

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.feet.common_mjcf import quaternion_wxyz
-from wbc.feet.runtime_mjcf import GroundContacts, SoleProbe, WrenchSensor
+from wbc.feet.soles.common_mjcf import quaternion_wxyz
+from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe, WrenchSensor
 from wbc.sim.rig.results import hull
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain.render import add_to_spec

@@ -7,8 +7,8 @@ from typing import Any
 
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive
 from wbc.feet import Foot, SoleGeometry, foot, foot_name
+from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.results import to_json
-from wbc.sim.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain
 
 OWN_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)

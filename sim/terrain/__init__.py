@@ -7,12 +7,12 @@
 `wbc.sim.terrain.render.add_to_spec` draws a terrain into a MuJoCo model; nothing else here needs MuJoCo.
 """
 
-from wbc.sim.terrain import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
-from wbc.sim.terrain.base import Family, FieldFamily, ShapeFamily, families, family, param
 from wbc.sim.terrain.checks import ClearanceWarning, check_clearance
+from wbc.sim.terrain.families import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
+from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, family, param, terrain_families
+from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.ground import Ground
 from wbc.sim.terrain.heightmap import HeightMap
-from wbc.sim.terrain.site import Site
 from wbc.sim.terrain.spec import Rendering, Terrain, terrain
 
 __all__ = [
@@ -26,7 +26,7 @@ __all__ = [
     "Site",
     "Terrain",
     "check_clearance",
-    "families",
+    "terrain_families",
     "family",
     "param",
     "terrain",

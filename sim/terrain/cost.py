@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.core.errors import InputError
 from wbc.feet import SoleGeometry, foot
-from wbc.sim.settings import PhysicsSettings
+from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.feet.roughness import PARAMETERS, UNITS
-from wbc.sim.terrain.base import families
+from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import Terrain, terrain
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def contact_sheet(path: str | Path, terrains: Sequence[Terrain] | None = None, c
         InputError: The path cannot be written.
     """
     target = checked_path(path)
-    shown = list(terrains) if terrains is not None else [example(name) for name in families()]
+    shown = list(terrains) if terrains is not None else [example(name) for name in terrain_families()]
     rows = math.ceil(len(shown) / columns)
     figure = _figure(3.9 * columns, 2.0 * rows)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError, unknown_name
-from wbc.feet.roughness import PARAMETERS, UNITS
-from wbc.sim.terrain.base import Family, families
+from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, check_clearance
 from wbc.sim.terrain.drawing import checked_path, contact_sheet, draw_terrain, example
+from wbc.sim.terrain.families.base import Family, terrain_families
 from wbc.sim.terrain.spec import Rendering, Terrain, jsonable, terrain
-from wbc.walking.gait import Gait
+from wbc.walking.planning.gait import Gait
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def list_terrains(options: TerrainListOptions | None = None) -> list[dict[str, A
     """
     wanted = options or TerrainListOptions()
     target = None if wanted.plot is None else checked_path(wanted.plot)
-    listed = [_family_facts(name, cls) for name, cls in families().items()]
+    listed = [_family_facts(name, cls) for name, cls in terrain_families().items()]
     if target is not None:
         contact_sheet(target)
     if wanted.cost:
@@ -168,9 +168,9 @@ def read_params(name: str, texts: tuple[str, ...]) -> dict[str, Any]:
         UnknownNameError: No such family or parameter.
         InputError: Not of the form name=value, given twice, or not of the parameter's type.
     """
-    if name not in families():
-        unknown_name("terrain", name, families())
-    known = {f.name: f.default for f in fields(families()[name])}
+    if name not in terrain_families():
+        unknown_name("terrain", name, terrain_families())
+    known = {f.name: f.default for f in fields(terrain_families()[name])}
     params: dict[str, Any] = {}
     for text in texts:
         key, separator, value = text.partition("=")

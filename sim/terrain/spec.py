@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, WbcError, choose, finite_scalar, non_negative, positive
-from wbc.feet.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
-from wbc.feet.scan import PROFILE_STEP
-from wbc.sim.terrain.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
+from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, needed_resolution, node_limit, usable_resolution
-from wbc.sim.terrain.draws import Draws, check_seed
+from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
+from wbc.sim.terrain.families.draws import Draws, check_seed
+from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Shape
-from wbc.sim.terrain.site import Site, cells
 
 if TYPE_CHECKING:
     from wbc.sim.terrain.render import AddedTerrain
@@ -314,7 +314,7 @@ def terrain(
     """Make a terrain from the name of its family.
 
     Args:
-        name: One of `families()`.
+        name: One of `terrain_families()`.
         amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
         seed: Fixes every random draw.
         length: Length of the rough part, m; 3 m (or the image's) when None.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wbc.core.signals import Command, Measurement
-from wbc.sim.plant import Plant
+from wbc.sim.plant.plant import Plant
 from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ import numpy as np
 
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
-from wbc.sim.plant import Plant
+from wbc.sim.plant.plant import Plant
 from wbc.sim.rig.results import hull
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.walking.control import WalkingControl
-from wbc.walking.footsteps import SIDES
-from wbc.walking.phases import Event, Phase
+from wbc.walking.planning.footsteps import SIDES
+from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.walk import WalkReference
 
 EXCURSION = 0.06

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from wbc.core.changes import Changes, as_changes
 from wbc.core.errors import InputError
 from wbc.feet import Foot, VariableStiffnessFoot
-from wbc.feet.stiffness_model import DEFAULT_MODEL
-from wbc.sim.changes import Changes, as_changes
-from wbc.tasks.policies import FixedPolicy, StiffnessPolicy, stiffness_policy
-from wbc.tasks.stiffness_record import StiffnessTiming
+from wbc.feet.stiffness.model import DEFAULT_MODEL
+from wbc.tasks.scheduling.policies import FixedPolicy, StiffnessPolicy, stiffness_policy
+from wbc.tasks.scheduling.record import StiffnessTiming
 
 DEFAULT_POLICY = "model"
 """Policy of a sole of variable stiffness when none is named: the model that comes with the library."""

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive, unknown_name
-from wbc.sim.push_recovery import PUSH_DURATION
+from wbc.sim.balance.push_recovery import PUSH_DURATION
 
 
 @dataclass(frozen=True, kw_only=True)

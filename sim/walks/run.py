@@ -15,10 +15,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.errors import Array, InputError, MeasurementError
-from wbc.core.observer import Observer
+from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.feet import RangeSensor, VariableStiffnessFoot
-from wbc.sim.plant import Plant
+from wbc.sim.plant.plant import Plant
 from wbc.sim.walks.hooks import WalkHook, WalkTick
 from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.policy import make_policy
@@ -27,11 +27,11 @@ from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objectiv
 from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.soles import SoleMeter
 from wbc.sim.walks.spec import PreparedWalk, WalkSpec, moved, time_limit
-from wbc.tasks.policies import PolicyLike
-from wbc.tasks.stiffness import StiffnessTask
+from wbc.tasks.scheduling.policies import PolicyLike
+from wbc.tasks.scheduling.stiffness import StiffnessTask
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
-from wbc.walking.phases import Event
+from wbc.walking.planning.phases import Event
 
 
 def run_walk(spec: WalkSpec, *, hooks: Sequence[WalkHook] = ()) -> WalkResult:

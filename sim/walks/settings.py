@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from wbc.core.changes import Changes, changed, normal_changes
 from wbc.core.errors import InputError, choose
-from wbc.core.observer import ObserverSettings
-from wbc.feet.range_sensor import RangeSensor
-from wbc.sim.changes import Changes, changed, normal_changes
-from wbc.sim.settings import PhysicsSettings
-from wbc.tasks.stiffness_record import StiffnessTiming
+from wbc.core.estimation.observer import ObserverSettings
+from wbc.feet.sensing.range_sensor import RangeSensor
+from wbc.sim.plant.settings import PhysicsSettings
+from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.walking.control import Mode, WalkingSettings
-from wbc.walking.distribution import DistributionSettings
-from wbc.walking.gains import StabilizerGains
-from wbc.walking.phases import PhaseSettings
-from wbc.walking.preview import PreviewSettings
+from wbc.walking.pattern.preview import PreviewSettings
+from wbc.walking.planning.phases import PhaseSettings
+from wbc.walking.stabilizer.distribution import DistributionSettings
+from wbc.walking.stabilizer.gains import StabilizerGains
 from wbc.walking.walk import WalkSettings
 
 PRESETS = ("default", "legacy")

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.feet.scan import Profile
-from wbc.feet.sole import SIDES
-from wbc.sim.plant import Plant
-from wbc.tasks.stiffness_record import StepStiffness
+from wbc.feet.sensing.scan import Profile
+from wbc.feet.soles.sole import SIDES
+from wbc.sim.plant.plant import Plant
+from wbc.tasks.scheduling.record import StepStiffness
 from wbc.walking.control import WalkingControl
 
 

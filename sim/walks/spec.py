@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.changes import Changes, as_changes, changed, normal_changes
 from wbc.core.errors import (
     Array,
     InputError,
@@ -23,15 +24,14 @@ from wbc.core.errors import (
 )
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.feet import Foot
-from wbc.feet.catalog import foot as foot_by_name
+from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.robots.description import RobotDescription
-from wbc.sim.changes import Changes, as_changes, changed, normal_changes
-from wbc.sim.model import body_frame
-from wbc.sim.sensors import noise_preset
-from wbc.sim.settings import steps_per_tick
-from wbc.sim.shod import shod
-from wbc.sim.standing import CONTROL_PERIOD, MODES, Mode
+from wbc.sim.balance.standing import CONTROL_PERIOD, MODES, Mode
+from wbc.sim.plant.model import body_frame
+from wbc.sim.plant.sensors import noise_preset
+from wbc.sim.plant.settings import steps_per_tick
+from wbc.sim.plant.shod import shod
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.walks.plans import WalkPlan
@@ -39,10 +39,10 @@ from wbc.sim.walks.policy import checked_policy
 from wbc.sim.walks.push import WalkPush
 from wbc.sim.walks.settings import TrialSettings, checked_changes, trial_settings
 from wbc.walking.control import WalkingControl
-from wbc.walking.footsteps import FootstepPlan
-from wbc.walking.gains import series
-from wbc.walking.gait import Gait
-from wbc.walking.reach import check_plan
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.reach import check_plan
+from wbc.walking.stabilizer.gains import series
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.sim.plant import Plant
+from wbc.sim.plant.plant import Plant
 
 if TYPE_CHECKING:
-    from wbc.app.view_walk import WatchWalk
+    from wbc.app.view.walk import WatchWalk
     from wbc.sim.walks import WalkTrial
 
 BROWSER_TIME = 20.0
@@ -60,8 +60,8 @@ class Live:
         if not self.view:
             yield Watching(None, [])
             return
-        from wbc.app.view import MeshcatView  # noqa: PLC0415 - most runs are not watched
-        from wbc.app.view_walk import wait_for_page  # noqa: PLC0415
+        from wbc.app.view.view import MeshcatView  # noqa: PLC0415 - most runs are not watched
+        from wbc.app.view.walk import wait_for_page  # noqa: PLC0415
 
         with MeshcatView(plant, host=self.host, port=self.port, speed=1.0) as view:
             wait_for_page(view, BROWSER_TIME)
@@ -81,7 +81,7 @@ class Live:
         if not self.view:
             yield None
             return
-        from wbc.app.view_walk import WatchWalk  # noqa: PLC0415 - most runs are not watched
+        from wbc.app.view.walk import WatchWalk  # noqa: PLC0415 - most runs are not watched
 
         with WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
             hook.open(trial)
@@ -106,6 +106,6 @@ def interactive(interventions: list[dict[str, Any]]) -> dict[str, Any]:
 
 def interactive_text(interventions: list[dict[str, Any]]) -> str:
     """The same for people, each change on a line of its own that begins with a line break."""
-    from wbc.app.view_controls import intervention_text  # noqa: PLC0415 - most runs are not watched
+    from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
 
     return "".join(f"\n  CHANGED   from the page at {intervention_text(entry)}" for entry in interventions)

@@ -9,14 +9,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError
 from wbc.feet import Foot, SoftFoot, SoleGeometry
-from wbc.feet.catalog import foot as foot_by_name
+from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
-from wbc.sim.changes import changed, read_changes
-from wbc.sim.model import sole_geometries
+from wbc.sim.plant.model import sole_geometries
+from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig import OWN_SOLE, STIFFNESSES, FootTest
-from wbc.sim.settings import PhysicsSettings
 from wbc.sim.terrain import Rendering, Terrain
 from wbc.sim.terrain import terrain as make_terrain
 from wbc.sim.terrain.report import read_params

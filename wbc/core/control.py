@@ -16,13 +16,13 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.controller import Controller
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive, scalar
+from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
-from wbc.core.observer import Observer
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.core.solution import Solution
 
 logger = logging.getLogger(__name__)
 

@@ -1,8 +1,8 @@
 """A walk as whole-body control: references and stabilizer become targets of tasks and contacts, tick by tick.
 
     walk        where pendulum and feet should be, and which feet stand     `wbc.walking.walk`
-    stabilizer  what the feet should press, and how they yield              `wbc.walking.stabilizer`
-    controller  all of it as one quadratic program                          `wbc.core.controller`
+    stabilizer  what the feet should press, and how they yield              `wbc.walking.stabilizer.stabilizer`
+    controller  all of it as one quadratic program                          `wbc.core.qp.controller`
 
 In position control the feet yield to the wrenches that they feel, the program moves the commanded robot, and the servos
 get the torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired
@@ -18,30 +18,30 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.contact import SoleContact
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.controller import Controller
 from wbc.core.errors import Array, InputError, choose, positive, scalar, two_of
-from wbc.core.limits import JointLimits, TorqueLimits
-from wbc.core.observer import Observer
+from wbc.core.estimation.observer import Observer
+from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
+from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Command, Measurement
-from wbc.core.solution import Solution
-from wbc.core.solver import SolverSettings
-from wbc.tasks.com import CoMTask
-from wbc.tasks.frame import OrientationTask, PoseTask
-from wbc.tasks.posture import PostureTask
-from wbc.tasks.stiffness import StiffnessTask
-from wbc.tasks.wrench import WrenchTask
-from wbc.walking.bias import BiasEstimator, BiasSettings
-from wbc.walking.carrying import CarryingArea, CarryingSettings
-from wbc.walking.distribution import DistributionSettings, WrenchDistribution
+from wbc.tasks.force.wrench import WrenchTask
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.frame import OrientationTask, PoseTask
+from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.scheduling.stiffness import StiffnessTask
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, heading
-from wbc.walking.gains import StabilizerGains
-from wbc.walking.lean import UPRIGHT, Lean, LeanSettings
-from wbc.walking.schedule import support_area
-from wbc.walking.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading
+from wbc.walking.planning.schedule import support_area
+from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
+from wbc.walking.stabilizer.carrying import CarryingArea, CarryingSettings
+from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
+from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanSettings
+from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.walk import Walk, WalkReference, WalkSettings
 
 Mode = Literal["position", "torque"]

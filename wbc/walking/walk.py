@@ -19,15 +19,15 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
-from wbc.walking.lipm import Pendulum
-from wbc.walking.pattern import Pattern
-from wbc.walking.phases import Event, Phase, PhaseSettings, WalkPhases
-from wbc.walking.preview import PreviewController, PreviewSettings
-from wbc.walking.reach import Reach, check_plan
-from wbc.walking.schedule import SoleSizes, ZmpTarget
-from wbc.walking.swing import FootMotion, SwingFoot, shortest_swing
+from wbc.walking.pattern.analytic import Pattern
+from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.preview import PreviewController, PreviewSettings
+from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
+from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
+from wbc.walking.planning.reach import Reach, check_plan
+from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
+from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 
 logger = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rich.progress import Progress
 
-from wbc.app.bench_solver import BenchSolverOptions, bench_solver
-from wbc.app.bench_tick import BenchTickOptions, bench_tick
+from wbc.app.bench.solver import BenchSolverOptions, bench_solver
+from wbc.app.bench.tick import BenchTickOptions, bench_tick
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.changes import setting_names
 from wbc.core.errors import InputError
 from wbc.feet import Foot, foot, foot_names
 from wbc.robots import load, names
-from wbc.sim.changes import setting_names
-from wbc.sim.model import sole_geometries
+from wbc.sim.plant.model import sole_geometries
 from wbc.sim.rig import to_json
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rich.progress import track
 
+from wbc.app.bench.physics import SpeedOptions, standing_speeds
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.sim.speed import SpeedOptions, standing_speeds
 
 
 @reports

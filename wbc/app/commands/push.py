@@ -7,7 +7,7 @@ import logging
 from rich.progress import track
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.sim.push_recovery import PushTableOptions, format_push_table, push_table
+from wbc.sim.balance.push_recovery import PushTableOptions, format_push_table, push_table
 
 
 @reports

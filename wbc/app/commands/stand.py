@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.sim.standing import Stand, StandOptions
+from wbc.sim.balance.standing import Stand, StandOptions
 
 
 @reports

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
-from wbc.feet.comparison import (
+from wbc.feet.stiffness.comparison import (
     amplitude_trends,
     candidates,
     compare,
@@ -20,11 +20,11 @@ from wbc.feet.comparison import (
     learning_curve,
     principal_components,
 )
-from wbc.feet.dataset import StiffnessTable
-from wbc.feet.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
-from wbc.feet.stiffness_model import DEFAULT_TABLE, Kind, ModelSettings, StiffnessModel
-from wbc.feet.stiffness_plot import PICTURES, draw_model
-from wbc.feet.validation import Candidate
+from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
+from wbc.feet.stiffness.model import DEFAULT_TABLE, Kind, ModelSettings, StiffnessModel
+from wbc.feet.stiffness.plot import PICTURES, draw_model
+from wbc.feet.stiffness.validation import Candidate
 
 TablePath = Annotated[
     Path,

@@ -25,15 +25,15 @@ from wbc.app.commands.walk import read_json
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError, choose
-from wbc.sim.journal import SYNCS, Entry, Journal, check_journal_path, read_journal
-from wbc.sim.labels import Label, check_windows, labels, stiffness_table
-from wbc.sim.stiffness_studies import dataset as make_dataset
-from wbc.sim.stiffness_studies import half_heights
-from wbc.sim.studies import Study, found_entries
-from wbc.sim.study_catalog import STUDIES, study_by_name
-from wbc.sim.study_table import StudyTable, study_rows, study_table
-from wbc.sim.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
-from wbc.sim.swings import swing_report, swing_text
+from wbc.sim.studies.catalog import STUDIES, study_by_name
+from wbc.sim.studies.journal import SYNCS, Entry, Journal, check_journal_path, read_journal
+from wbc.sim.studies.labels import Label, check_windows, labels, stiffness_table
+from wbc.sim.studies.stiffness import dataset as make_dataset
+from wbc.sim.studies.stiffness import half_heights
+from wbc.sim.studies.study import Study, found_entries
+from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
+from wbc.sim.studies.swings import swing_report, swing_text
+from wbc.sim.studies.tables import StudyTable, study_rows, study_table
 
 StudyName = Annotated[
     str, Parameter(help="Study: the name of one that `wbc study list` shows, or a file with one as JSON.")

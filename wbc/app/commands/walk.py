@@ -17,10 +17,10 @@ from cyclopts import Parameter
 from wbc.app.files import check_target
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.changes import read_changes
 from wbc.core.errors import InputError, finite_scalar, unknown_name
 from wbc.core.files import read_text
-from wbc.sim.changes import read_changes
-from wbc.sim.standing import Mode
+from wbc.sim.balance.standing import Mode
 from wbc.sim.terrain.checks import check_clearance
 from wbc.sim.terrain.report import read_params
 from wbc.sim.walks import (
@@ -31,7 +31,7 @@ from wbc.sim.walks import (
     WalkSpec,
     WalkTrial,
 )
-from wbc.walking.gait import Gait
+from wbc.walking.planning.gait import Gait
 
 STONES_AMPLITUDE = 0.02
 """Height of the stones that are walked over when no ground is named, m."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rich.progress import track
 
+from wbc.app.bench.walk import CASES, PARTS, WalkCostOptions, walk_costs
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.sim.walks.cost import CASES, PARTS, WalkCostOptions, walk_costs
 
 
 @reports

@@ -26,7 +26,7 @@ from wbc.sim.walks.hooks import WalkHook
 if TYPE_CHECKING:
     from wbc.sim import Plant
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
-    from wbc.tasks.stiffness import StiffnessTask
+    from wbc.tasks.scheduling.stiffness import StiffnessTask
 
 
 class Recorder(WalkHook):

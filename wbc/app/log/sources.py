@@ -21,7 +21,7 @@ from wbc.app.log.truth import TruthSource
 from wbc.app.log.walking import WalkSource
 from wbc.core.control import PositionControl
 from wbc.core.errors import Array
-from wbc.core.solution import Solution
+from wbc.core.qp.solution import Solution
 from wbc.walking.control import WalkingControl
 
 

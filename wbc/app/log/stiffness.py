@@ -13,7 +13,7 @@ from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:
-    from wbc.tasks.stiffness import StiffnessTask
+    from wbc.tasks.scheduling.stiffness import StiffnessTask
 
 
 class StiffnessSource(Source):

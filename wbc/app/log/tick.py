@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.controller import Controller
 from wbc.core.errors import Array
+from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.walking.control import WalkingControl

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from wbc.app.plot.style import COLOURS, grid, new_figure
 from wbc.core.errors import InputError
-from wbc.sim.comparison import Estimate
-from wbc.sim.study_table import StudyTable, TableCell
+from wbc.sim.studies.comparison import Estimate
+from wbc.sim.studies.tables import StudyTable, TableCell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,7 @@ from wbc.app.replay.overlays import DCM_COLOUR
 from wbc.app.replay.replay import Replay
 from wbc.app.replay.stage import Stage
 from wbc.app.replay.texts import caption
-from wbc.app.view_scene import ARROW_COLOURS, COM_COLOUR, ZMP_COLOUR, Snapshot
+from wbc.app.view.scene import ARROW_COLOURS, COM_COLOUR, ZMP_COLOUR, Snapshot
 from wbc.core.errors import Array, InputError, WbcError
 
 Picture = NDArray[np.uint8]

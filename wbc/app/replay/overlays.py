@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull
 
 from wbc.app.log import Log
 from wbc.app.plot.support import Stance, stances
-from wbc.app.view_scene import HIDDEN, LEGEND, ROOT, Drawing, Scene
-from wbc.app.view_shapes import Colour, Cylinder, Surface
+from wbc.app.view.scene import HIDDEN, LEGEND, ROOT, Drawing, Scene
+from wbc.app.view.shapes import Colour, Cylinder, Surface
 from wbc.core.errors import Array
 
 DCM_COLOUR: Colour = (0.34, 0.71, 0.91, 1.0)

@@ -15,9 +15,9 @@ import umsgpack  # type: ignore[import-untyped]  # comes with meshcat, which spe
 from wbc.app.files import check_target
 from wbc.app.replay.replay import Replay
 from wbc.app.replay.texts import caption
-from wbc.app.view_page import Page
-from wbc.app.view_scene import ROOT, SKY_COLOURS
-from wbc.app.view_server import object_commands, transform_command
+from wbc.app.view.page import Page
+from wbc.app.view.scene import ROOT, SKY_COLOURS
+from wbc.app.view.server import object_commands, transform_command
 
 PAGES = (".html", ".htm")
 

@@ -12,14 +12,14 @@ from wbc.app.log import Log
 from wbc.app.log.names import SIDES, position_signal
 from wbc.app.log.plain import from_plain
 from wbc.app.replay.overlays import make_overlays
-from wbc.app.view_layers import stiffness_colour
-from wbc.app.view_scene import Scene, Snapshot
-from wbc.app.view_shapes import Colour
-from wbc.app.view_source import FOOT, PlantSource
+from wbc.app.view.layers import stiffness_colour
+from wbc.app.view.scene import Scene, Snapshot
+from wbc.app.view.shapes import Colour
+from wbc.app.view.source import FOOT, PlantSource
 from wbc.core.errors import Array, InputError, positive
 from wbc.feet import FootModel
-from wbc.sim.plant import Plant
-from wbc.walking.zmp import NoContactForceError, cop
+from wbc.sim.plant.plant import Plant
+from wbc.walking.pattern.zmp import NoContactForceError, cop
 
 LEAST_LOAD = 1.0
 """Forces below this are not shown, N."""

@@ -11,8 +11,8 @@ import sys
 import tornado.httpserver
 import tornado.web
 
-from wbc.app.view import PortError
-from wbc.app.view_server import FIRST_PORT, PORTS
+from wbc.app.view.server import FIRST_PORT, PORTS
+from wbc.app.view.view import PortError
 
 
 class _One(tornado.web.RequestHandler):

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from wbc.app.replay.replay import Replay
-from wbc.app.view_scene import ROOT, TILE, TILE_COLOURS, Drawing
-from wbc.app.view_shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
+from wbc.app.view.scene import ROOT, TILE, TILE_COLOURS, Drawing
+from wbc.app.view.shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.render import add_to_spec
 

@@ -1,0 +1,320 @@
+"""What a swinging foot has seen of the ground: ranges and poses become a profile along the walking direction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive
+from wbc.feet.soles.soft import SoftFoot
+
+PROFILE_STEP = 0.007
+"""Distance of a profile's samples, m: the public profiles of the paper's authors have 429 samples on 3 m."""
+
+MAX_GAP = 0.028
+"""Widest gap that is bridged, m: one phalanx of the paper's foot, the shortest piece that can bend over a feature."""
+
+
+Numbers: TypeAlias = Sequence[float] | Array
+"""Three numbers."""
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """How hits become a profile.
+
+    Attributes:
+        step: Distance of the profile's samples, m.
+        max_gap: Widest gap between hits that is bridged by a straight line, m; at a wider one the profile is cut.
+        capacity: Cells of the buffer; with the step it bounds the length of a profile. A quarter of them lies behind
+            the first hit.
+    """
+
+    step: float = PROFILE_STEP
+    max_gap: float = MAX_GAP
+    capacity: int = 256
+
+    def __post_init__(self) -> None:
+        positive("profile step (m)", self.step)
+        if finite_scalar("widest gap of a profile (m)", self.max_gap) < self.step:
+            raise InputError(
+                f"widest gap must be at least one step of {self.step:g} m, got {self.max_gap:g} m"
+            )
+        if isinstance(self.capacity, bool) or int(self.capacity) != self.capacity or self.capacity < 16:
+            raise InputError(f"capacity must be a whole number of at least 16 cells, got {self.capacity!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Heights of the ground on a uniform grid along a line in the world.
+
+    Attributes:
+        x: Distance along `forward` from the world origin, ascending multiples of the step, shape (n,), m.
+        z: World height, shape (n,), m.
+        lateral: Distance to the left of the line through the world origin along `forward`, shape (n,), m.
+        seen: True where the ground was hit within half a step; elsewhere z is interpolated, shape (n,).
+        forward: Unit vector of the walking direction in the world's x–y plane, shape (2,).
+        step: Distance of the samples, m.
+    """
+
+    x: Array
+    z: Array
+    lateral: Array
+    seen: NDArray[np.bool_]
+    forward: Array
+    step: float
+
+    @property
+    def length(self) -> float:
+        """Distance from the first to the last sample, m."""
+        return float(self.x[-1] - self.x[0])
+
+    @property
+    def coverage(self) -> float:
+        """Share of the samples that were seen."""
+        return float(self.seen.mean())
+
+    @property
+    def points(self) -> Array:
+        """The samples in the world, shape (n, 3), m."""
+        (c, s), x, y = self.forward, self.x, self.lateral
+        return np.stack([c * x - s * y, s * x + c * y, self.z], axis=-1)
+
+    def last(self, length: float) -> Profile:
+        """The end of the profile, no longer than `length` (m): what lies nearest to the landing place.
+
+        Raises:
+            InputError: The length is not positive.
+        """
+        count = int(positive("length of the end of a profile (m)", length) / self.step + 1e-6) + 1
+        if count >= self.x.size:
+            return self
+        cut = slice(self.x.size - count, None)
+        return Profile(self.x[cut], self.z[cut], self.lateral[cut], self.seen[cut], self.forward, self.step)
+
+
+class GroundScan:
+    """Collects hits in cells of one profile step; a tick costs a few microseconds and allocates nothing.
+
+    Each cell keeps the sums of the places that it saw. A profile is the broken line through the cells' centroids: exact
+    on straight ground, indifferent to order and number of the hits, and it averages noise where the foot is slow.
+
+        scan = GroundScan()
+        scan.start((1.0, 0.0))
+        scan.add(sensor_position, ray_direction, distance)    # every tick
+        profile = scan.profile()
+
+    Attributes:
+        settings: How hits become a profile.
+        hits: Hits since the start.
+        lost: Readings that saw nothing, since the start.
+        outside: Hits beyond the capacity, since the start; not used.
+    """
+
+    def __init__(self, settings: ScanSettings | None = None) -> None:
+        """Start along the world's x axis."""
+        self.settings = ScanSettings() if settings is None else settings
+        # Rows: number of hits, sums of x, z and lateral. A cell's x is summed from the cell's centre to keep digits.
+        self._sums = np.zeros((4, int(self.settings.capacity)))
+        self.start()
+
+    def start(self, forward: ArrayLike = (1.0, 0.0)) -> None:
+        """Forget everything and scan along a new direction.
+
+        Args:
+            forward: Walking direction in the world's x–y plane, any length, shape (2,).
+
+        Raises:
+            InputError: Not two finite numbers, or both zero.
+        """
+        given = finite_array("walking direction", forward, (2,))
+        norm = math.hypot(*given)
+        if norm < 1e-9:
+            raise InputError(f"walking direction must not be zero, got {given}")
+        self._c, self._s = float(given[0]) / norm, float(given[1]) / norm
+        self._sums[:] = 0.0
+        self._first: int | None = None
+        self.hits = self.lost = self.outside = 0
+
+    def add(self, position: Numbers, ray: Numbers, distance: float) -> bool:
+        """Take in one reading. Estimated poses are what a controller has; the true ones only exist in a simulator.
+
+        Args:
+            position: Sensor in the world, shape (3,), m.
+            ray: Unit vector of its ray in the world, shape (3,).
+            distance: Reading, m; NaN or infinite when it saw nothing.
+
+        Returns:
+            True if the reading was used.
+        """
+        if not math.isfinite(distance):
+            self.lost += 1
+            return False
+        px, py, pz = position
+        dx, dy, dz = ray
+        wx, wy = px + distance * dx, py + distance * dy
+        x = self._c * wx + self._s * wy
+        z = pz + distance * dz
+        if not math.isfinite(x + z):
+            self.lost += 1
+            return False
+        step, sums = self.settings.step, self._sums
+        cell = math.floor(x / step + 0.5)
+        if self._first is None:
+            self._first = cell - sums.shape[1] // 4
+        i = cell - self._first
+        if not 0 <= i < sums.shape[1]:
+            self.outside += 1
+            return False
+        sums[0, i] += 1.0
+        sums[1, i] += x - cell * step
+        sums[2, i] += z
+        sums[3, i] += self._c * wy - self._s * wx
+        self.hits += 1
+        return True
+
+    def add_many(self, positions: ArrayLike, rays: ArrayLike, distances: ArrayLike) -> int:
+        """Take in many readings at once; the same as `add` one by one.
+
+        Args:
+            positions: Sensor in the world, shape (n, 3), m.
+            rays: Unit vectors of the rays in the world, shape (n, 3).
+            distances: Readings, shape (n,), m; NaN or infinite where nothing was seen.
+
+        Returns:
+            Number of readings that were used.
+        """
+        p, d = np.asarray(positions, dtype=np.float64), np.asarray(rays, dtype=np.float64)
+        r = np.asarray(distances, dtype=np.float64)
+        finite = np.isfinite(r) & np.isfinite(p).all(axis=-1) & np.isfinite(d).all(axis=-1)
+        hit = p[finite] + r[finite, None] * d[finite]
+        self.lost += int(r.size - hit.shape[0])
+        if hit.shape[0] == 0:
+            return 0
+        x = self._c * hit[:, 0] + self._s * hit[:, 1]
+        cell = np.floor(x / self.settings.step + 0.5).astype(np.intp)
+        if self._first is None:
+            self._first = int(cell[0]) - self._sums.shape[1] // 4
+        i = cell - self._first
+        inside = (i >= 0) & (i < self._sums.shape[1])
+        used, i = int(inside.sum()), i[inside]
+        lateral = self._c * hit[:, 1] - self._s * hit[:, 0]
+        for row, values in enumerate((np.ones(r.size), x - cell * self.settings.step, hit[:, 2], lateral)):
+            np.add.at(self._sums[row], i, values[: inside.size][inside])
+        self.hits += used
+        self.outside += int(inside.size) - used
+        return used
+
+    def profile(self) -> Profile:
+        """The ground as seen so far.
+
+        Where two neighbouring cells that saw something lie further apart than `max_gap`, the profile is cut and the
+        longest piece returned, the later one if two are equally long.
+
+        Raises:
+            InputError: Fewer than two samples; the message says what was seen.
+        """
+        filled = np.flatnonzero(self._sums[0])
+        if filled.size < 2 or self._first is None:
+            raise InputError(
+                f"no profile: {self.hits} hits in {filled.size} cells ({self.lost} readings lost, {self.outside} "
+                "out of reach); hits in two cells are needed"
+            )
+        cell = filled + self._first
+        mean = self._sums[1:, filled] / self._sums[0, filled]
+        return _broken_line(cell, mean, np.array([self._c, self._s]), self.settings)
+
+
+def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: ScanSettings) -> Profile:
+    """Profile through the centroids of cells.
+
+    Args:
+        cell: Numbers of the cells that saw something, ascending, shape (m,).
+        mean: Rows x from the cell's centre, z, lateral, shape (3, m), m.
+        forward: Walking direction.
+        settings: Step and gap.
+    """
+    step = settings.step
+    x = cell * step + mean[0]
+    cuts = np.flatnonzero(np.diff(x) > settings.max_gap + 1e-9) + 1
+    begins, ends = np.append(0, cuts), np.append(cuts, x.size)
+    lengths = cell[ends - 1] - cell[begins]  # in cells: equal pieces are equal, whatever rounding says
+    best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
+    piece = slice(int(begins[best]), int(ends[best]))
+    x, cell = x[piece], cell[piece]
+    nodes = np.arange(math.ceil(x[0] / step - 1e-9), math.floor(x[-1] / step + 1e-9) + 1)
+    if nodes.size < 2:
+        raise InputError(f"no profile: the longest piece without a gap is {x[-1] - x[0]:.4f} m long")
+    at = nodes * step
+    return Profile(
+        x=at,
+        z=np.interp(at, x, mean[1, piece]),
+        lateral=np.interp(at, x, mean[2, piece]),
+        seen=np.isin(nodes, cell, assume_unique=True),
+        forward=forward,
+        step=step,
+    )
+
+
+def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
+    """Put points on a uniform grid, as `GroundScan` does with hits.
+
+    Args:
+        x: Places along the walking direction in any order, shape (n,), m.
+        z: Heights, shape (n,), m; NaN where nothing was seen.
+        settings: Step and gap; the capacity does not matter here.
+
+    Raises:
+        InputError: Different shapes, a place that is not finite, or fewer than two samples.
+    """
+    given = ScanSettings() if settings is None else settings
+    places = finite_array("places of a profile (m)", x)
+    heights = np.asarray(z, dtype=np.float64)
+    if places.ndim != 1 or heights.shape != places.shape:
+        raise InputError(f"x and z must have the same shape (n,), got {places.shape} and {heights.shape}")
+    seen = np.isfinite(heights)
+    places, heights = places[seen], heights[seen]
+    every = np.floor(places / given.step + 0.5).astype(np.intp)
+    cell, inverse, count = np.unique(every, return_inverse=True, return_counts=True)
+    if cell.size < 2:
+        raise InputError(f"no profile: {places.size} points in {cell.size} cells; two cells are needed")
+    offset = np.bincount(inverse, places - every * given.step) / count
+    height = np.bincount(inverse, heights) / count
+    mean = np.stack([offset, height, np.zeros(cell.size)])
+    return _broken_line(cell, mean, np.array([1.0, 0.0]), given)
+
+
+def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
+    """Cut a long profile into overlapping windows, as a swinging foot sees it piece by piece.
+
+    Args:
+        z: Heights on a uniform grid, shape (n,), m.
+        step: Distance of the samples, m.
+        length: Length of a window, m.
+        every: Distance between the starts of two windows, m.
+
+    Returns:
+        Heights, shape (number of windows, samples per window), m: a view that must not be written into.
+
+    Raises:
+        InputError: A length out of range, or a profile shorter than one window.
+    """
+    heights = finite_array("heights of a profile (m)", z)
+    pitch = positive("profile step (m)", step)
+    size = round(positive("window length (m)", length) / pitch) + 1
+    stride = max(1, round(positive("distance between windows (m)", every) / pitch))
+    if heights.ndim != 1 or heights.size < size:
+        raise InputError(
+            f"a profile of {heights.shape} samples holds no window of {length:g} m ({size} samples of {pitch:g} m)"
+        )
+    return np.lib.stride_tricks.sliding_window_view(heights, size)[::stride]
+
+
+def toe_sensor(foot: SoftFoot) -> Array:
+    """Range sensor of a soft foot in the sole frame, rest shape, shape (3,), m: the middle of the first phalanx."""
+    return np.array([(foot.length - foot.length / foot.phalanges) / 2.0, 0.0, foot.hinge_height])

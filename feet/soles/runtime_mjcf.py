@@ -1,0 +1,256 @@
+"""A foot inside a running MuJoCo simulation: its force, range, shape, contacts and stiffness."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
+from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
+from wbc.feet.soles.model import FootModel
+
+
+def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+    number = mujoco.mj_name2id(model, kind, name)
+    if number < 0:
+        raise InputError(
+            f"the model has no '{name}': it was not compiled from the spec that this foot was built into"
+        )
+    return int(number)
+
+
+class WrenchSensor:
+    """Six-axis force sensor between the ankle and the foot."""
+
+    def __init__(self, model: mujoco.MjModel, foot: FootModel) -> None:
+        """Look the sensor up.
+
+        Raises:
+            InputError: The model does not hold this foot.
+        """
+        kind = mujoco.mjtObj.mjOBJ_SENSOR
+        self._force = int(model.sensor_adr[_id(model, kind, foot.force_sensor)])
+        self._torque = int(model.sensor_adr[_id(model, kind, foot.torque_sensor)])
+
+    def read(self, data: mujoco.MjData) -> Array:
+        """What the ground does to the foot: [force; moment] in sole axes at the sole centre, shape (6,).
+
+        As with a real sensor, the weight and inertia of the foot below it are part of the reading.
+
+        Source: MuJoCo documentation, sensor "force": acts from the child on the parent, hence the sign.
+        """
+        reading = np.empty(6)
+        reading[:3] = data.sensordata[self._force : self._force + 3]
+        reading[3:] = data.sensordata[self._torque : self._torque + 3]
+        return -reading
+
+
+class SoleStiffness:
+    """Stiffness of a soft sole in a running simulation, behind its actuator.
+
+    Attributes:
+        actuator: How the actual stiffness follows the command.
+        state: Commanded, rate-limited and actual stiffness, Nm/rad.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, foot: FootModel, actuator: StiffnessActuator | None = None
+    ) -> None:
+        """Start at the stiffness that the model was compiled with.
+
+        Args:
+            model: Compiled model; its `jnt_stiffness` is written from now on.
+            foot: A soft foot of that model.
+            actuator: None for one that acts at once.
+
+        Raises:
+            InputError: The foot is rigid, or the model does not hold it.
+        """
+        if not foot.variable_joints:
+            raise InputError(f"the {foot.side} foot is rigid: it has no stiffness to set")
+        self._model = model
+        self._joints = np.array(
+            [_id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in foot.variable_joints]
+        )
+        self.actuator = StiffnessActuator.instantaneous(high=math.inf) if actuator is None else actuator
+        self._initial = float(model.jnt_stiffness[self._joints[0]])
+        self.state: StiffnessState = self.actuator.at_rest(self._initial)
+
+    @property
+    def actual(self) -> float:
+        """What the springs have now, Nm/rad; the measured value."""
+        return float(self._model.jnt_stiffness[self._joints[0]])
+
+    def reset(self, stiffness: float | None = None) -> None:
+        """Go to a stiffness at once: the given one, or the one at the start.
+
+        Raises:
+            InputError: Outside the range of the actuator.
+        """
+        self.state = self.actuator.at_rest(self._initial if stiffness is None else stiffness)
+        self._model.jnt_stiffness[self._joints] = self.state.actual
+
+    def step(self, command: float, duration: float) -> float:
+        """Advance the actuator and write the result into the model; it acts from the next physics step on.
+
+        Args:
+            command: Commanded stiffness, Nm/rad.
+            duration: Time since the last call, s.
+
+        Returns:
+            The actual stiffness, Nm/rad.
+
+        Raises:
+            InputError: The command is outside the range of the actuator.
+        """
+        self.state = self.actuator.advance(self.state, command, duration)
+        self._model.jnt_stiffness[self._joints] = self.state.actual
+        return self.state.actual
+
+
+class RangeFinder:
+    """The range sensor under the toe: casts a ray at the ground alone and adds the sensor's errors."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        foot: FootModel,
+        *,
+        ground_group: int,
+        sensor: RangeSensor | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Look the site up.
+
+        Args:
+            model: Compiled model.
+            foot: A foot of that model.
+            ground_group: Geom group that the ground alone is in, 0 to 5.
+            sensor: Limits and errors; None for a perfect sensor.
+            seed: Seed of the errors.
+
+        Raises:
+            InputError: No such group, or the model does not hold this foot.
+        """
+        group = finite_scalar("geom group of the ground", ground_group, low=0, high=mujoco.mjNGROUP - 1)
+        self._site = _id(model, mujoco.mjtObj.mjOBJ_SITE, foot.range_site)
+        self._groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+        self._groups[int(group)] = 1
+        self._hit = np.zeros(1, dtype=np.int32)
+        self.sampler = RangeSampler(RangeSensor() if sensor is None else sensor, seed)
+        self.range_height = foot.range_height
+
+    def distance(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """True distance from the site to the ground along the ray, m; infinite when it hits nothing."""
+        direction = data.site_xmat[self._site][2::3].copy()
+        found = mujoco.mj_ray(
+            model, data, data.site_xpos[self._site], direction, self._groups, True, -1, self._hit
+        )
+        return math.inf if found < 0.0 else float(found)
+
+    def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Reading at the simulation's time, m; NaN when lost or out of range, held between two samples."""
+        due = self.sampler.due(data.time)
+        return self.sampler.sample(data.time, self.distance(model, data) if due else math.nan)
+
+    def hit_point(self, data: mujoco.MjData, reading: float) -> Array:
+        """Where a reading (m) says that the ground is, in the world, shape (3,), m."""
+        return np.asarray(data.site_xpos[self._site] + reading * data.site_xmat[self._site][2::3])
+
+
+@dataclass(frozen=True)
+class GroundContacts:
+    """Contacts of one foot with the ground at one instant, in the world.
+
+    Attributes:
+        points: Shape (n, 3), m.
+        forces: Force of the ground on the foot, shape (n, 3), N.
+        depths: Penetration, shape (n,), m; negative while apart.
+    """
+
+    points: Array
+    forces: Array
+    depths: Array
+
+    @property
+    def force(self) -> Array:
+        """Sum of the forces, shape (3,), N."""
+        return np.asarray(self.forces.sum(axis=0))
+
+    @property
+    def centre_of_pressure(self) -> Array:
+        """Mean of the contact points weighted by their vertical force, shape (3,), m; NaN without load."""
+        load = self.forces[:, 2]
+        total = float(load.sum())
+        if total <= 0.0:
+            return np.full(3, np.nan)
+        return np.asarray(load @ self.points / total)
+
+
+class SoleProbe:
+    """Ground truth of one foot, for logs and test rigs: never a measurement of the controller."""
+
+    def __init__(self, model: mujoco.MjModel, foot: FootModel) -> None:
+        """Look names up.
+
+        Raises:
+            InputError: The model does not hold this foot.
+        """
+        geom, joint, site = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
+        self._own = np.zeros(model.ngeom, dtype=bool)
+        self._own[[_id(model, geom, name) for name in foot.contact_geoms]] = True
+        joints = [_id(model, joint, name) for name in foot.sole_joints]
+        transverse = [_id(model, joint, name) for name in foot.transverse_joints]
+        self._qpos = model.jnt_qposadr[joints] if joints else np.zeros(0, dtype=int)
+        self._transverse_qpos = model.jnt_qposadr[transverse] if transverse else np.zeros(0, dtype=int)
+        self._loop = (
+            None if foot.loop_sites is None else tuple(_id(model, site, name) for name in foot.loop_sites)
+        )
+        self._wrench = np.zeros(6)
+
+    def angles(self, data: mujoco.MjData) -> Array:
+        """Angles of the sole hinges from the toe to the heel, shape (phalanges,), rad."""
+        return np.asarray(data.qpos[self._qpos])
+
+    def transverse_angles(self, data: mujoco.MjData) -> Array:
+        """Angles of the hinges about the longitudinal axis from the toe to the heel, rad."""
+        return np.asarray(data.qpos[self._transverse_qpos])
+
+    def loop_gap(self, data: mujoco.MjData) -> float:
+        """Distance between the two sides of the loop closure, m; 0 without a loop."""
+        if self._loop is None:
+            return 0.0
+        a, b = self._loop
+        return float(np.linalg.norm(data.site_xpos[a] - data.site_xpos[b]))
+
+    def contacts(
+        self, model: mujoco.MjModel, data: mujoco.MjData, least_force: float = 0.0
+    ) -> GroundContacts:
+        """Contacts of this foot that carry more than a normal force.
+
+        Args:
+            model: Compiled model.
+            data: State after a step or `mj_forward`.
+            least_force: N.
+        """
+        points, forces, depths = [], [], []
+        for i in range(data.ncon):
+            contact = data.contact[i]
+            first, second = contact.geom
+            if not (self._own[first] or self._own[second]):
+                continue
+            mujoco.mj_contactForce(model, data, i, self._wrench)
+            if self._wrench[0] <= least_force:
+                continue
+            # The frame's first row is the normal from the first geom to the second, where the force acts.
+            sign = 1.0 if self._own[second] else -1.0
+            forces.append(sign * (contact.frame.reshape(3, 3).T @ self._wrench[:3]))
+            points.append(contact.pos.copy())
+            depths.append(-contact.dist)
+        return GroundContacts(
+            np.array(points).reshape(-1, 3), np.array(forces).reshape(-1, 3), np.array(depths)
+        )

@@ -1,0 +1,216 @@
+"""MuJoCo model of the soft foot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.feet.soles.common_mjcf import (
+    CONTACT_GROUP,
+    add_bar,
+    add_box,
+    add_contact_sphere,
+    add_foot_body,
+    add_range_site,
+    part,
+    set_inertia,
+)
+from wbc.feet.soles.contact import solver_parameters
+from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.soft import ARCH_THICKNESS, SoftFoot
+from wbc.feet.soles.sole import FootFit, box_inertia
+
+_LATERAL = (0.0, 1.0, 0.0)
+_FORWARD = (1.0, 0.0, 0.0)
+_VISUAL_GAP = 0.001  # m between the drawn phalanges
+
+
+@dataclass
+class _Segment:
+    """A rigid piece of a phalanx: its body, where that has its origin, and the strip of the sole it is."""
+
+    body: mujoco.MjsBody
+    origin: Array
+    right: float
+    left: float
+
+
+class SoftFootBuilder:
+    """Adds one soft foot under an ankle.
+
+    The tree runs ankle → foot body (backward arch, force sensor) → heel phalanx → … → toe, and foot body →
+    frontal arch; a `connect` equality closes the arch onto the sole.
+    """
+
+    def __init__(
+        self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftFoot, fit: FootFit
+    ) -> None:
+        """Start with the body under the ankle.
+
+        Args:
+            spec: Model under construction.
+            ankle_body: Body that carries the foot.
+            side: "left" or "right".
+            foot: The design.
+            fit: The design under this ankle.
+        """
+        self.spec, self.side, self.foot, self.fit = spec, side, foot, fit
+        self.layout = foot.layout(fit.sole)
+        self.body = add_foot_body(spec, ankle_body, side, fit)
+        set_inertia(self.body, self.layout.backward_arch)
+        add_bar(
+            self.body,
+            part(side, "backward_arch"),
+            self.layout.ankle,
+            self.layout.hinges[-1],
+            ARCH_THICKNESS / 2.0,
+        )
+        self._segments: list[list[_Segment]] = [[] for _ in range(foot.phalanges)]
+        self._pitch: list[str] = []
+        self._transverse: list[str] = []
+
+    def build(self) -> FootModel:
+        """Add everything and name it."""
+        parent, parent_origin = self.body, np.zeros(3)
+        for i in reversed(range(self.foot.phalanges)):
+            parent, parent_origin = self._add_phalanx(i, parent, parent_origin)
+        geoms = self._add_spheres()
+        toe = self._segments[0][0]
+        sensor_place = np.array([self.layout.centres[0], 0.0, self.foot.hinge_height])
+        site = add_range_site(toe.body, self.side, sensor_place - toe.origin)
+        arch_joint, loop_sites = self._add_frontal_arch()
+        transverse = self.foot.transverse
+        follows = transverse is not None and transverse.stiffness is None
+        pitch_joints, transverse_joints = tuple(self._pitch[::-1]), tuple(self._transverse[::-1])
+        return FootModel(
+            side=self.side,
+            fit=self.fit,
+            body=self.body.name,
+            wrench_site=part(self.side, "sole"),
+            force_sensor=part(self.side, "force"),
+            torque_sensor=part(self.side, "torque"),
+            range_site=site,
+            range_height=self.foot.hinge_height,
+            contact_geoms=geoms,
+            sole_joints=pitch_joints,
+            transverse_joints=transverse_joints,
+            variable_joints=pitch_joints + (transverse_joints if follows else ()),
+            arch_joint=arch_joint,
+            loop_sites=loop_sites,
+            encoders=self._add_encoders(pitch_joints),
+        )
+
+    def _add_phalanx(
+        self, i: int, parent: mujoco.MjsBody, parent_origin: Array
+    ) -> tuple[mujoco.MjsBody, Array]:
+        """Add phalanx i (0 is the toe) with its hinge on the heel side."""
+        foot, name = self.foot, part(self.side, f"phalanx_{i + 1}")
+        origin = np.array(self.layout.hinges[i])
+        body = parent.add_body(name=name, pos=origin - parent_origin)
+        self._pitch.append(
+            _add_hinge(body, f"{name}_pitch", _LATERAL, foot.stiffness, foot.damping, foot.armature)
+        )
+        half = foot.width / 2.0
+        middle = half
+        if foot.transverse is not None and foot.transverse.kind == "twist" and i < foot.phalanges - 1:
+            self._add_transverse_hinge(body, f"{name}_twist")
+        elif foot.transverse is not None and foot.transverse.kind == "flaps":
+            middle = foot.transverse.hinge_share * half
+            for side, right, left in (("right", -half, -middle), ("left", middle, half)):
+                place = np.array(
+                    [self.layout.centres[i], middle if left > 0.0 else -middle, foot.hinge_height]
+                )
+                flap = body.add_body(name=f"{name}_{side}", pos=place - origin)
+                self._add_transverse_hinge(flap, f"{name}_{side}_roll")
+                self._add_strip(i, flap, place, right, left)
+        self._add_strip(i, body, origin, -middle, middle)
+        return body, origin
+
+    def _add_strip(self, i: int, body: mujoco.MjsBody, origin: Array, right: float, left: float) -> None:
+        """Give a body its strip of phalanx i."""
+        foot, width = self.foot, left - right
+        centre = np.array([self.layout.centres[i], (left + right) / 2.0, foot.thickness / 2.0]) - origin
+        mass = foot.phalanx_mass * width / foot.width
+        set_inertia(body, box_inertia(mass, (self.layout.pitch, width, foot.thickness), centre))
+        size = (self.layout.pitch - _VISUAL_GAP, width - _VISUAL_GAP, foot.thickness)
+        add_box(body, f"{body.name}_box", centre, size)
+        self._segments[i].append(_Segment(body, origin, right, left))
+
+    def _add_transverse_hinge(self, body: mujoco.MjsBody, name: str) -> None:
+        transverse = self.foot.transverse
+        assert transverse is not None
+        stiffness = self.foot.stiffness if transverse.stiffness is None else transverse.stiffness
+        armature = self.foot.armature
+        self._transverse.append(_add_hinge(body, name, _FORWARD, stiffness, transverse.damping, armature))
+
+    def _add_spheres(self) -> tuple[str, ...]:
+        """An even grid over the whole sole, dealt out row by row; see `SoleContact.row_positions`."""
+        foot, contact = self.foot, self.foot.contact
+        names = []
+        for row, x in enumerate(foot.contact_rows()):
+            segments = self._segments[row // contact.rows_per_phalanx]
+            for column, y in enumerate(contact.column_positions(foot.width)):
+                segment = next(s for s in segments if s.right - 1e-9 <= y <= s.left + 1e-9)
+                position = np.array([x, y, contact.radius]) - segment.origin
+                name = part(self.side, f"sole_{row + 1}_{column + 1}")
+                names.append(add_contact_sphere(segment.body, name, position, contact))
+        return tuple(names)
+
+    def _add_frontal_arch(self) -> tuple[str, tuple[str, str] | None]:
+        foot, side = self.foot, self.side
+        origin, loop_point = np.array(self.layout.arch_hinge), np.array(self.layout.loop_point)
+        arch = self.body.add_body(name=part(side, "frontal_arch"), pos=origin)
+        joint = _add_hinge(
+            arch, part(side, "arch_pitch"), _LATERAL, foot.arch_stiffness, foot.arch_damping, 0.0
+        )
+        set_inertia(arch, pin.SE3(np.eye(3), -origin).act(self.layout.frontal_arch))
+        tip = loop_point - origin
+        add_bar(arch, part(side, "frontal_arch_bar"), (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
+        if not foot.loop:
+            return joint, None
+        # The middle strip is added last and is the one that the arch holds.
+        held = self._segments[foot.loop_phalanx - 1][-1]
+        sites = (part(side, "loop_arch"), part(side, "loop_sole"))
+        arch.add_site(name=sites[0], pos=tip, size=[0.004] * 3, group=CONTACT_GROUP)
+        held.body.add_site(name=sites[1], pos=loop_point - held.origin, size=[0.004] * 3, group=CONTACT_GROUP)
+        parameters = solver_parameters(foot.loop_law)
+        self.spec.add_equality(
+            name=part(side, "loop"),
+            type=mujoco.mjtEq.mjEQ_CONNECT,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=sites[0],
+            name2=sites[1],
+            solref=parameters.solref,
+            solimp=parameters.solimp,
+        )
+        return joint, sites
+
+    def _add_encoders(self, joints: tuple[str, ...]) -> tuple[str, ...]:
+        if not self.foot.encoders:
+            return ()
+        for joint in joints:
+            self.spec.add_sensor(
+                name=f"{joint}_angle",
+                type=mujoco.mjtSensor.mjSENS_JOINTPOS,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+                objname=joint,
+            )
+        return tuple(f"{joint}_angle" for joint in joints)
+
+
+def _add_hinge(
+    body: mujoco.MjsBody,
+    name: str,
+    axis: tuple[float, float, float],
+    stiffness: float,
+    damping: float,
+    armature: float,
+) -> str:
+    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=armature)
+    joint.stiffness[0] = stiffness  # the other entries are coefficients of higher powers of the angle
+    joint.damping[0] = damping
+    return name

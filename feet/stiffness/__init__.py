@@ -1,0 +1,1 @@
+"""Stiffness from roughness: roughness parameters, features, training data, model and its validation."""

@@ -1,0 +1,291 @@
+"""What a stiffness model learns from: the roughness that a foot saw, and the stiffness that was best there."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.core.errors import Array, InputError, finite_array, positive, unknown_name
+from wbc.core.files import read_text
+from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings
+
+FORMAT = "wbc stiffness table"
+VERSION = 1
+
+KEYS = ("ground", "family", "amplitude", "seed", "window")
+"""Columns that say what a row is about."""
+
+REQUIRED = (*KEYS, *PARAMETERS, "stiffness")
+"""Columns that every table has."""
+
+OPTIONAL = ("stiffness_low", "stiffness_high", "J")
+"""Columns that a table may have."""
+
+
+@dataclass(frozen=True)
+class ProfileRecipe:
+    """How the roughness in a table, or that a model expects, was computed from the ground.
+
+    Attributes:
+        step: Distance of the samples of a profile, m.
+        window: Length of a profile, m; None for whole tracks. By default what a foot has scanned in a step of
+            0.145 m when its stiffness is decided (`wbc.tasks.StiffnessTiming`).
+        roughness: Filter, trend and variant.
+    """
+
+    step: float = PROFILE_STEP
+    window: float | None = 0.182
+    roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
+
+    def __post_init__(self) -> None:
+        positive("profile step (m)", self.step)
+        if self.window is not None:
+            positive("window length (m)", self.window)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> ProfileRecipe:
+        """Read what `dataclasses.asdict` wrote.
+
+        Raises:
+            InputError: A key is missing, unknown or holds nonsense.
+        """
+        given = dict(_known(values, cls, "profile recipe"))
+        given["roughness"] = RoughnessSettings(
+            **_known(given["roughness"], RoughnessSettings, "roughness settings")
+        )
+        return cls(**given)
+
+
+def _known(values: Any, kind: type, what: str) -> Mapping[str, Any]:
+    """Return a mapping that has exactly the fields of a class as keys."""
+    names = {f.name for f in fields(kind)}
+    if not isinstance(values, Mapping) or set(values) != names:
+        found = sorted(values) if isinstance(values, Mapping) else values
+        raise InputError(f"{what} must have the keys {', '.join(sorted(names))}, got {found!r}")
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class StiffnessTable:
+    """One row per profile that a foot saw.
+
+    Every array has one entry per row.
+
+    Attributes:
+        ground: Name of the ground, such as "random w=0.01": rows of one name and amplitude share a best stiffness.
+        family: Terrain family.
+        amplitude: Highest minus lowest point of the ground, m.
+        seed: Seed of the ground.
+        window: Number of the profile on this ground, from 0.
+        values: Roughness parameters in the order of `PARAMETERS`, shape (n, 10), SI units of their variant.
+        stiffness: Best stiffness of the sole there, Nm/rad.
+        stiffness_low: Least stiffness that is nearly as good, Nm/rad; NaN where it is not known.
+        stiffness_high: Greatest stiffness that is nearly as good, Nm/rad; NaN where it is not known.
+        J: Cost at the best stiffness, as the paper's eq. 6 (a maximum; 0 is perfect); NaN where it is not known.
+        recipe: How the roughness was computed.
+        made: How the table was made: whatever its maker wrote down, JSON-able.
+    """
+
+    ground: NDArray[np.str_]
+    family: NDArray[np.str_]
+    amplitude: Array
+    seed: NDArray[np.int64]
+    window: NDArray[np.int64]
+    values: Array
+    stiffness: Array
+    stiffness_low: Array
+    stiffness_high: Array
+    J: Array
+    recipe: ProfileRecipe
+    made: Mapping[str, Any]
+
+    def __len__(self) -> int:
+        return int(self.stiffness.size)
+
+    @classmethod
+    def from_columns(
+        cls,
+        columns: Mapping[str, Sequence[Any] | NDArray[Any]],
+        *,
+        recipe: ProfileRecipe | None = None,
+        made: Mapping[str, Any] | None = None,
+    ) -> StiffnessTable:
+        """Make a table from its columns.
+
+        Args:
+            columns: Name → entries: all of `REQUIRED`, any of `OPTIONAL`.
+            recipe: How the roughness was computed.
+            made: How the table was made.
+
+        Raises:
+            InputError: A column is missing or unknown, columns of different lengths, no rows, a value that is no
+                number, a negative amplitude or stiffness, a range without the best stiffness in it.
+        """
+        missing = [name for name in REQUIRED if name not in columns]
+        if missing:
+            raise InputError(
+                f"stiffness table: missing columns {', '.join(missing)}; there are {', '.join(columns) or 'none'}"
+            )
+        for name in columns:
+            if name not in (*REQUIRED, *OPTIONAL):
+                unknown_name("column of a stiffness table", name, (*REQUIRED, *OPTIONAL))
+        sizes = {name: len(entries) for name, entries in columns.items()}
+        if len(set(sizes.values())) != 1 or 0 in sizes.values():
+            raise InputError(
+                f"stiffness table: columns must have the same number of rows, at least one, got {sizes}"
+            )
+        count = sizes["ground"]
+        number = {name: _numbers(name, columns[name]) for name in ("amplitude", *PARAMETERS, "stiffness")}
+        whole = {name: _whole(name, columns[name]) for name in ("seed", "window")}
+        extra = {
+            name: _numbers(name, columns[name], missing=True) if name in columns else np.full(count, np.nan)
+            for name in OPTIONAL
+        }
+        for name in ("amplitude", "stiffness"):
+            if (number[name] < 0.0).any():
+                raise InputError(f"stiffness table: {name} must not be negative, got {number[name].min():g}")
+        if (extra["stiffness_low"] > number["stiffness"]).any() or (
+            extra["stiffness_high"] < number["stiffness"]
+        ).any():
+            raise InputError("stiffness table: stiffness must lie between stiffness_low and stiffness_high")
+        return cls(
+            ground=np.array([str(g) for g in columns["ground"]]),
+            family=np.array([str(f) for f in columns["family"]]),
+            amplitude=number["amplitude"],
+            seed=whole["seed"],
+            window=whole["window"],
+            values=np.stack([number[name] for name in PARAMETERS], axis=1),
+            stiffness=number["stiffness"],
+            stiffness_low=extra["stiffness_low"],
+            stiffness_high=extra["stiffness_high"],
+            J=extra["J"],
+            recipe=ProfileRecipe() if recipe is None else recipe,
+            made=dict(made or {}),
+        )
+
+    def rows(self, choice: ArrayLike | slice) -> StiffnessTable:
+        """Some of the rows, by numbers, by truth values or by a slice."""
+        pick = np.arange(len(self))[choice if isinstance(choice, slice) else np.asarray(choice)]
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("recipe", "made")}
+        return StiffnessTable(**{k: v[pick] for k, v in arrays.items()}, recipe=self.recipe, made=self.made)
+
+    def groups(self, columns: Iterable[str] = ("ground",)) -> NDArray[np.intp]:
+        """Number of the group of each row: rows that agree in all these columns are one group.
+
+        Args:
+            columns: Of `KEYS`. ("ground",) keeps all amplitudes of a ground together, ("ground", "amplitude") keeps
+                together what shares a label.
+
+        Raises:
+            UnknownNameError: Not one of `KEYS`.
+        """
+        names = tuple(columns)
+        for name in names:
+            if name not in KEYS:
+                unknown_name("column to group by", name, KEYS)
+        rows = list(zip(*(getattr(self, name).tolist() for name in names), strict=True))
+        order = {row: i for i, row in enumerate(dict.fromkeys(rows))}
+        return np.array([order[row] for row in rows])
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Name → entries, with the optional columns only where something is known."""
+        result: dict[str, list[Any]] = {name: getattr(self, name).tolist() for name in KEYS}
+        result |= {name: self.values[:, i].tolist() for i, name in enumerate(PARAMETERS)}
+        result["stiffness"] = self.stiffness.tolist()
+        return result | {
+            n: getattr(self, n).tolist() for n in OPTIONAL if np.isfinite(getattr(self, n)).any()
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write one line of JSON after a "#" (format, version, recipe, made), then the rows as CSV."""
+        head = {"format": FORMAT, "version": VERSION, "recipe": asdict(self.recipe), "made": dict(self.made)}
+        columns = self.columns()
+        with Path(path).open("w", encoding="utf-8", newline="") as file:
+            file.write("# " + json.dumps(head) + "\n")
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
+
+    @classmethod
+    def load(cls, path: str | Path) -> StiffnessTable:
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: No such file, another format or version, missing columns, rows that cannot be read.
+        """
+        target = Path(path)
+        if not target.is_file():
+            raise InputError(f"no stiffness table '{target}'")
+        first, _, rest = read_text(target, FORMAT).partition("\n")
+        head = parse_head(first.removeprefix("#"), FORMAT, VERSION, target)
+        for key in ("recipe", "made"):
+            if key not in head:
+                raise InputError(f"{target}: '{key}' is missing from its first line")
+        lines = [row for row in csv.reader(rest.splitlines()) if row]
+        if not lines:
+            raise InputError(f"{target}: no columns")
+        names, rows = lines[0], lines[1:]
+        for i, row in enumerate(rows):
+            if len(row) != len(names):
+                raise InputError(f"{target}: row {i + 1} has {len(row)} entries, {len(names)} are needed")
+        columns = {name: [row[i] for row in rows] for i, name in enumerate(names)}
+        return cls.from_columns(columns, recipe=ProfileRecipe.from_dict(head["recipe"]), made=head["made"])
+
+    def fingerprint(self) -> str:
+        """Hash of rows and recipe, hex digits: equal tables, equal hash, on every machine."""
+        text = json.dumps([self.columns(), asdict(self.recipe)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]:
+    """Read a JSON object that says which format and version a file has.
+
+    Args:
+        text: JSON.
+        kind: Format that is expected.
+        version: Version that is expected.
+        path: File, for the message.
+
+    Raises:
+        InputError: Not JSON, another format or another version.
+    """
+    try:
+        head = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path} is not a {kind}: {error}") from error
+    if not isinstance(head, dict) or head.get("format") != kind:
+        found = head.get("format") if isinstance(head, dict) else None
+        raise InputError(f"{path} is not a {kind}" + (f" but a {found}" if found else ""))
+    if head.get("version") != version:
+        raise InputError(
+            f"{path}: version {head.get('version')!r} of a {kind} cannot be read, this wbc reads version {version}; "
+            "make it again with this wbc"
+        )
+    return head
+
+
+def _numbers(name: str, entries: Iterable[Any], *, missing: bool = False) -> Array:
+    """A column of numbers; empty text and NaN only where entries may be missing."""
+    filled = ["nan" if missing and entry == "" else entry for entry in entries]
+    if not missing:
+        return finite_array(f"stiffness table: column {name}", filled)
+    try:
+        return np.array(filled, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"stiffness table: column {name} must hold numbers: {error}") from error
+
+
+def _whole(name: str, entries: Iterable[Any]) -> NDArray[np.int64]:
+    numbers = _numbers(name, entries)
+    if (numbers != np.floor(numbers)).any():
+        raise InputError(f"stiffness table: column {name} must hold whole numbers")
+    return numbers.astype(np.int64)

@@ -1,0 +1,243 @@
+"""Which roughness parameters, and which of their powers, say something that the others do not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import qr, svd
+
+from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.feet.stiffness.roughness import PARAMETERS
+
+Scaling = Literal["standard", "norm", "none"]
+Method = Literal["matrix", "subspace"]
+
+PAPER_FEATURES = ("Sp", "P", "P^2", "Sku^3", "P^3", "Sp^3")
+"""What the paper selected, section IV-B."""
+
+WINDOW_FEATURES = ("sqrt(Sz)", "sqrt(P)", "Ssk", "Sku", "lines")
+"""Features for the short window that a swing sees, chosen here: no powers, so that no rare bump outweighs the rest."""
+
+LINES = "lines"
+"""1 / (1 − K): effective number of lines in the spectrum; 2 for one wave, the number of samples for white noise."""
+
+_BASES = (*PARAMETERS, LINES)
+_SIGNED = ("Ssk",)
+
+
+@dataclass(frozen=True)
+class FeatureSet:
+    """Features computed from roughness parameters.
+
+    A feature is a parameter ("Sp"), one of its powers ("Sp^3"), its square root ("sqrt(P)") or "lines", which is
+    1 / (1 − K).
+
+    Attributes:
+        names: The features.
+    """
+
+    names: tuple[str, ...]
+    _base: NDArray[np.intp] = field(init=False, repr=False, compare=False)
+    _power: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.names:
+            raise InputError("at least one feature is needed")
+        if len(set(self.names)) != len(self.names):
+            raise InputError(f"each feature once, got {', '.join(self.names)}")
+        parsed = [_parse(name) for name in self.names]
+        object.__setattr__(self, "_base", np.array([base for base, _ in parsed]))
+        object.__setattr__(self, "_power", np.array([power for _, power in parsed]))
+
+    def __call__(self, values: ArrayLike) -> Array:
+        """Compute the features.
+
+        Args:
+            values: Roughness parameters in the order of `PARAMETERS`, shape (…, 10).
+
+        Returns:
+            Shape (…, number of features).
+
+        Raises:
+            InputError: Wrong shape, NaN or infinite.
+        """
+        given = finite_array("roughness parameters", values)
+        if given.ndim < 1 or given.shape[-1] != len(PARAMETERS):
+            raise InputError(
+                f"roughness parameters must have shape (…, {len(PARAMETERS)}), got {given.shape}"
+            )
+        # K of a real profile stays below 1 − 1 / samples; the floor only keeps made-up values finite.
+        lines = 1.0 / np.maximum(1.0 - given[..., -1:], 1e-6)
+        return np.asarray(np.concatenate([given, lines], axis=-1)[..., self._base] ** self._power)
+
+
+def _parse(name: str) -> tuple[int, float]:
+    """Place of the parameter among parameters and lines, and the power that it is raised to."""
+    base, power = name, 1.0
+    if name.startswith("sqrt(") and name.endswith(")"):
+        base, power = name[5:-1], 0.5
+        if base in _SIGNED:
+            raise InputError(f"feature '{name}': {base} can be negative and has no square root")
+    elif "^" in name:
+        base, _, text = name.partition("^")
+        if not text.isdigit() or int(text) < 2:
+            raise InputError(
+                f"feature '{name}': the power must be a whole number of at least 2, got '{text}'"
+            )
+        power = float(text)
+    return _BASES.index(choose("roughness parameter", base, _BASES)), power
+
+
+def power_names(powers: Sequence[int] = (1, 2, 3)) -> tuple[str, ...]:
+    """Names of the parameters and their powers, all parameters of one power after the other."""
+    return tuple(name if p == 1 else f"{name}^{p}" for p in powers for name in PARAMETERS)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which columns were kept, and why.
+
+    Attributes:
+        kept: The features, the most independent first.
+        candidates: All columns that were offered.
+        constant: Columns left out because they do not change over the data.
+        twins: (left out, kept) pairs of columns that are the same up to a factor, such as M = Sq^2.
+        singular_values: Of the scaled matrix of what remains, the greatest first.
+        bound: Greatest condition number that was allowed.
+        condition: Of the matrix of all remaining columns; infinite where they depend on each other.
+        kept_condition: Of the matrix of the kept columns.
+        diagonal: |R| of the pivoted QR for the kept columns: how much of each is new.
+        rows: Number of profiles.
+        scaling: How the columns were scaled.
+        method: Matrix that the pivoted QR was made of.
+    """
+
+    kept: tuple[str, ...]
+    candidates: tuple[str, ...]
+    constant: tuple[str, ...]
+    twins: tuple[tuple[str, str], ...]
+    singular_values: tuple[float, ...]
+    bound: float
+    condition: float
+    kept_condition: float
+    diagonal: tuple[float, ...]
+    rows: int
+    scaling: Scaling
+    method: Method
+
+    def report(self) -> str:
+        """The selection in words and numbers, several lines."""
+        first = self.singular_values[0]
+        ratios = [f"{first / s:.3g}" if s > 0.0 else "inf" for s in self.singular_values]
+        lines = [
+            f"{self.rows} profiles, {len(self.candidates)} columns, scaling '{self.scaling}', QR of the {self.method}",
+            f"constant columns left out: {', '.join(self.constant) or 'none'}",
+            "the same up to a factor: " + (", ".join(f"{a} ~ {b}" for a, b in self.twins) or "none"),
+            f"condition number of the other {len(self.singular_values)}: {self.condition:.3g}",
+            "greatest over each singular value: " + " ".join(ratios),
+            f"within {self.bound:g}: rank {len(self.kept)}",
+            "kept, with what is new in each: "
+            + ", ".join(f"{n} ({d:.3g})" for n, d in zip(self.kept, self.diagonal, strict=True)),
+            f"condition number of the kept columns: {self.kept_condition:.3g}",
+        ]
+        return "\n".join(lines)
+
+
+def select_features(
+    values: ArrayLike,
+    *,
+    powers: Sequence[int] = (1, 2, 3),
+    scaling: Scaling = "standard",
+    bound: float = 5.0,
+    count: int | None = None,
+    method: Method = "matrix",
+) -> Selection:
+    """Choose columns by rank and pivoted QR, as in the paper's section IV-B.
+
+    The columns are scaled, because a QR with pivoting takes the longest column first and the parameters have all sizes.
+    The rank is the number of singular values within `bound` of the greatest. QR with column pivoting then orders the
+    columns, each time taking the one with most left that the columns before do not explain; its first `rank` columns
+    are kept. Of columns that are equally long, the one with the greatest share in the first singular vector goes first,
+    so that the choice does not depend on units or on the order of the profiles. No label is looked at: the choice
+    depends on the grounds alone.
+
+    Args:
+        values: Roughness parameters of the profiles, shape (n, 10).
+        powers: Powers of the parameters that are offered.
+        scaling: "standard" (mean 0, deviation 1), "norm" (length 1) or "none".
+        bound: Greatest condition number. On windows of this library's grounds 5 keeps 6 of 30 columns, as many as the
+            paper kept.
+        count: Number of columns to keep instead of those within `bound`.
+        method: Pivot the "matrix" itself, or the leading right singular vectors ("subspace").
+
+    Raises:
+        InputError: Fewer than two profiles, wrong shape, NaN, or nothing changes over the profiles.
+
+    Source: Golub & Van Loan, Matrix Computations, sections 5.4.2 (column pivoting) and 5.5.7 (subset selection).
+    """
+    choose("scaling of the features", scaling, get_args(Scaling))
+    choose("matrix to pivot", method, get_args(Method))
+    finite_scalar("condition number", bound, low=1.0)
+    given = finite_array("roughness parameters", values)
+    if given.ndim != 2 or given.shape[0] < 2:
+        raise InputError(
+            f"roughness parameters of two profiles or more are needed, shape (n, 10), got {given.shape}"
+        )
+    candidates = power_names(powers)
+    matrix = FeatureSet(candidates)(given)
+    varies = matrix.std(axis=0) > 1e-12 * np.abs(matrix).max(axis=0)
+    if not varies.any():
+        raise InputError(f"nothing changes over the {given.shape[0]} profiles: no feature can be selected")
+    constant = tuple(n for n, v in zip(candidates, varies, strict=True) if not v)
+    names = [n for n, v in zip(candidates, varies, strict=True) if v]
+    scaled = _scaled(matrix[:, varies], scaling)
+    names, scaled, twins = _without_twins(names, scaled)
+    _, sigma, vt = svd(scaled, full_matrices=False)
+    sigma = np.where(sigma > sigma[0] * max(scaled.shape) * np.finfo(float).eps, sigma, 0.0)
+    independent = int((sigma > 0.0).sum())
+    rank = int((sigma * bound >= sigma[0]).sum()) if count is None else int(count)
+    if not 1 <= rank <= independent:
+        raise InputError(f"between 1 and {independent} columns are independent, got a count of {rank}")
+    # Scaled columns are equally long: without this the first pivot would be whichever rounding favours.
+    tie_break = 1.0 + 1e-9 * np.abs(vt[0]) / np.abs(vt[0]).max()
+    _, r, order = qr(
+        (scaled if method == "matrix" else vt[:rank]) * tie_break, mode="economic", pivoting=True
+    )
+    kept = order[:rank]
+    kept_sigma = svd(scaled[:, kept], compute_uv=False)
+    return Selection(
+        kept=tuple(names[i] for i in kept),
+        candidates=candidates,
+        constant=constant,
+        twins=twins,
+        singular_values=tuple(sigma.tolist()),
+        bound=bound,
+        condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else float("inf"),
+        kept_condition=float(kept_sigma[0] / kept_sigma[-1]) if kept_sigma[-1] > 0.0 else float("inf"),
+        diagonal=tuple(np.abs(np.diag(r))[:rank].tolist()),
+        rows=int(given.shape[0]),
+        scaling=scaling,
+        method=method,
+    )
+
+
+def _scaled(matrix: Array, scaling: Scaling) -> Array:
+    if scaling == "standard":
+        return np.asarray((matrix - matrix.mean(axis=0)) / matrix.std(axis=0))
+    if scaling == "norm":
+        return np.asarray(matrix / np.linalg.norm(matrix, axis=0))
+    return matrix
+
+
+def _without_twins(names: list[str], matrix: Array) -> tuple[list[str], Array, tuple[tuple[str, str], ...]]:
+    """Keep the first of all columns that are multiples of each other: pivoting between them is rounding alone."""
+    unit = matrix / np.linalg.norm(matrix, axis=0)
+    same = np.abs(unit.T @ unit) > 1.0 - 1e-12
+    first = np.argmax(same, axis=0)
+    twins = tuple((names[j], names[i]) for j, i in enumerate(first) if i != j)
+    keep = [j for j, i in enumerate(first) if i == j]
+    return [names[j] for j in keep], matrix[:, keep], twins

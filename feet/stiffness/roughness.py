@@ -1,0 +1,269 @@
+"""Roughness of ground profiles: the ten parameters of the paper's Table III, for many profiles at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solveh_banded
+
+from wbc.core.errors import Array, InputError, choose, finite_array, positive
+from wbc.feet.sensing.scan import PROFILE_STEP, Profile
+from wbc.feet.soles.rigid import SOFT_LENGTH
+
+Detrend = Literal["line", "mean"]
+Variant = Literal["corrected", "paper", "authors"]
+
+PARAMETERS = ("Sa", "Sq", "Ssk", "Sku", "Sv", "Sp", "Sz", "M", "P", "K")
+"""Names of the parameters, in the order of `Roughness.values`."""
+
+UNITS = ("m", "m", "", "", "m", "m", "m", "m2", "", "")
+"""Their units in the corrected variant."""
+
+LEAST_SAMPLES = 8
+"""Fewest samples of a profile: four moments and a spectrum say nothing about fewer."""
+
+LEVEL = 1e-9
+"""Heights that stay within this of their trend have zero roughness, m: far above rounding, far below any ground."""
+
+AUTHORS_RATE = 200.0
+"""Samples per second that the authors' public code assumes of a profile."""
+
+AUTHORS_CORNER = 0.05712
+"""Corner of the filter in the authors' public code, share of the Nyquist frequency: b = 0.08254 (1, 1)."""
+
+
+@dataclass(frozen=True)
+class RoughnessSettings:
+    """How roughness is computed.
+
+    A foot that is long against a wave does not enter it: the profile is filtered first, by a first-order Butterworth
+    low-pass run forwards and backwards. The corner is that of a single pass; both passes together keep half of the
+    amplitude of a wave at the corner (−6 dB), and 1/√2 of it (−3 dB) at 0.64 of that frequency.
+
+    Attributes:
+        corner: Corner of the filter, cycles/m: 1 / foot length. None does not filter.
+        detrend: "line" takes the least-squares line off, "mean" the mean alone. A slope is not roughness, but "mean"
+            is what the paper's authors do.
+        variant: "corrected": moments over n, P the variance of the slope. "paper": Table III as printed. "authors": as
+            in their public code, P the variance of the differences times (200 Hz)².
+
+    Source: the paper, section IV-A, Table III; Gadelmawla et al., J. Mater. Process. Technol. 123 (2002) for the
+    amplitude parameters; Hoffman & Krotkov, SPIE 1195 (1989) for M, P and K.
+    """
+
+    corner: float | None = 1.0 / SOFT_LENGTH
+    detrend: Detrend = "line"
+    variant: Variant = "corrected"
+
+    def __post_init__(self) -> None:
+        if self.corner is not None:
+            positive("corner of the low-pass (cycles/m)", self.corner)
+        choose("way to detrend", self.detrend, get_args(Detrend))
+        choose("variant of the roughness", self.variant, get_args(Variant))
+
+    @classmethod
+    def authors(cls, step: float = PROFILE_STEP) -> RoughnessSettings:
+        """As in the authors' public code: 4.1 cycles/m on their grid of 7 mm."""
+        return cls(AUTHORS_CORNER / (2.0 * positive("profile step (m)", step)), "mean", "authors")
+
+
+@dataclass(frozen=True, eq=False)
+class Roughness:
+    """Roughness of one or many profiles.
+
+    With zᵢ the n heights about their trend, Z their discrete Fourier transform over n without its mean, dx the step:
+
+    ====  ======================  ===========================================================
+    Sa    mean deviation          mean of abs(z)
+    Sq    standard deviation      √ mean z²
+    Ssk   skewness                mean z³ / Sq³
+    Sku   kurtosis                mean z⁴ / Sq⁴; 3 for a normal distribution, 1.5 for a wave
+    Sv    depth                   abs(min z)
+    Sp    height                  abs(max z)
+    Sz    both                    Sv + Sp
+    M     microrelief             variance of z = Σ |Z|² = Sq²
+    P     slope                   variance of Δz / dx
+    K     spread of the spectrum  1 − Σ |Z|⁴ / (Σ |Z|²)²; 0.5 for a single wave, towards 1 for noise
+    ====  ======================  ===========================================================
+
+    Level ground has zero in all of them. The table as printed (variant "paper") divides inside the sums of Ssk and Sku
+    by i + 1 instead of by n in front of them, which makes them depend on the direction of travel, and has
+    P = Σ f₀² n² |Z|² over n = 0 … N − 1, without 2π and beyond the Nyquist frequency.
+
+    Attributes:
+        values: The parameters in the order of `PARAMETERS`, shape (…, 10), SI units.
+    """
+
+    values: Array
+
+    def __getitem__(self, name: str) -> Array:
+        """One parameter by name, shape (…).
+
+        Raises:
+            UnknownNameError: Not one of `PARAMETERS`.
+        """
+        return np.asarray(self.values[..., PARAMETERS.index(choose("roughness parameter", name, PARAMETERS))])
+
+    def as_dict(self) -> dict[str, float]:
+        """Name → value of a single profile.
+
+        Raises:
+            InputError: It holds many.
+        """
+        if self.values.ndim != 1:
+            raise InputError(f"as_dict is for a single profile, this holds {self.values.shape[:-1]}")
+        return dict(zip(PARAMETERS, self.values.tolist(), strict=True))
+
+
+def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = None) -> Roughness:
+    """Roughness of profiles on a uniform grid.
+
+    Args:
+        x: Places along the walking direction, ascending and evenly spaced, shape (n,), m.
+        z: Heights, shape (…, n), m.
+        settings: Filter, trend and variant.
+
+    Raises:
+        InputError: Fewer than 8 samples, NaN or infinite, x not ascending or not evenly spaced, shapes that differ.
+    """
+    given = RoughnessSettings() if settings is None else settings
+    heights, step = _checked(x, z)
+    return Roughness(_roughness(heights, step, given))
+
+
+def profile_roughness(profile: Profile, settings: RoughnessSettings | None = None) -> Roughness:
+    """Roughness of one scanned profile; see `roughness`."""
+    return roughness(profile.x, profile.z, settings)
+
+
+def _checked(x: ArrayLike, z: ArrayLike) -> tuple[Array, float]:
+    """Heights and step of profiles that can be used."""
+    places, heights = finite_array("places of a profile (m)", x), finite_array("heights of a profile (m)", z)
+    if places.ndim != 1 or heights.ndim < 1 or heights.shape[-1] != places.size:
+        raise InputError(f"x must have shape (n,) and z (…, n), got {places.shape} and {heights.shape}")
+    if places.size < LEAST_SAMPLES:
+        raise InputError(f"a profile must have at least {LEAST_SAMPLES} samples, got {places.size}")
+    gaps = np.diff(places)
+    if (gaps <= 0.0).any():
+        bad = int(np.argmax(gaps <= 0.0))
+        raise InputError(
+            f"places of a profile must ascend, got x[{bad + 1}] = {places[bad + 1]:g} m after "
+            f"x[{bad}] = {places[bad]:g} m; `wbc.feet.sensing.scan.resample` sorts them"
+        )
+    step = float(places[-1] - places[0]) / gaps.size
+    if np.abs(gaps - step).max() > 1e-4 * step:
+        raise InputError(
+            f"places of a profile must be evenly spaced, got gaps from {gaps.min():g} to {gaps.max():g} m; "
+            "`wbc.feet.sensing.scan.resample` puts them on a grid"
+        )
+    return heights, step
+
+
+def _roughness(z: Array, step: float, settings: RoughnessSettings) -> Array:
+    z = detrend(z, settings.detrend)
+    if settings.corner is not None:
+        z = detrend(low_pass(z, step, settings.corner), settings.detrend)
+    top, bottom = z.max(axis=-1), -z.min(axis=-1)
+    z = np.where((np.maximum(top, bottom) <= LEVEL)[..., None], 0.0, z)
+    z2 = z * z
+    variance = z2.mean(axis=-1)
+    sq = np.sqrt(variance)
+    per_sq = 1.0 / np.where(sq > 0.0, sq, 1.0)
+    # One weight for all samples, or the printed one.
+    weight = (
+        1.0 / (np.arange(z.shape[-1]) + 2.0)
+        if settings.variant == "paper"
+        else np.full(z.shape[-1], 1.0 / z.shape[-1])
+    )
+    power = np.abs(np.fft.fft(z)[..., 1:]) ** 2 / z.shape[-1] ** 2
+    total = power.sum(axis=-1)
+    sv, sp = np.abs(z.min(axis=-1)), np.abs(z.max(axis=-1))
+    return np.stack(
+        [
+            np.abs(z).mean(axis=-1),
+            sq,
+            (z2 * z) @ weight * per_sq**3,
+            (z2 * z2) @ weight * per_sq**4,
+            sv,
+            sp,
+            sv + sp,
+            variance,
+            _slope(z, power, step, settings.variant),
+            np.where(
+                total > 0.0, 1.0 - (power**2).sum(axis=-1) / np.where(total > 0.0, total, 1.0) ** 2, 0.0
+            ),
+        ],
+        axis=-1,
+    )
+
+
+def _slope(z: Array, power: Array, step: float, variant: Variant) -> Array:
+    """Parameter P of heights with a given power spectrum, lines 1 … n − 1."""
+    if variant == "paper":
+        frequency = np.arange(1, z.shape[-1]) / (z.shape[-1] * step)
+        return np.asarray(power @ frequency**2)
+    per_sample = np.diff(z).var(axis=-1)
+    return np.asarray(per_sample * AUTHORS_RATE**2 if variant == "authors" else per_sample / step**2)
+
+
+def detrend(z: Array, kind: Detrend = "line") -> Array:
+    """Heights about their trend.
+
+    Args:
+        z: Heights on a uniform grid, shape (…, n), m.
+        kind: "line" for the least-squares line, "mean" for the mean alone.
+
+    Returns:
+        The same shape, m.
+    """
+    z = z - z.mean(axis=-1, keepdims=True)
+    if kind == "line":
+        t = np.arange(z.shape[-1]) - (z.shape[-1] - 1) / 2.0
+        z = z - (z @ t / (t @ t))[..., None] * t
+    return z
+
+
+def low_pass(z: Array, step: float, corner: float) -> Array:
+    """First-order Butterworth low-pass, forwards and backwards: no shift, half the amplitude at the corner.
+
+    Both passes of H together have the gain |H|² = 1 / (1 + tan²(π f dx) / κ²) with κ = tan(π corner dx), which is that
+    of the tridiagonal system
+
+        (S + D / κ²) y = S z,   S = [1 2 1], D = [-1 2 -1] on neighbouring samples.
+
+    Solving it at once treats both ends alike, so that the direction of travel does not matter. At its ends the ground
+    goes on as its mirror image.
+
+    Args:
+        z: Heights on a uniform grid, shape (…, n), m.
+        step: Distance of the samples, m.
+        corner: Corner of one pass, cycles/m; at or beyond the Nyquist frequency 1 / (2 step) nothing is filtered.
+
+    Returns:
+        The same shape, m.
+
+    Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
+    """
+    if corner >= 0.5 / step:
+        return z
+    bands = _bands(z.shape[-1], corner * step)
+    padded = np.concatenate([z[..., :1], z, z[..., -1:]], axis=-1)
+    right = padded[..., :-2] + 2.0 * z + padded[..., 2:]
+    solved = solveh_banded(bands, right.reshape(-1, z.shape[-1]).T, check_finite=False)
+    return np.asarray(solved.T.reshape(z.shape))
+
+
+@lru_cache(maxsize=32)
+def _bands(size: int, corner: float) -> Array:
+    """Upper bands of S + D / κ² for a corner in cycles per sample, shape (2, size)."""
+    d = 1.0 / math.tan(math.pi * corner) ** 2
+    bands = np.empty((2, size))
+    bands[0], bands[1] = 1.0 - d, 2.0 + 2.0 * d
+    bands[1, [0, -1]] = 3.0 + d
+    bands.setflags(write=False)
+    return bands

@@ -1,0 +1,229 @@
+"""How good a stiffness model is on grounds that it has not seen."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.core.errors import Array, InputError, choose
+from wbc.feet.stiffness.clusters import Clusters
+from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
+from wbc.feet.stiffness.model import Kind, ModelSettings, knn_pipeline
+
+Protocol = Literal["paper", "shuffled", "amplitudes", "grounds"]
+
+PROTOCOLS: Mapping[Protocol, str] = {
+    "paper": "stratified folds in the order of the rows: profiles of one ground are on both sides",
+    "shuffled": "stratified folds of shuffled rows: the same, without the luck of the order",
+    "amplitudes": "a ground at one amplitude is on one side",
+    "grounds": "a ground is on one side, with all its amplitudes",
+}
+"""Ways to split a table, what each keeps apart. The last one is what a walk on unknown ground is like."""
+
+_GROUPS: Mapping[Protocol, tuple[str, ...]] = {"amplitudes": ("ground", "amplitude"), "grounds": ("ground",)}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model to be judged.
+
+    Attributes:
+        name: How tables call it.
+        estimator: Makes a scikit-learn estimator that is not fitted.
+        kind: "classification" if it predicts cluster numbers, "regression" if stiffness.
+        features: What it looks at.
+    """
+
+    name: str
+    estimator: Callable[[], Any]
+    kind: Kind = "classification"
+    features: tuple[str, ...] = PAPER_FEATURES
+
+    @classmethod
+    def of(cls, settings: ModelSettings, name: str = "model") -> Candidate:
+        """The nearest-neighbour model with these settings."""
+        return cls(name, lambda: knn_pipeline(settings), settings.kind, settings.features)
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Predictions for every row of a table, each by a model that was not trained on the row's fold.
+
+    Attributes:
+        name: Of the candidate.
+        protocol: How the table was split.
+        clusters: Ranges of stiffness.
+        truth: Best stiffness of each row, Nm/rad.
+        command: Stiffness that the model would command, Nm/rad.
+        fold: Number of the fold that each row was predicted in.
+        in_range: True where the command lies in the range of nearly best stiffness; None if no range is known.
+    """
+
+    name: str
+    protocol: Protocol
+    clusters: Clusters
+    truth: Array
+    command: Array
+    fold: NDArray[np.intp]
+    in_range: NDArray[np.bool_] | None = field(repr=False)
+
+    @property
+    def true_cluster(self) -> NDArray[np.intp]:
+        """Cluster of the best stiffness of each row."""
+        return self.clusters.of(self.truth)
+
+    @property
+    def cluster(self) -> NDArray[np.intp]:
+        """Cluster of the command of each row."""
+        return clipped_cluster(self.clusters, self.command)
+
+    @property
+    def accuracy_per_fold(self) -> Array:
+        """Share of rows in the right cluster, by fold."""
+        right = self.cluster == self.true_cluster
+        return np.array([right[self.fold == f].mean() for f in np.unique(self.fold)])
+
+    @property
+    def accuracy(self) -> float:
+        """Mean over the folds."""
+        return float(self.accuracy_per_fold.mean())
+
+    @property
+    def accuracy_std(self) -> float:
+        """Standard deviation over the folds."""
+        return float(self.accuracy_per_fold.std())
+
+    @property
+    def mean_error(self) -> float:
+        """Mean distance of the command from the best stiffness, Nm/rad."""
+        return float(np.abs(self.command - self.truth).mean())
+
+    @property
+    def within_one(self) -> float:
+        """Share of rows in the right cluster or one beside it."""
+        return float((np.abs(self.cluster - self.true_cluster) <= 1).mean())
+
+    @property
+    def share_in_range(self) -> float:
+        """Share of rows whose command is nearly best; NaN if no range is known."""
+        return float("nan") if self.in_range is None else float(self.in_range.mean())
+
+    def confusion(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Clusters that occur, shape (c,), and numbers of rows by true (first axis) and predicted cluster, (c, c)."""
+        true, said = self.true_cluster, self.cluster
+        names = np.unique(np.concatenate([true, said]))
+        counts = np.zeros((names.size, names.size), dtype=np.intp)
+        np.add.at(counts, (np.searchsorted(names, true), np.searchsorted(names, said)), 1)
+        return names, counts
+
+
+def cross_validate(
+    table: StiffnessTable,
+    candidate: Candidate | ModelSettings | None = None,
+    protocol: Protocol = "grounds",
+    *,
+    folds: int = 10,
+    clusters: Clusters | None = None,
+    seed: int = 0,
+) -> Validation:
+    """Predict every row by a model that has not seen its fold.
+
+    Args:
+        table: Profiles with their best stiffness.
+        candidate: What to judge; the paper's model when None.
+        protocol: How to split, one of `PROTOCOLS`.
+        folds: Number of folds; no more than there are groups, for the protocols that keep groups together.
+        clusters: Ranges of stiffness; those of the settings, or the paper's.
+        seed: Of the shuffling.
+
+    Raises:
+        InputError: A single class, fewer than two folds or groups, or fewer rows of every class than folds.
+        UnknownNameError: No such protocol.
+    """
+    from sklearn.model_selection import GroupKFold, StratifiedKFold  # noqa: PLC0415 - only studies need it
+
+    choose("protocol of the cross-validation", protocol, get_args(Protocol))
+    settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
+    model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
+    ranges = settings.clusters if clusters is None else clusters
+    labels = several_classes(table, ranges)
+    features = FeatureSet(model.features)(table.values)
+    groups = None
+    if protocol in _GROUPS:
+        groups = table.groups(_GROUPS[protocol])
+        count = min(_folds(folds), int(groups.max()) + 1)
+        if count < 2:
+            raise InputError(f"protocol '{protocol}' needs at least two groups, the table has one")
+        splitter: Any = GroupKFold(count)
+    else:
+        most = int(np.bincount(labels).max())
+        if most < _folds(folds):
+            raise InputError(f"{folds} stratified folds need a class of as many rows, the largest has {most}")
+        shuffled = protocol == "shuffled"
+        splitter = StratifiedKFold(folds, shuffle=shuffled, random_state=seed if shuffled else None)
+    command, fold = np.empty(len(table)), np.empty(len(table), dtype=np.intp)
+    with warnings.catch_warnings():
+        # The paper's data has classes smaller than ten; it is their protocol.
+        warnings.filterwarnings("ignore", message="The least populated class", category=UserWarning)
+        splits = list(splitter.split(features, labels, groups))
+    for i, (train, test) in enumerate(splits):
+        target = labels if model.kind == "classification" else table.stiffness
+        command[test] = train_and_command(model, features[train], target[train], features[test], ranges)
+        fold[test] = i
+    known = np.isfinite(table.stiffness_low) & np.isfinite(table.stiffness_high)
+    inside = (command >= table.stiffness_low) & (command <= table.stiffness_high) if known.all() else None
+    return Validation(model.name, protocol, ranges, table.stiffness, command, fold, inside)
+
+
+def several_classes(table: StiffnessTable, clusters: Clusters) -> NDArray[np.intp]:
+    """Cluster of the best stiffness of each row.
+
+    Raises:
+        InputError: It is the same for all rows.
+    """
+    labels = clusters.of(table.stiffness)
+    if np.unique(labels).size < 2:
+        raise InputError(f"the table has a single class, cluster {labels[0]}: there is nothing to tell apart")
+    return labels
+
+
+def train_and_command(
+    model: Candidate, features: Array, target: NDArray[Any], query: Array, clusters: Clusters
+) -> Array:
+    """Stiffness that a model commands, after it was trained on some rows.
+
+    Args:
+        model: What to train.
+        features: Of the training rows, shape (n, f).
+        target: Cluster numbers or stiffness of the training rows, shape (n,).
+        query: Features of the rows to predict, shape (m, f).
+        clusters: Ranges of stiffness.
+
+    Returns:
+        Shape (m,), Nm/rad.
+
+    Raises:
+        InputError: The estimator refuses these rows; the message says why.
+    """
+    try:
+        said = np.asarray(model.estimator().fit(features, target).predict(query))
+    except ValueError as error:
+        raise InputError(f"'{model.name}' cannot be fitted to {len(target)} rows: {error}") from error
+    return np.asarray(clusters.centres[said.astype(np.intp) - 1] if model.kind == "classification" else said)
+
+
+def clipped_cluster(clusters: Clusters, command: Array) -> NDArray[np.intp]:
+    """Cluster of commands; one beyond all clusters counts as the nearest."""
+    return clusters.of(np.clip(command, clusters.edges[0], clusters.edges[-1]))
+
+
+def _folds(folds: int) -> int:
+    if isinstance(folds, bool) or int(folds) != folds or folds < 2:
+        raise InputError(f"folds must be a whole number of at least 2, got {folds!r}")
+    return int(folds)

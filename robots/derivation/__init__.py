@@ -1,0 +1,1 @@
+"""Defaults derived from a robot model: soles, half-sitting posture, servo gains, inertias."""

@@ -1,0 +1,185 @@
+"""Half-sitting: knees bent, soles flat on the ground, centre of mass above the middle of the soles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from wbc.core.errors import Array, InputError, ModelError, finite_scalar, unknown_name
+from wbc.robots.derivation.servo import leg_joints
+
+INSIDE = 0.05
+"""Share of a joint's range kept from its limits at half-sitting: a posture on a limit keeps that limit active."""
+
+KNEE_BEND = math.radians(40.0)
+"""Knee bend of a derived half-sitting: the middle of what humanoids use (Talos 49°, HRP-2 40°)."""
+
+FLATNESS = 5e-3
+"""Largest tilt of a sole in half-sitting, rad; a sole 0.2 m long is then off the ground by 1 mm at most."""
+
+
+def half_sitting(
+    model: pin.Model, soles: tuple[str, str], given: Mapping[str, float], stance_width: float
+) -> dict[str, float]:
+    """Complete a posture.
+
+    Joints of the legs that are not given are solved for; all others are zero, or as near to it as leaves
+    some of their range to the limit.
+
+    Args:
+        model: Pinocchio model with a free-flyer and limits.
+        soles: Sole frames, left first.
+        given: Joint → position, rad or m; any part of the joints, or none.
+        stance_width: Least distance between the sole centres, m.
+
+    Returns:
+        Position of every joint, in the order of the model.
+
+    Raises:
+        UnknownNameError: A joint that does not exist.
+        InputError: A position that is not finite or outside its limits.
+        ModelError: The legs cannot be put like that.
+    """
+    names = list(model.names)[2:]
+    lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    q = pin.neutral(model)
+    inside = INSIDE * (upper - lower)
+    q[7:] = np.clip(0.0, lower + inside, upper - inside)
+    for name, value in given.items():
+        if name not in names:
+            unknown_name("joint", name, names)
+        i = names.index(name)
+        q[7 + i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
+    legs = [leg_joints(model, frame) for frame in soles]
+    free = [i for leg in legs for i in (joint - 2 for joint in leg) if names[i] not in given]
+    if free:
+        q[7:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
+    check_posture(model, soles, q)
+    return dict(zip(names, q[7:].tolist(), strict=True))
+
+
+def standing_configuration(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, float]) -> Array:
+    """Configuration with an upright base, the lower sole on z = 0 and the origin midway between the soles.
+
+    Args:
+        model: Pinocchio model with a free-flyer.
+        soles: Sole frames, left first.
+        joints: Position of every joint.
+
+    Returns:
+        Configuration, shape (nq,).
+    """
+    q = pin.neutral(model)
+    q[7:] = [joints[name] for name in list(model.names)[2:]]
+    left, right, _ = _feet(model, soles, q)
+    q[:2] = -0.5 * (left.translation + right.translation)[:2]
+    q[2] = -min(left.translation[2], right.translation[2])
+    return np.asarray(q)
+
+
+def check_posture(model: pin.Model, soles: tuple[str, str], q: Array) -> None:
+    """Refuse a posture in which the robot cannot stand.
+
+    Raises:
+        InputError: A sole is tilted or turned, the soles are not level, or the centre of mass is not above them.
+    """
+    left, right, com = _feet(model, soles, q)
+    for name, placement in zip(soles, (left, right), strict=True):
+        tilt = math.acos(min(1.0, float(placement.rotation[2, 2])))
+        if tilt > FLATNESS:
+            raise InputError(
+                f"half-sitting tilts sole '{name}' by {math.degrees(tilt):.2f}° with an upright base; "
+                f"at most {math.degrees(FLATNESS):.2f}° is allowed"
+            )
+    step = abs(float(left.translation[2] - right.translation[2]))
+    if step > 1e-3:
+        raise InputError(
+            f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most 1 mm is allowed"
+        )
+
+
+def _feet(model: pin.Model, soles: tuple[str, str], q: Array) -> tuple[pin.SE3, pin.SE3, Array]:
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    left, right = (data.oMf[model.getFrameId(frame)] for frame in soles)
+    return left, right, pin.centerOfMass(model, data, q)
+
+
+def _solve(
+    model: pin.Model,
+    soles: tuple[str, str],
+    legs: list[list[int]],
+    start: Array,
+    free: list[int],
+    stance_width: float,
+) -> Array:
+    """Find the free joints by least squares; the residual vanishes for legs of six joints."""
+    data = model.createData()
+    frames = [model.getFrameId(frame) for frame in soles]
+    lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    knees = [_knee(model, data, leg, frame) for leg, frame in zip(legs, frames, strict=True)]
+    q = np.array(start)
+    pin.framesForwardKinematics(model, data, q)
+    width = max(stance_width, float(data.oMf[frames[0]].translation[1] - data.oMf[frames[1]].translation[1]))
+    for joint, sign in knees:
+        if joint - 2 in free:
+            q[7 + joint - 2] = np.clip(sign * KNEE_BEND, lower[joint - 2], upper[joint - 2])
+
+    def residual(x: Array) -> Array:
+        q[[7 + i for i in free]] = x
+        com = pin.centerOfMass(model, data, q)
+        pin.updateFramePlacements(model, data)
+        left, right = (data.oMf[frame] for frame in frames)
+        middle = 0.5 * (left.translation + right.translation)
+        apart = left.translation - right.translation
+        bend = 0.5 * sum(sign * q[7 + joint - 2] for joint, sign in knees) - KNEE_BEND
+        return np.concatenate(
+            [
+                pin.log3(left.rotation),
+                pin.log3(right.rotation),
+                com[:2] - middle[:2],
+                apart - [0.0, width, 0.0],
+                [bend],
+            ]
+        )
+
+    bounds = (lower[free], upper[free])
+    margin = 1e-6 * (bounds[1] - bounds[0])
+    x0 = np.clip(q[[7 + i for i in free]], bounds[0] + margin, bounds[1] - margin)
+    found = least_squares(residual, x0, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+    error = residual(found.x)
+    if np.abs(error[:11]).max() > 1e-6:
+        raise ModelError(
+            "no half-sitting with flat, level soles and the centre of mass above them was found within the joint "
+            f"limits (largest residual {np.abs(error[:11]).max():.3g}); pass half_sitting with the leg joints"
+        )
+    return np.array(q[7:])
+
+
+def _knee(model: pin.Model, data: pin.Data, leg: list[int], frame: int) -> tuple[int, float]:
+    """The pitch joint farthest from both ends of the leg, and the sign that bends it forward."""
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+    hip, foot = data.oMi[leg[0]].translation, data.oMf[frame].translation
+
+    def pitch(joint: int) -> float:
+        return float(data.J[4, model.joints[joint].idx_v])
+
+    pitching = [joint for joint in leg if abs(pitch(joint)) > 0.7]
+    if not pitching:
+        raise ModelError("no knee was found: a leg has no joint that turns about y; pass half_sitting")
+
+    def reach(joint: int) -> float:
+        origin = data.oMi[joint].translation
+        return float(min(np.linalg.norm(origin - hip), np.linalg.norm(origin - foot)))
+
+    knee = max(pitching, key=reach)
+    # Turning about +y moves the shin backwards, that is the knee forward.
+    forward = math.copysign(1.0, pitch(knee))
+    i = model.joints[knee].idx_q
+    room = model.upperPositionLimit[i] if forward > 0.0 else -model.lowerPositionLimit[i]
+    return knee, forward if room >= KNEE_BEND else -forward

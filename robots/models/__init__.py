@@ -1,0 +1,1 @@
+"""Built-in robots, one function each that returns a `RobotDescription`; `wbc.robots.registry` names them."""

@@ -1,0 +1,1 @@
+"""Simulated standing: the balance controller, standing trials and push recovery."""

@@ -1,0 +1,274 @@
+"""How hard a standing robot can be pushed: one push as a pure function of a frozen spec, and the largest one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from wbc.core.errors import InputError, finite_scalar, non_negative, positive
+from wbc.robots import load
+from wbc.sim.balance.controller import BalanceGains
+from wbc.sim.balance.standing import MODES, Feedback, Mode, Stand, StandOptions
+
+PUSH_DURATION = 0.1
+"""Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
+
+REST_SPEED = 0.1
+"""Horizontal speed of the centre of mass below which a robot has come to rest, m/s. It is above what noisy sensors
+make a standing robot sway by, and below the speed of a fall at any time that matters."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PushSpec:
+    """One push at a standing robot: a constant horizontal force on the torso's centre of mass.
+
+    Attributes:
+        robot: Robot, one of those that `wbc robots` lists.
+        mode: What the drives are given.
+        impulse: Force times duration over the robot's mass, Ns/kg: the speed by which it changes the centre of mass.
+        direction: Where to, rad; 0 is forward, π/2 to the left.
+        duration: Duration of the push, s.
+        before: Time of standing before the push, s.
+        after: Time from the end of the push to the verdict, s.
+        foot: Foot under both ankles.
+        noise: Errors of the sensors, none or realistic.
+        seed: Fixes every random draw.
+        feedback: In position control, whether the controller sees the robot as commanded or as estimated.
+        control_period: s; that of `StandOptions` when not given.
+        timestep: Physics step, s.
+        gains: Weights and gains of the controller.
+    """
+
+    robot: str = "hrp4_class"
+    mode: Mode = "torque"
+    impulse: float = 0.1
+    direction: float = 0.0
+    duration: float = PUSH_DURATION
+    before: float = 0.5
+    after: float = 4.0
+    foot: str = "flat"
+    noise: str = "none"
+    seed: int = 0
+    feedback: Feedback = "closed"
+    control_period: float | None = None
+    timestep: float = 0.001
+    gains: BalanceGains = field(default_factory=BalanceGains)
+
+    def __post_init__(self) -> None:
+        non_negative("impulse (Ns/kg)", self.impulse)
+        finite_scalar("direction (rad)", self.direction)
+        positive("duration of the push (s)", self.duration)
+        positive("time before the push (s)", self.before)
+        positive("time after the push (s)", self.after)
+        self.stand_options()
+
+    def stand_options(self) -> StandOptions:
+        """The options of standing that go with it."""
+        return StandOptions(
+            robot=self.robot,
+            mode=self.mode,
+            seconds=self.before + self.duration + self.after,
+            foot=self.foot,
+            noise=self.noise,
+            seed=self.seed,
+            feedback=self.feedback,
+            control_period=self.control_period,
+            timestep=self.timestep,
+            gains=self.gains,
+        )
+
+
+@dataclass(frozen=True)
+class PushResult:
+    """What became of a pushed robot.
+
+    Attributes:
+        recovered: True if it never fell (`wbc.sim.balance.falls`) and at the end its centre of mass is at rest, its
+            horizontal speed below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile.
+        fell_at: Time of the fall, s; None if it did not fall.
+        com_offset: Largest horizontal distance of the centre of mass from where it stood, m.
+        failures: Ticks without a solution.
+    """
+
+    recovered: bool
+    fell_at: float | None
+    com_offset: float
+    failures: int
+
+
+def push(spec: PushSpec) -> PushResult:
+    """Push a standing robot and see whether it stays up; the same spec gives the same result.
+
+    Args:
+        spec: Robot and push.
+
+    Returns:
+        What became of it.
+    """
+    options = spec.stand_options()
+    stage = Stand(options)
+    plant = stage.plant
+    start = plant.truth().com[:2].copy()
+    for _ in stage.run(spec.before):
+        pass
+    force = spec.impulse * plant.robot.mass / spec.duration
+    across = np.array([math.cos(spec.direction), math.sin(spec.direction), 0.0])
+    plant.push("torso", force * across, spec.duration)
+    offset = 0.0
+    for truth in stage.run(options.seconds):
+        offset = max(offset, float(np.linalg.norm(truth.com[:2] - start)))
+    speed = float(np.linalg.norm(plant.truth().com_velocity[:2]))
+    return PushResult(
+        recovered=not stage.fallen and speed < REST_SPEED,
+        fell_at=plant.time if stage.fallen else None,
+        com_offset=offset,
+        failures=stage.control.failures,
+    )
+
+
+def largest_push(spec: PushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
+    """Largest impulse from which a robot recovers, by bisection.
+
+    Bisection takes recovery to be monotonic: whoever survives a push survives weaker ones. The number found lies
+    within `resolution` of a change from recovery to fall.
+
+    Args:
+        spec: Robot and direction; its impulse is not used.
+        highest: Largest impulse tried, Ns/kg.
+        resolution: Width of the last interval, Ns/kg.
+
+    Returns:
+        Largest impulse tried that was recovered, Ns/kg; `highest` if that was; 0 if none was.
+
+    Raises:
+        InputError: A resolution that is not below `highest`.
+    """
+    positive("resolution (Ns/kg)", resolution)
+    if not resolution < highest:
+        raise InputError(
+            f"highest impulse must exceed the resolution of {resolution:g} Ns/kg, got {highest:g}"
+        )
+    low, high = 0.0, float(highest)
+    if push(replace(spec, impulse=high)).recovered:
+        return high
+    while high - low > resolution:
+        middle = 0.5 * (low + high)
+        if push(replace(spec, impulse=middle)).recovered:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@dataclass(frozen=True, kw_only=True)
+class PushTableOptions:
+    """Which pushes go into the table.
+
+    Attributes:
+        robot: Robots, out of those that `wbc robots` lists.
+        mode: What the drives are given: position, torque or both.
+        directions: Number of directions, evenly spread, beginning with forward and going to the left.
+        highest: Largest impulse tried, Ns/kg.
+        resolution: Width of the last interval of the bisection, Ns/kg.
+        duration: Duration of a push, s.
+        after: Time from the end of a push to the verdict, s.
+        foot: Foot under both ankles.
+        noise: Errors of the sensors, none or realistic.
+        seed: Fixes every random draw.
+        feedback: In position control, whether the controller sees the robot as commanded or as estimated.
+    """
+
+    robot: tuple[str, ...] = ("hrp4_class", "talos")
+    mode: tuple[Mode, ...] = MODES
+    directions: int = 8
+    highest: float = 1.0
+    resolution: float = 0.01
+    duration: float = PUSH_DURATION
+    after: float = 4.0
+    foot: str = "flat"
+    noise: str = "none"
+    seed: int = 0
+    feedback: Feedback = "closed"
+
+    def __post_init__(self) -> None:
+        if self.directions < 1:
+            raise InputError(f"directions must be at least 1, got {self.directions}")
+        positive("highest impulse (Ns/kg)", self.highest)
+        positive("resolution (Ns/kg)", self.resolution)
+        for robot in self.robot:
+            load(robot)
+        self.specs()
+
+    def specs(self) -> list[PushSpec]:
+        """One spec for each cell of the table, robot by robot, mode by mode, direction by direction."""
+        return [
+            PushSpec(
+                robot=robot,
+                mode=mode,
+                direction=2.0 * math.pi * i / self.directions,
+                duration=self.duration,
+                after=self.after,
+                foot=self.foot,
+                noise=self.noise,
+                seed=self.seed,
+                feedback=self.feedback,
+            )
+            for robot in self.robot
+            for mode in self.mode
+            for i in range(self.directions)
+        ]
+
+
+@dataclass(frozen=True)
+class PushCell:
+    """One cell of the table.
+
+    Attributes:
+        robot: Name of the robot.
+        mode: "position" or "torque".
+        direction_deg: Where to, degrees; 0 is forward, 90 to the left.
+        impulse: Largest impulse recovered, Ns/kg.
+    """
+
+    robot: str
+    mode: Mode
+    direction_deg: float
+    impulse: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The cell as plain values."""
+        return asdict(self)
+
+
+def push_table(options: PushTableOptions) -> Iterator[PushCell]:
+    """Find the largest push for every robot, mode and direction.
+
+    Args:
+        options: Which ones.
+
+    Yields:
+        The cells, as they are done.
+    """
+    for spec in options.specs():
+        impulse = largest_push(spec, highest=options.highest, resolution=options.resolution)
+        yield PushCell(spec.robot, spec.mode, round(math.degrees(spec.direction), 3), round(impulse, 4))
+
+
+def format_push_table(cells: list[PushCell]) -> str:
+    """The cells as a table in Markdown: a line for each robot and mode, a column for each direction."""
+    directions = sorted({cell.direction_deg for cell in cells})
+    lines = [
+        "| robot | mode | " + " | ".join(f"{d:g}°" for d in directions) + " | least |",
+        "|---|---|" + "---:|" * (len(directions) + 1),
+    ]
+    rows: dict[tuple[str, str], dict[float, float]] = {}
+    for cell in cells:
+        rows.setdefault((cell.robot, cell.mode), {})[cell.direction_deg] = cell.impulse
+    for (robot, mode), row in rows.items():
+        values = [f"{row[d]:.2f}" if d in row else "" for d in directions]
+        lines.append(f"| {robot} | {mode} | " + " | ".join(values) + f" | {min(row.values()):.2f} |")
+    return "\n".join(lines)

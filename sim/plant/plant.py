@@ -1,0 +1,526 @@
+"""The plant: a humanoid on its feet on a ground, simulated by MuJoCo, with drives, sensors and pushes.
+
+    plant = Plant(load("hrp4_class"))
+    while plant.time < 10.0:
+        plant.step(control(plant.measure()))
+
+What goes in and out are the `Command` and `Measurement` that a real robot would take and give; what only a simulation
+knows is apart, in `truth`.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from dataclasses import replace
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
+from wbc.core.errors import (
+    Array,
+    InputError,
+    MeasurementError,
+    WbcError,
+    choose,
+    finite_array,
+    positive,
+    scalar,
+    whole_number,
+)
+from wbc.core.robot import Robot
+from wbc.core.signals import Command, Measurement
+from wbc.feet import Foot, RangeSensor
+from wbc.feet import foot as foot_by_name
+from wbc.robots.description import RobotDescription
+from wbc.sim.plant.model import build_model
+from wbc.sim.plant.pushes import Push, Pushes
+from wbc.sim.plant.sensors import NO_NOISE, SensorChain, SensorNoise, noise_preset
+from wbc.sim.plant.settings import PhysicsSettings, steps_per_tick
+from wbc.sim.plant.soles import Soles
+from wbc.sim.plant.truth import GroundTruth, TruthReader
+from wbc.sim.terrain import Terrain
+from wbc.sim.terrain import terrain as terrain_by_name
+
+Interpolation = Literal["hold", "linear"]
+
+INITIAL_PRESS = 1e-6
+"""How deep the soles are set into the ground at the start, m, so that all of their spheres are in contact at once."""
+
+_log = logging.getLogger(__name__)
+
+if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the working directory
+    mujoco.set_mju_user_warning(lambda message: _log.info("MuJoCo: %s", message))
+
+
+class DivergedError(WbcError):
+    """The simulation has diverged: its state means nothing any more."""
+
+
+class Plant:
+    """A simulated robot.
+
+    Position control: the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, inside every physics step and integrated
+    implicitly. Torque control: τ alone. Both are limited to the torque of the description.
+
+    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
+    over the control period that ended now, as an anti-aliasing filter gives it: hard contacts chatter within a period,
+    and one sample in five of that would tell the controller nonsense. The force sensor sits above the foot: as with
+    a real one, the weight of a foot that has mass of its own is missing from what it says of the ground.
+
+    Attributes:
+        description: The robot as data.
+        robot: The robot as a model, for names and sizes; its state is not kept up to date.
+        foot: The feet.
+        feet: Names and sizes of what was built under the ankles, left first.
+        terrain: The ground as drawn.
+        physics: Settings of the physics.
+        timestep: Physics step, s.
+        control_period: Time that `step` advances, s.
+        steps: Physics steps in it.
+        noise: Errors of the sensors.
+        averaging: False for accelerometer and forces of the last physics step alone.
+        interpolation: "hold" keeps a command for the whole control period; "linear" moves the references from the last
+            command to this one, reached at the end of the period.
+        seed: Seed of every random draw.
+        model: MuJoCo's model.
+        data: MuJoCo's state; positions and velocities are up to date after `step`.
+        joint_torque: What the servos applied in the physics step that ended now, shape (na,), Nm; overwritten by the
+            next step.
+        ticks: Control periods since the start.
+        diverged: Why the simulation cannot go on, None as long as it can.
+    """
+
+    diverged: str | None
+    _truth: GroundTruth | None
+    _measurement: Measurement | None
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        *,
+        foot: str | Foot = "flat",
+        terrain: str | Terrain = "flat",
+        timestep: float = 0.001,
+        control_period: float = 0.005,
+        noise: str | SensorNoise = NO_NOISE,
+        seed: int = 0,
+        interpolation: Interpolation = "hold",
+        averaging: bool = True,
+        initial_configuration: ArrayLike | None = None,
+        range_sensor: RangeSensor | None = None,
+        physics: PhysicsSettings | None = None,
+    ) -> None:
+        """Build the model and put the robot on the ground.
+
+        Args:
+            description: The robot.
+            foot: A foot, or the name of one: "flat" is the robot's own sole.
+            terrain: The ground, or the name of a family with its own amplitude and seed 0.
+            timestep: Physics step, s.
+            control_period: Time between two commands, s; a whole multiple of the physics step.
+            noise: Errors of the sensors, or the name of a preset: "none", "realistic".
+            seed: Seed of every random draw.
+            interpolation: "hold" or "linear".
+            averaging: Accelerometer and forces are means over the control period.
+            initial_configuration: Where the robot starts, shape (nq,); half-sitting on the ground when None.
+            range_sensor: Range sensor under each toe; none when None.
+            physics: Further settings of the physics; `timestep` is put in place of theirs.
+
+        Raises:
+            UnknownNameError: No such foot, terrain, noise preset or interpolation.
+            InputError: A value out of range, a control period that is no multiple of the physics step, a foot that does
+                not fit.
+            ModelError: A robot that cannot be simulated.
+        """
+        self.interpolation: Interpolation = (
+            "linear" if choose("interpolation", interpolation, ("hold", "linear")) == "linear" else "hold"
+        )
+        self.steps = steps_per_tick(control_period, timestep)
+        self.averaging = bool(averaging)
+        self.control_period, self.timestep = float(control_period), float(timestep)
+        self.noise = noise_preset(noise) if isinstance(noise, str) else noise
+        self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
+        self.physics = _with_timestep(physics, timestep)
+        self.seed = whole_number("seed", seed, low=0)
+        self.description = description
+        self.robot: Robot = description.robot()
+        self._plant = build_model(
+            description,
+            self.robot,
+            foot=self.foot,
+            terrain=terrain_by_name(terrain) if isinstance(terrain, str) else terrain,
+            physics=self.physics,
+        )
+        self.terrain = self._plant.ground.terrain
+        self.feet = self._plant.feet
+        self.model = self._plant.model
+        self.data = mujoco.MjData(self.model)
+        self._na = self.robot.na
+        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
+        self._servo_bias = np.array(self.model.actuator_biasprm)
+        self._truth_reader = TruthReader(self._plant)
+        self._pushes = Pushes()
+        self._soles = Soles(self._plant, self.foot, range_sensor)
+        self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep, self.steps)
+        self._initial = initial_configuration
+        self._prepare_signals()
+        self.reset()
+
+    # ------------------------------------------------------------------------------------------------ state
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start, s."""
+        return self.ticks * self.control_period
+
+    def reset(
+        self,
+        configuration: ArrayLike | None = None,
+        seed: int | None = None,
+        *,
+        velocity: ArrayLike | None = None,
+    ) -> None:
+        """Start anew, servos holding the configuration, no pushes, clocks at zero.
+
+        Args:
+            configuration: Where the robot starts, shape (nq,), used as it is; when None, the initial configuration that
+                the plant was made with, else half-sitting on the ground.
+            seed: New seed; the same as before when None.
+            velocity: How it starts, shape (nv,), base in the base frame; at rest when None.
+
+        Raises:
+            InputError: A configuration or velocity of the wrong shape, not finite or without orientation.
+        """
+        v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
+        if configuration is None:
+            configuration = self._initial
+        if configuration is None:
+            q = self.on_ground(self.robot.half_sitting)
+        else:
+            q = finite_array("configuration", configuration, (self.robot.nq,))
+            length = float(np.linalg.norm(q[3:7]))
+            if abs(length - 1.0) > 1e-3:
+                raise InputError(f"quaternion of the configuration must have length 1, got {length:g}")
+            q[3:7] /= length
+        if seed is not None:
+            self.seed = whole_number("seed", seed, low=0)
+        self._start = q
+        data = self.data
+        mujoco.mj_resetData(self.model, data)
+        configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        if v is not None:
+            velocity_to_mujoco(q, v, self._plant.joint_dof, out=data.qvel)
+        sensor_seed, *range_seeds = (
+            np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
+        )
+        self._soles.reset(range_seeds)
+        self._pushes.clear(data)
+        self._set_mode(position_control=True)
+        np.multiply(self._kp, q[7:], out=self._target)
+        self._from[:] = self._target
+        data.ctrl[:] = self._target
+        mujoco.mj_forward(self.model, data)
+        self._truth_reader.capture(data)
+        self._window[:] = data.sensordata.take(self._force_places)
+        self.ticks = 0
+        self.diverged = None
+        self._after_step()
+        if self._chain.oldest > 0:
+            self._sample()
+        self._chain.reset(self._signals, sensor_seed)
+
+    def on_ground(self, configuration: ArrayLike) -> Array:
+        """Move a configuration up or down until its lowest sole point touches the ground.
+
+        Args:
+            configuration: Shape (nq,).
+
+        Returns:
+            Configuration, shape (nq,), pressed into the ground by a micrometre.
+
+        Raises:
+            InputError: A configuration of the wrong shape or not finite.
+        """
+        q = finite_array("configuration", configuration, (self.robot.nq,))
+        data, kinds = mujoco.MjData(self.model), mujoco.mjtObj.mjOBJ_SITE
+        configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        mujoco.mj_kinematics(self.model, data)
+        lift = -math.inf
+        for foot in self.feet:
+            site = mujoco.mj_name2id(self.model, kinds, foot.wrench_site)
+            x, y = np.meshgrid(
+                foot.fit.sole.length * np.linspace(-0.5, 0.5, 21),
+                foot.fit.sole.width * np.linspace(-0.5, 0.5, 9),
+            )
+            local = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+            points = data.site_xpos[site][:, None] + data.site_xmat[site].reshape(3, 3) @ local
+            lift = max(lift, float(np.max(self.terrain.height(points[0], points[1]) - points[2])))
+        q[2] += lift - INITIAL_PRESS
+        return q
+
+    def truth(self) -> GroundTruth:
+        """The true state now; the same object until the next step."""
+        if self._truth is None:
+            self._truth = self._truth_reader.read(self.data, self.joint_torque)
+        return self._truth
+
+    # ----------------------------------------------------------------------------------------- sensors, drives
+
+    def measure(self) -> Measurement:
+        """What the sensors say now; the same object until the next step.
+
+        Raises:
+            MeasurementError: The simulation has diverged.
+        """
+        if self._measurement is None:
+            reading = self._chain.read(self._signals)
+            if self.diverged is not None or not math.isfinite(reading.dot(reading)):
+                raise MeasurementError(
+                    f"no measurement at {self.time:.4f} s: {self.diverged or 'a sensor is not finite'}"
+                )
+            reading.setflags(write=False)
+            na = self._na
+            self._measurement = Measurement(
+                self.time,
+                reading[:na],
+                reading[na : 2 * na],
+                reading[2 * na : 2 * na + 3],
+                reading[2 * na + 3 : 2 * na + 6],
+                reading[2 * na + 6 :].reshape(-1, 6),
+                self._soles.ranges(self.data),
+                self._soles.stiffness(),
+            )
+        return self._measurement
+
+    def step(self, command: Command) -> None:
+        """Give the drives a command and advance by one control period.
+
+        Position control without a velocity reference takes it as zero.
+
+        Args:
+            command: References of the servos and feed-forward torque, or torque alone.
+
+        Raises:
+            InputError: A command of the wrong shape, not finite, or one that this robot cannot follow; the simulation
+                has not moved.
+            DivergedError: The simulation has diverged before; `diverged` says why.
+        """
+        if self.diverged is not None:
+            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
+        self._take(command)
+        model, data, steps = self.model, self.data, self.steps
+        if self._pushes or self._chain.oldest or self._from is not self._target:
+            self._advance_singly()
+        else:
+            # The first half of the coming step was done at the end of the last one, when the sensors were read.
+            data.ctrl[:] = self._target
+            if self.averaging:
+                step = mujoco.mj_step2
+                for row in self._window:
+                    step(model, data)
+                    data.sensordata.take(self._force_places, out=row, mode="clip")
+                    step = mujoco.mj_step
+            else:
+                mujoco.mj_step2(model, data)
+                if steps > 1:
+                    mujoco.mj_step(model, data, steps - 1)
+                data.sensordata.take(self._force_places, out=self._window[0])
+            self._truth_reader.capture(data)
+            mujoco.mj_step1(model, data)
+        self.ticks += 1
+        self._after_step()
+
+    def hold(self, configuration: ArrayLike | None = None) -> Command:
+        """A command that holds a posture with the servos.
+
+        Args:
+            configuration: Shape (nq,); that of the last reset when None.
+
+        Raises:
+            InputError: A configuration of the wrong shape or not finite.
+        """
+        q = self._start
+        if configuration is not None:
+            q = finite_array("configuration", configuration, (self.robot.nq,))
+        zero = np.zeros(self._na)
+        return Command(zero, np.array(q[7:]), zero)
+
+    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
+        """Push a body from outside, beginning now; pushes add up.
+
+        Args:
+            body: Link or frame of the robot; "torso" is its torso whatever the link is called.
+            force: In the world, shape (3,), N; constant.
+            duration: s.
+            at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
+
+        Raises:
+            UnknownNameError: No such body; the nearest names are given.
+            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
+        """
+        index, place = self._plant.body(body, self.robot)
+        point = None if at is None else finite_array("point of attack (m)", at, (3,))
+        self._pushes.add(
+            Push(
+                index,
+                finite_array("force of the push (N)", force, (3,)),
+                None if point is None else place.act(point),
+                positive("duration of the push (s)", duration),
+            )
+        )
+
+    # ------------------------------------------------------------------------------------------------- inside
+
+    def _prepare_signals(self) -> None:
+        """Lay out the vector of all signals, and where each comes from."""
+        na, model = self._na, self.model
+        gyro, accelerometer = self._plant.imu
+        places = [*range(gyro, gyro + 3), *range(accelerometer, accelerometer + 3)]
+        for foot in self.feet:
+            for name in (foot.force_sensor, foot.torque_sensor):
+                first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
+                places += range(first, first + 3)
+        # All but the gyroscope measure what acts during a physics step; they are averaged over the last ones.
+        self._gyro_places = np.array(places[:3], dtype=np.intp)
+        self._force_places = np.array(places[3:], dtype=np.intp)
+        self._window = np.zeros((self.steps if self.averaging else 1, len(places) - 3))
+        self._samples = scalar(len(self._window))
+        self._signals = np.empty(2 * na + len(places))
+        self._positions, self._velocities = self._signals[:na], self._signals[na : 2 * na]
+        self._rates = self._signals[2 * na : 2 * na + 3]
+        self._forces = self._signals[2 * na + 3 :]
+        self._wrenches = self._signals[2 * na + 6 :]
+        self._target, self._servo_part = np.zeros(na), np.zeros(na)
+        self._from = np.zeros(na) if self.interpolation == "linear" else self._target
+        self.joint_torque = np.zeros(na)
+        self._position_control = True
+
+    def _sample(self) -> None:
+        """Write the true signals of now."""
+        data = self.data
+        # With the default mode NumPy writes into a buffer first.
+        data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
+        data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
+        data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
+        np.add.reduce(self._window, axis=0, out=self._forces)  # the mean, without the overhead of np.mean
+        np.divide(self._forces, self._samples, out=self._forces)
+        # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
+        np.negative(self._wrenches, out=self._wrenches)
+
+    def _after_step(self) -> None:
+        data = self.data
+        data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque, mode="clip")
+        self._truth = None
+        self._measurement = None
+        if self._chain.oldest == 0:
+            self._sample()
+        warned, q, v = data.warning.number, data.qpos, data.qvel
+        if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
+            names = [mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)]
+            self.diverged = (
+                f"simulation diverged before {self.time:.4f} s ({', '.join(names) or 'NaN in the state'})"
+            )
+
+    def _take(self, command: Command) -> None:
+        """Check a command and turn it into targets of the actuators; nothing changes if it is refused."""
+        position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
+        shape = (self._na,)
+        if (
+            _shape(torque) != shape
+            or (position is not None and _shape(position) != shape)
+            or (velocity is not None and _shape(velocity) != shape)
+        ):
+            raise InputError(
+                f"joint references of a command must be arrays of shape {shape}, got torque {_shape(torque)}, "
+                f"position {_shape(position)}, velocity {_shape(velocity)}"
+            )
+        if position is None:
+            if velocity is not None:
+                raise InputError("a command with a velocity reference needs a position reference, too")
+            target = torque
+        else:
+            target = np.multiply(self._kp, position, out=self._servo_part)
+            if velocity is not None:
+                target += self._kd * velocity
+            target += torque
+        if not math.isfinite(target.dot(target)):
+            self._refuse(command)
+        self._soles.check(command.sole_stiffness)
+        if self._soles.advance(command.sole_stiffness, self.control_period):
+            # The springs' forces belong to the half of the coming step that is done already: do it again.
+            mujoco.mj_step1(self.model, self.data)
+        if (position is not None) is not self._position_control:
+            self._set_mode(position_control=position is not None)
+            self._target[:] = target
+        if self._from is not self._target:
+            self._from[:] = self._target
+        self._target[:] = target
+
+    def _refuse(self, command: Command) -> None:
+        for name in ("joint_position", "joint_velocity", "joint_torque"):
+            value = getattr(command, name)
+            if value is not None and not np.isfinite(value).all():
+                joint = self.robot.joint_names[int(np.argmin(np.isfinite(value)))]
+                raise InputError(f"command: {name} of joint '{joint}' is not finite")
+        raise InputError("command: references so large that their squares are not finite")
+
+    def _set_mode(self, *, position_control: bool) -> None:
+        """Switch the servos on or off: their gains are the bias of the actuators."""
+        self._position_control = position_control
+        self.model.actuator_biasprm[:] = self._servo_bias if position_control else 0.0
+
+    def _advance_singly(self) -> None:
+        """One control period step by step: for pushes, moving references and sensors with a memory."""
+        model, data = self.model, self.data
+        ctrl, sensors, window, places = data.ctrl, data.sensordata, self._window, self._force_places
+        moving, rows = self._from is not self._target, len(self._window)
+        newest, oldest = self._chain.newest, self._chain.oldest
+        ctrl[:] = self._target
+        begun = True  # the first half of the coming step is done
+        for left in range(self.steps - 1, -1, -1):
+            done = self.steps - left
+            if moving:
+                part = self._target - self._from
+                ctrl[:] = self._target if left == 0 else self._from + (done / self.steps) * part
+            if self._pushes:
+                self._pushes.apply(data, self.timestep)
+            (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
+            sensors.take(places, out=window[(done - 1) % rows], mode="clip")
+            if left == 0:
+                self._truth_reader.capture(data)
+            read = newest <= left <= oldest
+            begun = left == 0 or read or bool(self._pushes)
+            if begun:
+                mujoco.mj_step1(model, data)
+            if read and oldest > 0:
+                self._sample()
+                self._chain.push(self._signals)
+
+
+def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
+    """How many times faster than reality a plant runs while it holds its posture; its state moves on.
+
+    Args:
+        plant: The plant.
+        seconds: Simulated time, s.
+    """
+    command = plant.hold()
+    ticks = max(1, round(positive("simulated time (s)", seconds) / plant.control_period))
+    start = time.perf_counter()
+    for _ in range(ticks):
+        plant.step(command)
+    return ticks * plant.control_period / (time.perf_counter() - start)
+
+
+def _shape(array: Array | None) -> tuple[int, ...] | None:
+    """Shape of an array, None for anything else."""
+    return getattr(array, "shape", None)
+
+
+def _with_timestep(physics: PhysicsSettings | None, timestep: float) -> PhysicsSettings:
+    return replace(PhysicsSettings() if physics is None else physics, timestep=timestep)

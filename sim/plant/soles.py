@@ -1,0 +1,112 @@
+"""The live parts of the feet: stiffness actuators and range sensors, for all soles of a robot together."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array, InputError
+from wbc.feet import Foot, RangeSensor, VariableStiffnessFoot
+from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
+from wbc.sim.plant.model import PlantModel
+
+
+class Soles:
+    """Stiffness and range of every sole, left first."""
+
+    def __init__(self, plant: PlantModel, foot: Foot, range_sensor: RangeSensor | None) -> None:
+        """Look everything up.
+
+        Args:
+            plant: The compiled model.
+            foot: What was built under the ankles.
+            range_sensor: Range sensor under each toe; none when None.
+        """
+        self._plant = plant
+        self._range_sensor = range_sensor
+        actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
+        self._variable = actuator is not None
+        self._stiffness = [
+            SoleStiffness(plant.model, built, actuator) if built.variable_joints else None
+            for built in plant.feet
+        ]
+        self._none = np.full(len(plant.feet), np.nan)
+        self._none.setflags(write=False)
+        self._ranges: list[RangeFinder] = []
+
+    def reset(self, seeds: list[int]) -> None:
+        """Go back to the stiffness at the start and forget all ranges.
+
+        Args:
+            seeds: Seed of the errors of each range sensor.
+        """
+        for sole in self._stiffness:
+            if sole is not None:
+                sole.reset()
+        if self._range_sensor is not None:
+            self._ranges = [
+                RangeFinder(
+                    self._plant.model,
+                    foot,
+                    ground_group=self._plant.ground.group,
+                    sensor=self._range_sensor,
+                    seed=seed,
+                )
+                for foot, seed in zip(self._plant.feet, seeds, strict=True)
+            ]
+
+    def check(self, command: Array | None) -> None:
+        """Refuse a stiffness command that cannot be followed; nothing changes.
+
+        Args:
+            command: Commanded stiffness, shape (number of soles,), Nm/rad; None for none.
+
+        Raises:
+            InputError: Soles of fixed stiffness, wrong shape, or outside the range of the actuator.
+        """
+        if command is None:
+            return
+        if not self._variable:
+            raise InputError(
+                "command: the soles of this plant have a fixed stiffness; choose foot='variable' to command it"
+            )
+        if np.shape(command) != self._none.shape:
+            raise InputError(
+                f"command: sole_stiffness must have shape {self._none.shape}, got {np.shape(command)}"
+            )
+        for sole, stiffness in zip(self._stiffness, command, strict=True):
+            assert sole is not None
+            sole.actuator.check(stiffness)
+
+    def advance(self, command: Array | None, duration: float) -> bool:
+        """Let the stiffness actuators work.
+
+        Args:
+            command: Commanded stiffness, checked; None goes on with the last one.
+            duration: s.
+
+        Returns:
+            True if a stiffness has changed.
+        """
+        changed = False
+        if self._variable:
+            for i, sole in enumerate(self._stiffness):
+                assert sole is not None
+                before = sole.actual
+                wanted = sole.state.commanded if command is None else float(command[i])
+                changed |= sole.step(wanted, duration) != before
+        return changed
+
+    def stiffness(self) -> Array:
+        """Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid one."""
+        if self._stiffness[0] is None:
+            return self._none
+        return np.array([math.nan if sole is None else sole.actual for sole in self._stiffness])
+
+    def ranges(self, data: mujoco.MjData) -> Array:
+        """Reading of each range sensor, shape (number of soles,), m; NaN where there is none or it sees nothing."""
+        if not self._ranges:
+            return self._none
+        return np.array([finder.read(self._plant.model, data) for finder in self._ranges])

@@ -1,0 +1,122 @@
+"""The project's own studies, by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from wbc.core.errors import choose
+from wbc.sim.studies.stiffness import arches, dataset, halfway, oracle, stiffness_question, unknown_ground
+from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
+
+
+def soles() -> dict[str, dict[str, Any]]:
+    """The soles that are compared: the robot's own, a rigid one of the soft footprint, soft ones by stiffness.
+
+    Stiffnesses in Nm/rad: from 0.5 to 80, which the paper takes for very compliant and for rigid (Frizza et al., 2022,
+    table I), with the 5 of its fixed sole and the 42 of its figure 4 between.
+    """
+    fixed: dict[str, dict[str, Any]] = {"flat": {"foot": "flat"}, "rigid": {"foot": "rigid"}}
+    soft = {f"soft {k:g}": {"foot": "soft", "stiffness": k} for k in (0.5, 5.0, 20.0, 42.0, 80.0)}
+    return fixed | soft
+
+
+def flat_floor(seeds: int = 10) -> Study:
+    """Walks of 3 m on a flat floor, every sole: is every walk completed, and how exact is it?"""
+    return Study(
+        name="flat_floor",
+        about="3 m on a flat floor with sensor noise: completed walks and errors",
+        base={"terrain": "flat", "noise": "realistic", "plan": {"distance": 3.0}},
+        cells=(
+            Cell("hrp4_class", {"robot": "hrp4_class"}),
+            Cell("talos", {"robot": "talos"}, ("flat", "soft 5")),
+        ),
+        arms=soles(),
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="flat",
+    )
+
+
+ROUGH: dict[str, dict[str, Any]] = {
+    "stones": {"terrain": "stones"},
+    "cylinder obstacles": {"terrain": "cylinder_obstacles"},
+    "cobble stones": {"terrain": "cobble_stones"},
+    "random w = 0.01": {"terrain": "random", "terrain_params": {"cutoff": 0.01}},
+    "random w = 0.1": {"terrain": "random", "terrain_params": {"cutoff": 0.1}},
+}
+"""Rough grounds of the main table."""
+
+
+def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
+    """Walks of 3 m over rough ground, every sole with the same gait and gains: how many of 22 steps?"""
+    return Study(
+        name="rough_ground" if gains == "default" else f"rough_ground_{gains}",
+        about="3 m over rough ground, the same gait and gains for all soles"
+        + ("" if gains == "default" else f" ({gains} gains)"),
+        base={"noise": "realistic", "plan": {"distance": 3.0}, "gains": gains},
+        cells=tuple(
+            Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
+            for name, values in ROUGH.items()
+            for amplitude in (0.01, 0.02, 0.03, 0.04)
+        ),
+        arms=soles(),
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="flat",
+    )
+
+
+PUSHED_STEP = 5
+"""Step that is pushed: an even walk by then, and as many steps after it to show what the push did."""
+
+
+def push_recovery(seeds: int = 1) -> Study:
+    """Largest push on the torso while walking: four phases of a step, eight directions, with and without adjustment.
+
+    The pushed step is one of the left foot, so that 90° pushes towards the swing foot's side.
+    """
+    cells = []
+    for phase in (0.0, 0.25, 0.5, 0.75):
+        for eighth in range(8):
+            push = {"step": PUSHED_STEP, "phase": phase, "direction": round(math.pi / 4.0 * eighth, 12)}
+            cells.append(Cell(f"phase {phase:.2f}, {45 * eighth}°", {"pushes": [push]}))
+    return Study(
+        name="push_recovery",
+        about="largest impulse per kg that a walk on flat soles recovers from; 0° is forward, 90° left",
+        kind="push_limit",
+        base={
+            "terrain": "flat",
+            "noise": "realistic",
+            "plan": {"distance": 1.45},
+            "highest": 0.8,
+            "resolution": 0.02,
+        },
+        cells=tuple(cells),
+        arms={"with step adjustment": {}, "without": {"changes": {"walk.adjustment": None}}},
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="without",
+    )
+
+
+STUDIES: dict[str, Callable[[], Study]] = {
+    "flat_floor": flat_floor,
+    "rough_ground": rough_ground,
+    "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
+    "push_recovery": push_recovery,
+    "dataset": dataset,
+    "halfway": halfway,
+    "stiffness": stiffness_question,
+    "arches": arches,
+    "oracle": oracle,
+    "unknown_ground": unknown_ground,
+}
+"""Studies by name."""
+
+
+def study_by_name(name: str) -> Study:
+    """One of `STUDIES`.
+
+    Raises:
+        UnknownNameError: No such study.
+    """
+    return STUDIES[choose("study", name, STUDIES)]()

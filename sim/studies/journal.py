@@ -1,0 +1,298 @@
+"""What sweeps write down: one line of JSON for each trial that has ended, appended and never changed.
+
+    {"key": …, "spec": …, "version": …, "status": …, "result": …, "clock": …, "error": …, "ended": …, "sum": …}
+
+`key` is a hash of spec and version: the same trial by the same code has the same key, and a sweep that finds it has
+nothing to do. `result` is what spec and code decide; `clock` is what time was taken. `sum` is a hash of the line. A
+later line with the same key takes the place of an earlier one.
+
+A program that is killed in the middle of a line leaves a torn one: it is cut off when the journal is next opened for
+writing, and passed over by readers. One program at a time writes; any number reads.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import fcntl
+import hashlib
+import json
+import logging
+import math
+import os
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from wbc.core.errors import InputError, WbcError, choose
+from wbc.sim.studies.provenance import provenance
+
+STATUSES = ("done", "diverged", "timeout", "crashed")
+"""How a trial can end: with a result; with a simulation that diverged, which is none; after its time; with an error."""
+
+SYNCS = ("always", "second", "never")
+"""When a line must be on the disk itself, where it survives a loss of power: at once, within a second of the line
+before, or when the system likes. A killed program loses nothing in either case."""
+
+SYNC_TIME = 1.0
+"""Longest time between two writes to the disk itself with the policy "second", s."""
+
+_log = logging.getLogger(__name__)
+
+
+class JournalError(WbcError):
+    """A journal that cannot be read or written."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What is known of one trial.
+
+    Attributes:
+        spec: What it was, as plain values.
+        status: "done", "diverged", "timeout" or "crashed".
+        result: What spec and code decide, as plain values; None without one.
+        clock: What the clock said; None without a result.
+        error: Why there is no result; None if there is one.
+        version: Which code it was.
+        ended: Date and time (UTC).
+    """
+
+    spec: Mapping[str, Any]
+    status: str
+    result: Mapping[str, Any] | None
+    clock: Mapping[str, Any] | None
+    error: str | None
+    version: Mapping[str, Any]
+    ended: str = ""
+
+    def __post_init__(self) -> None:
+        choose("status of a trial", self.status, STATUSES)
+        if not self.ended:
+            now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+            object.__setattr__(self, "ended", now)
+
+    @property
+    def key(self) -> str:
+        """Hash of spec and version."""
+        return trial_key(self.spec, self.version)
+
+    def line(self) -> bytes:
+        """The entry as a line of the journal."""
+        data = {
+            "key": self.key,
+            "spec": self.spec,
+            "version": self.version,
+            "status": self.status,
+            "result": self.result,
+            "clock": self.clock,
+            "error": self.error,
+            "ended": self.ended,
+        }
+        return canonical(data | {"sum": checksum(data)}).encode() + b"\n"
+
+
+def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
+    """Name of a trial: a hash of what it is and of the code that runs it, 32 hex digits.
+
+    Args:
+        spec: As plain values.
+        version: Which code; the present one when None.
+    """
+    content = {"spec": spec, "version": provenance() if version is None else version}
+    return hashlib.sha256(canonical(content).encode()).hexdigest()[:32]
+
+
+def canonical(data: Any) -> str:
+    """JSON that is equal for equal values: keys sorted, no spaces, NaN and infinity as null."""
+    return json.dumps(
+        _finite(data), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False
+    )
+
+
+def checksum(data: Mapping[str, Any]) -> str:
+    """Hash of a line without its sum, 16 hex digits."""
+    return hashlib.sha256(canonical(data).encode()).hexdigest()[:16]
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def read_journal(path: Path | str) -> dict[str, Entry]:
+    """All entries of a journal, by key; the last one of each.
+
+    Lines that are torn or damaged are passed over, and said how many.
+
+    Args:
+        path: The file; one that does not exist is empty.
+
+    Raises:
+        JournalError: The file cannot be read, or is no journal.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise JournalError(f"journal {path} cannot be read: {error}") from error
+    entries = dict(_entries(path, content))
+    if not entries and content.strip() and b"\n" in content:
+        raise JournalError(f"{path} is no journal: none of its lines is an entry")
+    return entries
+
+
+def _entries(path: Path | str, content: bytes) -> Iterator[tuple[str, Entry]]:
+    *lines, rest = content.split(b"\n")
+    bad = [number for number, line in enumerate(lines, 1) if line.strip() and _parsed(line) is None]
+    if bad:
+        _log.warning("journal %s: %d damaged lines passed over, the first is line %d", path, len(bad), bad[0])
+    if rest:
+        _log.info("journal %s: its last line is torn", path)
+    for line in lines:
+        entry = _parsed(line)
+        if entry is not None:
+            yield entry.key, entry
+
+
+def _parsed(line: bytes) -> Entry | None:
+    """An entry, or None of a line that is none, or is not what was written."""
+    try:
+        data = json.loads(line)
+        total = data.pop("sum")
+        if checksum(data) != total:
+            return None
+        key = data.pop("key")
+        entry = Entry(**data)
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return None
+    return entry if entry.key == key else None
+
+
+class Journal:
+    """A journal open for writing.
+
+        with Journal("sweep.jsonl") as journal:
+            if key not in journal:
+                journal.add(entry)
+
+    Attributes:
+        path: The file.
+        entries: All that is in it, by key.
+    """
+
+    def __init__(self, path: Path | str, *, sync: str = "second") -> None:
+        """Open or begin a journal, lock it, and cut off a torn last line.
+
+        Args:
+            path: The file; folders on the way are made.
+            sync: When lines must be on the disk itself: "always", "second" or "never".
+
+        Raises:
+            UnknownNameError: Another policy.
+            JournalError: Another program writes into it, or the file is no journal or cannot be written.
+        """
+        self.path = Path(path)
+        self._sync = choose("sync policy", sync, SYNCS)
+        self._synced = -math.inf
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise JournalError(f"journal {path} cannot be written: {error}") from error
+        try:
+            self._lock()
+            self.entries = read_journal(self.path)
+            self._cut_off_torn_line()
+        except BaseException:
+            self.close()
+            raise
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise JournalError(
+                f"journal {self.path} is being written by another program; wait for it, or use another journal"
+            ) from error
+
+    def _cut_off_torn_line(self) -> None:
+        content = self.path.read_bytes()
+        whole = content.rfind(b"\n") + 1
+        if whole == len(content):
+            return
+        if whole == 0 and not content.startswith(b'{"clock":'[: len(content)]):
+            raise JournalError(f"{self.path} is no journal: it does not begin with an entry")
+        _log.warning("journal %s: torn last line of %d bytes cut off", self.path, len(content) - whole)
+        os.ftruncate(self._file, whole)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.entries
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def add(self, entry: Entry) -> None:
+        """Write an entry down.
+
+        Raises:
+            JournalError: The disk is full, or the journal is closed; nothing of the entry is left then.
+        """
+        if self._file < 0:
+            raise JournalError(f"journal {self.path} is closed")
+        line = entry.line()
+        size = os.fstat(self._file).st_size
+        try:
+            written = os.write(self._file, line)
+            if written < len(line):
+                raise OSError(f"{written} of {len(line)} bytes written")
+            self._sync_if_due()
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, size)
+            raise JournalError(f"journal {self.path} cannot be written: {error}") from error
+        self.entries[entry.key] = entry
+
+    def _sync_if_due(self) -> None:
+        now = time.monotonic()
+        if self._sync == "always" or (self._sync == "second" and now - self._synced >= SYNC_TIME):
+            os.fsync(self._file)
+            self._synced = now
+
+    def close(self) -> None:
+        """Have everything on the disk and let others write."""
+        file, self._file = self._file, -1
+        if file >= 0:
+            if self._sync != "never":
+                with contextlib.suppress(OSError):
+                    os.fsync(file)
+            os.close(file)
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def check_journal_path(path: Path | str) -> Path:
+    """A path that a journal can be opened at, checked before a long run begins.
+
+    Raises:
+        InputError: A folder.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"a journal is a file, but {path} is a folder")
+    return path

@@ -1,0 +1,304 @@
+"""What a family of grounds is: parameters, a way to build the rough part, and a register of names.
+
+A family of one's own is one class::
+
+    @family("waves")
+    class Waves(FieldFamily):
+        \"\"\"Sine waves along the track.\"\"\"
+
+        wavelength: float = param(0.3, "m", "Crest to crest")
+
+        @property
+        def smallest_feature(self) -> float:
+            return self.wavelength / 2.0
+
+        def heights(self, site: Site, x: Array, y: Array) -> Array:
+            return np.sin(2.0 * np.pi * x / self.wavelength)
+
+After that `terrain("waves", amplitude=0.02, wavelength=0.5)` works everywhere.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, ClassVar, TypeVar, dataclass_transform
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, choose, finite_scalar, unknown_name
+from wbc.sim.terrain.families.site import Site, cells
+from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.shapes import Shape
+
+LATERAL_CELLS = 3
+"""Cells across a ground that does not vary across; odd, so that no grid line runs along y = 0."""
+
+FINEST_DEFAULT = 0.007
+"""Widest cell a height field gets unless told otherwise, m: the radius of the sole's spheres and the grid of the
+public profiles of the paper's authors (429 samples on 3 m)."""
+
+
+def param(
+    default: Any,
+    unit: str,
+    about: str,
+    *,
+    low: float = 0.0,
+    high: float = math.inf,
+    open_low: bool = False,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare a parameter of a family.
+
+    Args:
+        default: Its value unless told otherwise; its type is the parameter's type.
+        unit: Unit, "1" where there is none.
+        about: What it means.
+        low: Least value (numbers).
+        high: Greatest value (numbers).
+        open_low: True if `low` itself is not allowed.
+        choices: Values allowed (text).
+    """
+    rule = {"low": low, "high": high, "open_low": open_low}
+    return field(default=default, metadata={"unit": unit, "about": about, "rule": rule, "choices": choices})
+
+
+@dataclass(frozen=True)
+class Family(ABC):
+    """Parameters of a family of grounds; see `ShapeFamily` and `FieldFamily` for the two kinds."""
+
+    name: ClassVar[str] = ""
+    default_amplitude: ClassVar[float] = 0.03
+    """The height of the paper's hardest training grounds is 40 mm, of its small stones 25 mm; m."""
+
+    def __post_init__(self) -> None:
+        """Check every parameter against the rule it was declared with."""
+        for f in fields(self):
+            object.__setattr__(self, f.name, self._checked(f, getattr(self, f.name)))
+
+    def _checked(self, f: Field[Any], value: Any) -> Any:
+        unit = f.metadata.get("unit", "1")
+        what = f"{self.name} parameter {f.name}" + (f" ({unit})" if unit != "1" else "")
+        if isinstance(f.default, bool):
+            if not isinstance(value, bool):
+                raise InputError(f"{what} must be true or false, got {value!r}")
+            return value
+        if isinstance(f.default, int):
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+                raise InputError(f"{what} must be a whole number, got {value!r}")
+            return int(finite_scalar(what, value, **f.metadata["rule"]))
+        if isinstance(f.default, float):
+            return finite_scalar(what, value, **f.metadata["rule"])
+        if isinstance(f.default, str) and f.metadata.get("choices"):
+            return choose(what, value, f.metadata["choices"])
+        return value
+
+    @classmethod
+    def summary(cls) -> str:
+        """First line of the family's documentation."""
+        return (inspect.getdoc(cls) or "").splitlines()[0]
+
+    @property
+    @abstractmethod
+    def smallest_feature(self) -> float:
+        """Size of the smallest thing a foot can feel on this ground (a stone, a joint, half a wave), m."""
+
+    def feature_at(self, amplitude: float) -> float:
+        """Return the smallest feature of a ground of this amplitude, m; families whose things grow with it say so."""
+        del amplitude
+        return self.smallest_feature
+
+    def rise_at(self, amplitude: float) -> float:
+        """Return how high a foot must be lifted in one step on a ground of this amplitude, m; climbs need less."""
+        return amplitude
+
+    @property
+    def unidirectional(self) -> bool:
+        """True if the ground does not vary across the track."""
+        return False
+
+    @property
+    def largest_amplitude(self) -> float:
+        """Greatest amplitude for which the family keeps its character, m."""
+        return math.inf
+
+    def track(self) -> dict[str, float]:
+        """Return track dimensions (names of `Terrain` fields, m) that differ from the usual ones."""
+        return {}
+
+    def check_track(self, length: float, width: float) -> None:
+        """Check that the family can fill a rough part of this size (m).
+
+        Raises:
+            InputError: It cannot; the message names what is possible.
+        """
+        del length, width
+
+    def facts(self, site: Site) -> dict[str, Any]:
+        """Say more about a ground, for people: JSON-able names and values, with the unit in the name."""
+        del site
+        return {}
+
+
+class ShapeFamily(Family):
+    """A family made of solids on a floor.
+
+    `shapes` must place its highest point exactly `site.amplitude` above `floor(site)`, with floor left to see.
+    """
+
+    @abstractmethod
+    def shapes(self, site: Site) -> Iterable[Shape]:
+        """Build the solids of the rough part; all of them inside it."""
+
+    def floor(self, site: Site) -> float:
+        """Level of the endless floor, m; the start strip is at 0."""
+        del site
+        return 0.0
+
+    def stop(self, site: Site) -> float:
+        """Level of the stop strip, m."""
+        del site
+        return 0.0
+
+
+class FieldFamily(Family):
+    """A family given by heights on a grid; the scale is set afterwards, so that the amplitude is met exactly."""
+
+    @abstractmethod
+    def heights(self, site: Site, x: Array, y: Array) -> Array:
+        """Return raw heights in any scale.
+
+        Args:
+            site: The rough part.
+            x: Columns of the grid, shape (1, columns), m.
+            y: Rows of the grid, shape (rows, 1), m; one row if the family is unidirectional.
+
+        Returns:
+            Heights that broadcast to (rows, columns).
+        """
+
+    @property
+    def unidirectional(self) -> bool:
+        """True if the ground does not vary across the track."""
+        return True
+
+    @property
+    def blend(self) -> float:
+        """Length over which a ground that varies both ways rises from its flat strips, m."""
+        return 0.1
+
+    @property
+    def grid(self) -> float:
+        """Cell length unless told otherwise, m: eight cells a feature keep a sine to 2 % of its height."""
+        return min(FINEST_DEFAULT, self.smallest_feature / 8.0)
+
+    def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
+        """Shift raw heights to the flat strips.
+
+        A ground that varies along the track only starts at 0 and its stop strip continues its end. One that
+        varies both ways is taken about its mean and blended into strips at 0.
+
+        Returns:
+            Heights, and the levels of the start and stop strips, all in the raw scale.
+        """
+        if self.unidirectional:
+            raw = raw - raw[:, :1]
+            return raw, 0.0, float(raw[0, -1])
+        raw = raw - raw.mean()
+        if self.blend > 0.0:
+            near = np.minimum(x - site.x0, site.x1 - x) / self.blend
+            t = np.clip(near, 0.0, 1.0)
+            raw = raw * t * t * (3.0 - 2.0 * t)
+        return raw, 0.0, 0.0
+
+    def sample(self, site: Site, step: float) -> tuple[Array, Array, float, float]:
+        """Sample the raw heights in cells of at most `step` (m).
+
+        Returns:
+            Columns (m), shape (1, columns); heights, shape (rows, columns); levels of the strips; in the raw scale.
+
+        Raises:
+            InputError: The raw heights are all equal or not finite.
+        """
+        columns, half = cells(site.length, step) + 1, site.width / 2.0
+        rows = 1 if self.unidirectional else cells(site.width, step) + 1
+        x = np.linspace(site.x0, site.x1, columns)[None, :]
+        y = np.linspace(-half, half, rows)[:, None] if rows > 1 else np.zeros((1, 1))
+        raw = np.broadcast_to(np.asarray(self.heights(site, x, y), dtype=np.float64), (rows, columns))
+        if not np.isfinite(raw).all():
+            raise InputError(f"{self.name}: the heights are not all finite")
+        raw, start, stop = self.level(site, x, raw)
+        if raw.max() <= raw.min():
+            raise InputError(f"{self.name}: all heights are equal, so no amplitude can be met")
+        return x, raw, start, stop
+
+    def build(self, site: Site, step: float) -> tuple[HeightMap, float, float]:
+        """Sample the ground and scale it to the amplitude.
+
+        Args:
+            site: The rough part.
+            step: Greatest cell length, m.
+
+        Returns:
+            The map, and the levels of the start and stop strips, m.
+        """
+        _, raw, start, stop = self.sample(site, step)
+        scale, half = site.amplitude / float(raw.max() - raw.min()), site.width / 2.0
+        rows = LATERAL_CELLS + 1 if self.unidirectional else raw.shape[0]
+        z = np.ascontiguousarray(np.broadcast_to(raw * scale, (rows, raw.shape[1])))
+        return HeightMap(site.x0, site.x1, -half, half, z), start * scale, stop * scale
+
+
+_FAMILIES: dict[str, type[Family]] = {}
+_F = TypeVar("_F", bound=Family)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(param,))
+def family(name: str) -> Callable[[type[_F]], type[_F]]:
+    """Register a class as a family of grounds and make it a frozen dataclass.
+
+    Args:
+        name: What `terrain(name, …)` will call it.
+
+    Raises:
+        InputError: The name is taken by another class.
+    """
+
+    def register(cls: type[_F]) -> type[_F]:
+        known = _FAMILIES.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise InputError(
+                f"terrain family '{name}' exists already ({known.__module__}.{known.__qualname__})"
+            )
+        cls.name = name
+        made = dataclass(frozen=True)(cls)
+        _FAMILIES[name] = made
+        return made
+
+    return register
+
+
+def terrain_families() -> dict[str, type[Family]]:
+    """Return all families by name, in alphabetical order."""
+    return dict(sorted(_FAMILIES.items()))
+
+
+def make(name: str, params: Mapping[str, Any]) -> Family:
+    """Make the parameters of a family.
+
+    Raises:
+        UnknownNameError: No such family, or it has no such parameter.
+        InputError: A parameter is out of range.
+    """
+    if name not in _FAMILIES:
+        unknown_name("terrain", name, _FAMILIES)
+    cls = _FAMILIES[name]
+    known = [f.name for f in fields(cls)]
+    for key in params:
+        if key not in known:
+            unknown_name(f"parameter of terrain '{name}' called", key, known)
+    return cls(**params)

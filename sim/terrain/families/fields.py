@@ -1,0 +1,144 @@
+"""Grounds given by heights alone: filtered noise, a road spectrum, corrugated sheets."""
+# ruff: noqa: D102 - overrides are documented where they are declared
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError
+from wbc.sim.terrain.families.base import FieldFamily, family, param
+from wbc.sim.terrain.families.site import Site, cells
+
+ISO_REFERENCE = 0.1
+"""Reference spatial frequency n0 of ISO 8608, cycles/m."""
+
+ISO_LIMITS = tuple(32e-6 * 4.0**k for k in range(7))
+"""Upper limits of Gd(n0) for road classes A to G of ISO 8608, m³; H lies above."""
+
+
+@family("random")
+class Random(FieldFamily):
+    """White noise through a first-order low-pass, constant across the track, as in the paper.
+
+    The paper prints cut-offs "0.0001 … 0.1 m⁻¹"; as cycles per metre those would be waves of 10 km to 10 m on a
+    track of 3 m. The authors' public profiles agree with a share of the Nyquist frequency of their 7 mm grid,
+    which is what `cutoff` is; `describe` reports the spatial frequency beside it. Below about 1e-3 the ground is
+    a random walk and hardly changes any more.
+    """
+
+    cutoff: float = param(0.01, "1", "Cut-off as a share of the Nyquist frequency", high=0.99, open_low=True)
+    spacing: float = param(0.007, "m", "Distance between noise samples", open_low=True)
+
+    @property
+    def smallest_feature(self) -> float:
+        # Three samples, so that the grid of the noise itself is what is needed.
+        return 3.0 * self.spacing
+
+    @property
+    def grid(self) -> float:
+        return self.spacing
+
+    def facts(self, site: Site) -> dict[str, Any]:
+        spacing = site.length / cells(site.length, self.spacing)
+        frequency = self.cutoff / (2.0 * spacing)
+        return {"cutoff_cycles_per_m": frequency, "cutoff_wavelength_m": 1.0 / frequency}
+
+    def heights(self, site: Site, x: Array, y: Array) -> Array:
+        del y
+        count = cells(site.length, self.spacing) + 1
+        z = low_pass(site.draws.uniform(-1.0, 1.0, count), self.cutoff)
+        return np.interp(x, np.linspace(site.x0, site.x1, count), z)
+
+
+def low_pass(signal: Array, cutoff: float) -> Array:
+    """Filter a signal with a first-order Butterworth low-pass, from rest.
+
+    Args:
+        signal: Samples, shape (n,).
+        cutoff: Half-power frequency as a share of the Nyquist frequency, below 1.
+
+    Source: bilinear transform of 1/(s + 1) with the frequency warped to K = tan(π w / 2).
+    """
+    k = math.tan(math.pi * cutoff / 2.0)
+    gain, pole = k / (1.0 + k), (1.0 - k) / (1.0 + k)
+    out, before, last = [], 0.0, 0.0
+    for value in signal.tolist():
+        last = gain * (value + before) + pole * last
+        before = value
+        out.append(last)
+    return np.array(out)
+
+
+@family("iso8608")
+class Iso8608(FieldFamily):
+    """Sum of waves with the spectrum of a road, Gd(n) = Gd(n0) (n/n0)^-waviness, between two spatial frequencies.
+
+    Here the frequency truly varies: `low` and `high` are waves per metre. The amplitude sets the scale, so that
+    Gd(n0) and the ISO class follow from it and are reported.
+    """
+
+    low: float = param(0.5, "1/m", "Longest waves, per metre", open_low=True)
+    high: float = param(5.0, "1/m", "Shortest waves, per metre", open_low=True)
+    waviness: float = param(2.0, "1", "Exponent of the spectrum; ISO 8608 has 2", high=6.0)
+    isotropic: bool = param(False, "1", "Waves of every heading; otherwise constant across the track")
+    waves: int = param(64, "1", "Number of waves", low=2, high=2000)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.low >= self.high:
+            raise InputError(f"iso8608: low ({self.low:g} 1/m) must be below high ({self.high:g} 1/m)")
+
+    @property
+    def unidirectional(self) -> bool:
+        return not self.isotropic
+
+    @property
+    def smallest_feature(self) -> float:
+        return 0.5 / self.high
+
+    def check_track(self, length: float, width: float) -> None:
+        del width
+        if self.high * length < 1.0:
+            raise InputError(
+                f"iso8608: high ({self.high:g} 1/m) leaves no whole wave on a track of {length:g} m"
+            )
+
+    def facts(self, site: Site) -> dict[str, Any]:
+        _, raw, _, _ = self.sample(site, self.grid)
+        gd = (site.amplitude / float(raw.max() - raw.min())) ** 2
+        return {"gd_n0_m3": gd, "iso_class": "ABCDEFGH"[sum(gd > limit for limit in ISO_LIMITS)]}
+
+    def heights(self, site: Site, x: Array, y: Array) -> Array:
+        width = (self.high - self.low) / self.waves
+        n = self.low + width * (np.arange(self.waves) + 0.5)
+        # Amplitudes for Gd(n0) = 1 m³: each wave carries the variance Gd dn.
+        size = np.sqrt(2.0 * (n / ISO_REFERENCE) ** -self.waviness * width)
+        phase = site.draws.uniform(0.0, 2.0 * math.pi, self.waves)
+        heading = (
+            site.draws.uniform(0.0, 2.0 * math.pi, self.waves) if self.isotropic else np.zeros(self.waves)
+        )
+        z = np.zeros(np.broadcast_shapes(x.shape, y.shape))
+        for ni, ai, pi, hi in zip(n, size, phase, heading, strict=True):
+            z += ai * np.cos(2.0 * math.pi * ni * (x * math.cos(hi) + y * math.sin(hi)) + pi)
+        return z
+
+
+@family("metal_sheets")
+class MetalSheets(FieldFamily):
+    """Corrugated iron sheets with their ridges across the track."""
+
+    period: float = param(0.076, "m", "Ridge to ridge", open_low=True)
+
+    default_amplitude = 0.02
+
+    @property
+    def smallest_feature(self) -> float:
+        return self.period / 2.0
+
+    def heights(self, site: Site, x: Array, y: Array) -> Array:
+        del y
+        phase = float(site.draws.uniform(0.0, 2.0 * math.pi, 1)[0])
+        return np.sin(2.0 * math.pi * (x - site.x0) / self.period + phase)

@@ -1,0 +1,97 @@
+"""Where the rough part lies, and layouts inside it that families share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError
+from wbc.sim.terrain.families.draws import Draws
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the rough part lies and what it is drawn from.
+
+    Args:
+        x0: Start of the rough part, m.
+        x1: End of the rough part, m.
+        width: Extent across, centred on y = 0, m.
+        amplitude: Highest minus lowest point asked for, m.
+        draws: Uniform numbers.
+    """
+
+    x0: float
+    x1: float
+    width: float
+    amplitude: float
+    draws: Draws
+
+    @property
+    def length(self) -> float:
+        """Length of the rough part, m."""
+        return self.x1 - self.x0
+
+    @property
+    def area(self) -> float:
+        """Area of the rough part, m²."""
+        return self.length * self.width
+
+    def tops(self, count: int, lowest: float) -> Array:
+        """Draw `count` heights between `lowest` and 1 times the amplitude, m; the greatest is exactly the amplitude."""
+        share = self.draws.uniform(lowest, 1.0, count)
+        if count:
+            share[np.argmax(share)] = 1.0
+        return np.asarray(share * self.amplitude)
+
+    def scatter(self, count: int, margin: float) -> Iterator[tuple[float, float]]:
+        """Draw points anywhere in the rough part, `margin` (m) away from its edges."""
+        self.require(2.0 * margin, 2.0 * margin)
+        x = self.draws.uniform(self.x0 + margin, self.x1 - margin, count)
+        y = self.draws.uniform(margin - self.width / 2.0, self.width / 2.0 - margin, count)
+        return zip(x.tolist(), y.tolist(), strict=True)
+
+    def hexagons(self, pitch: float, jitter: float, margin: float) -> Array:
+        """Lay a hexagonal lattice, each point moved by up to `jitter` pitches along x and y.
+
+        Args:
+            pitch: Distance between neighbours, m.
+            jitter: Share of the pitch, 0 to 0.5.
+            margin: Distance kept from the edges, m.
+
+        Returns:
+            Points, shape (n, 2), m.
+        """
+        keep = margin + jitter * pitch
+        self.require(2.0 * keep, 2.0 * keep + pitch / 2.0)
+        xs = centred(self.x0 + keep, self.x1 - keep, pitch * math.sqrt(3.0) / 2.0)
+        ys = centred(keep - self.width / 2.0, self.width / 2.0 - keep - pitch / 2.0, pitch)
+        points = np.array([(x, y + (i % 2) * pitch / 2.0) for i, x in enumerate(xs) for y in ys])
+        moves = self.draws.uniform(-jitter * pitch, jitter * pitch, points.size)
+        return np.asarray(points + moves.reshape(-1, 2))
+
+    def require(self, length: float, width: float) -> None:
+        """Check that the rough part is at least this long and wide (m).
+
+        Raises:
+            InputError: It is not; the message names what is needed.
+        """
+        if self.length < length or self.width < width:
+            raise InputError(
+                f"the rough part is {self.length:g} m x {self.width:g} m (length x width); with these parameters "
+                f"it must be at least {length:.3g} m x {width:.3g} m"
+            )
+
+
+def centred(low: float, high: float, pitch: float) -> Array:
+    """Place as many points `pitch` apart as fit between low and high, centred, shape (n,)."""
+    count = max(1, math.floor((high - low) / pitch + 1e-9) + 1)
+    return np.asarray((low + high) / 2.0 + pitch * (np.arange(count) - (count - 1) / 2.0))
+
+
+def cells(extent: float, step: float) -> int:
+    """Count the cells no wider than `step` that divide `extent` evenly."""
+    return max(1, math.ceil(extent / step - 1e-9))

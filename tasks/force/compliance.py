@@ -1,0 +1,328 @@
+"""What wrench-driven motion tasks have in common: a frame that yields to the wrench it feels.
+
+    wrench error  e = low-pass(measured wrench − target wrench)              what is pushed too much
+    compliance    velocity and acceleration out of e, the law of each task
+    offset        the integral of that velocity, kept by the task
+    reference     target pose ∘ offset, with compliance velocity and acceleration as feed-forward
+
+Wrenches are what the surroundings do to the robot, [force; moment] in the task's frame at its origin; too much of one
+moves the frame along it, away from what pushes. In position control, where the controlled robot integrates its own
+accelerations and never sees the measured state, the offset is what remembers how far the frame has yielded.
+
+All laws are differential equations: their constants are times and rates, so that the control period does not matter.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
+from wbc.core.robot import Robot
+from wbc.core.signals import Measurement
+from wbc.tasks.motion.axes import POSE_AXES
+from wbc.tasks.motion.frame import FrameTask, pose
+
+
+class ComplianceTask(FrameTask):
+    """Base of the wrench-driven motion tasks; subclass it with a law of your own in `comply`.
+
+    Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
+    `PoseTask` whose rows are turned into the frame.
+
+    Attributes:
+        integrates: True if the compliance velocity moves the reference pose; False if it is a feed-forward only.
+    """
+
+    unit = "m|rad"
+    integrates = True
+
+    def __init__(
+        self,
+        frame: str,
+        target: pin.SE3 | None,
+        target_wrench: ArrayLike | None,
+        *,
+        time_constant: float,
+        velocity_bound: ArrayLike,
+        offset_bound: ArrayLike | None,
+        axes: Sequence[str],
+        joints: Sequence[str] | None,
+        name: str,
+        weight: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike | None,
+        hard: bool,
+    ) -> None:
+        super().__init__(frame, POSE_AXES, axes, joints, name, weight, stiffness, damping, hard)
+        self._time_constant = non_negative(f"time constant of task '{name}' (s)", time_constant)
+        self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
+        self._frozen[np.arange(6) if self._keep is None else self._keep] = False
+        self.velocity_bound = velocity_bound
+        self.offset_bound = offset_bound
+        self._target: pin.SE3 | None = None
+        if target is not None:
+            self.target = target
+        self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
+        if target_wrench is not None:
+            self.target_wrench = target_wrench
+        self._wanted_velocity, self._wanted_acceleration = np.zeros(self.dim), np.zeros(self.dim)
+        self._sole: int | None = None
+        self._period, self._gain_of_period = 0.0, 1.0
+        self._motion = np.zeros(6)
+        self._full_error = np.zeros(6)
+        self.reset()
+
+    # ---- what the user sets and reads ---------------------------------------------------------------------------
+
+    @property
+    def target(self) -> pin.SE3:
+        """Pose in the world when nothing pushes."""
+        return self.robot.placement(self.frame).copy() if self._target is None else self._target.copy()
+
+    @target.setter
+    def target(self, value: pin.SE3) -> None:
+        self._target = pose(f"target of task '{self.name}'", value)
+
+    @property
+    def target_wrench(self) -> Array:
+        """Wrench that leaves the frame alone, [force; moment] in the frame, shape (6,), N and Nm."""
+        return self._target_wrench
+
+    @target_wrench.setter
+    def target_wrench(self, value: ArrayLike) -> None:
+        self._target_wrench = finite_array(f"target wrench of task '{self.name}' (N, Nm)", value, (6,))
+
+    @property
+    def measured_wrench(self) -> Array:
+        """Wrench felt last, [force; moment] in the frame, shape (6,), N and Nm.
+
+        A frame that is a sole reads it from each measurement. For all others assign it before each tick.
+        """
+        return self._measured_wrench
+
+    @measured_wrench.setter
+    def measured_wrench(self, value: ArrayLike) -> None:
+        self._measured_wrench = finite_array(f"measured wrench of task '{self.name}' (N, Nm)", value, (6,))
+
+    @property
+    def velocity_bound(self) -> Array:
+        """Greatest compliance velocity, [linear; angular], shape (6,), m/s and rad/s; assign that or a pair."""
+        return self._velocity_bound
+
+    @velocity_bound.setter
+    def velocity_bound(self, value: ArrayLike) -> None:
+        self._velocity_bound = six(self.name, "velocity bound (m/s, rad/s)", value)
+        self._velocity_bound[self._frozen] = 0.0
+
+    @property
+    def offset_bound(self) -> Array | None:
+        """Greatest offset along the axes of the reference, shape (6,), m and rad, or None; assign that or a pair."""
+        return self._offset_bound
+
+    @offset_bound.setter
+    def offset_bound(self, value: ArrayLike | None) -> None:
+        self._offset_bound = None if value is None else six(self.name, "offset bound (m, rad)", value)
+
+    @property
+    def feedforward_velocity(self) -> Array:
+        """Velocity of the target along the chosen axes of the frame, shape (dim,), m/s and rad/s."""
+        return self._wanted_velocity
+
+    @feedforward_velocity.setter
+    def feedforward_velocity(self, value: ArrayLike) -> None:
+        self._wanted_velocity = self._vector("feed-forward velocity", value)
+
+    @property
+    def feedforward_acceleration(self) -> Array:
+        """Acceleration of the target along the chosen axes of the frame, shape (dim,), m/s² and rad/s²."""
+        return self._wanted_acceleration
+
+    @feedforward_acceleration.setter
+    def feedforward_acceleration(self, value: ArrayLike) -> None:
+        self._wanted_acceleration = self._vector("feed-forward acceleration", value)
+
+    @property
+    def wrench_error(self) -> Array:
+        """Measured − target wrench after the low-pass, shape (6,), N and Nm; a copy."""
+        return np.array(self._wrench_error)
+
+    @property
+    def compliance_velocity(self) -> Array:
+        """How fast the frame yields, [linear; angular] along its axes, shape (6,), m/s and rad/s; a copy."""
+        return np.array(self._velocity)
+
+    @property
+    def offset(self) -> pin.SE3:
+        """How far the frame has yielded: the reference pose in the target's frame."""
+        return pin.SE3(self._offset_rotation, self._offset_position)
+
+    @property
+    def reference(self) -> pin.SE3:
+        """Pose in the world that the frame is brought to: the target, with the offset on top."""
+        return self.target * self.offset
+
+    def reset(self) -> None:
+        """Forget the offset, the compliance velocity and what the low-pass holds."""
+        self._wrench_error, self._wrench_rate = np.zeros(6), np.zeros(6)
+        self._velocity, self._acceleration = np.zeros(6), np.zeros(6)
+        self._offset_position, self._offset_rotation = np.zeros(3), np.eye(3)
+
+    # ---- the law ------------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
+        """Return velocity and acceleration with which the frame yields.
+
+        Args:
+            error: Filtered wrench error, shape (6,), N and Nm.
+            rate: Its derivative, shape (6,), N/s and Nm/s; zero without a low-pass.
+            dt: Control period, s.
+
+        Returns:
+            Velocity and acceleration, each [linear; angular] along the axes of the frame, shape (6,), new arrays.
+            The velocity is clamped afterwards, and along axes that the task does not follow it becomes zero.
+        """
+
+    def wanted_wrench(self) -> Array:
+        """Target wrench of this tick, shape (6,), N and Nm; override it when it depends on the measured one."""
+        return self._target_wrench
+
+    def offset_vector(self) -> Array:
+        """Offset as [translation; rotation vector] along the axes of the reference, shape (6,), m and rad."""
+        vector = np.empty(6)
+        np.dot(self._offset_position, self._offset_rotation, out=vector[:3])
+        vector[3:] = pin.log3(self._offset_rotation)
+        return vector
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names; a frame that is a sole listens to that sole's wrench.
+
+        Raises:
+            UnknownNameError: The robot has no such frame, sole or joint.
+        """
+        for index, sole in enumerate(robot.soles):
+            if self.frame in (sole.name, sole.frame):
+                self.frame, self._sole = sole.frame, index
+        super().bind(robot)
+        self._local = pin.LOCAL
+        if self._target is None:
+            self._target = pin.SE3(self._placement)
+
+    def observe(self, measurement: Measurement, dt: float) -> None:
+        """Take the wrench of the sole, if the frame is one, and yield for one control period.
+
+        Raises:
+            MeasurementError: The wrench holds NaN or infinity; nothing has changed then.
+        """
+        if self._sole is not None:
+            wrench = measurement.sole_wrench[self._sole]
+            if not math.isfinite(float(wrench.dot(wrench))):
+                raise MeasurementError(f"wrench of sole '{self.frame}' is not finite: {wrench}")
+            self._measured_wrench[:] = wrench
+        self.advance(dt)
+
+    def advance(self, dt: float) -> None:
+        """Yield for one control period to `measured_wrench`; `observe` calls it when the controller gets measurements.
+
+        Args:
+            dt: Control period, s.
+
+        Raises:
+            InputError: A period that is not positive, or too long for the damping of the task.
+        """
+        if dt != self._period:
+            self._start(dt)
+        error, rate = self._wrench_error, self._wrench_rate
+        np.subtract(self._measured_wrench, self.wanted_wrench(), out=rate)
+        if self._time_constant > 0.0:
+            rate -= error
+            error += self._gain_of_period * rate
+            rate *= (1.0 - self._gain_of_period) / self._time_constant
+        else:
+            error[:] = rate
+            rate[:] = 0.0
+        velocity, acceleration = self.comply(error, rate, dt)
+        high = self._velocity_bound
+        low = -high
+        if self._offset_bound is not None:
+            offset = self.offset_vector()
+            high = np.minimum(high, np.maximum(self._offset_bound - offset, 0.0) / dt)
+            low = np.maximum(low, np.minimum(-self._offset_bound - offset, 0.0) / dt)
+        clamped = np.minimum(np.maximum(velocity, low), high)
+        acceleration[clamped != velocity] = 0.0
+        self._velocity, self._acceleration = clamped, acceleration
+        if self.integrates:
+            step = np.dot(self._offset_rotation, clamped[:3])
+            step *= dt
+            self._offset_position += step
+            self._offset_rotation = np.dot(self._offset_rotation, pin.exp3(dt * clamped[3:]))
+
+    def _start(self, dt: float) -> None:
+        self._period = positive("control period (s)", dt)
+        self._gain_of_period = -math.expm1(-dt / self._time_constant) if self._time_constant > 0.0 else 1.0
+        fastest = float(self.damping.max())
+        if fastest * dt >= 2.0:
+            raise InputError(
+                f"damping of task '{self.name}', {fastest:g} 1/s, is unstable with a control period of {dt:g} s; it "
+                f"must be below 2 / period = {2.0 / dt:g} 1/s"
+            )
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `MotionTask.evaluate`."""
+        model, data, frame = self._model, self._data, self._id
+        self._write_jacobian(jacobian, pin.getFrameJacobian(model, data, frame, self._local))
+        target = self._target
+        assert target is not None
+        rotation = self._rotation
+        goal = target.rotation
+        difference = np.dot(goal, self._offset_position)
+        difference += target.translation
+        difference -= self._translation
+        turn = np.dot(rotation.T, np.dot(goal, self._offset_rotation))
+        full = self._full_error
+        np.dot(difference, rotation, out=full[:3])
+        full[3:] = pin.log3(turn)
+        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, self._local).vector
+        keep, motion, rows = self._keep, self._motion, self._rows
+        error[:] = full if keep is None else full[keep]
+        drift[:] = acceleration if keep is None else acceleration[keep]
+
+        # From the axes of the reference, in which the frame yields, to those of the frame as it stands now.
+        np.dot(turn, self._velocity[:3], out=motion[:3])
+        np.dot(turn, self._velocity[3:], out=motion[3:])
+        np.add(self._wanted_velocity, motion if keep is None else motion[keep], out=rows.velocity)
+        np.dot(turn, self._acceleration[:3], out=motion[:3])
+        np.dot(turn, self._acceleration[3:], out=motion[3:])
+        np.add(self._wanted_acceleration, motion if keep is None else motion[keep], out=rows.acceleration)
+
+
+def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> Array:
+    """Return a gain for each axis of a frame, [linear; angular].
+
+    Args:
+        task: Name of the task, for the message.
+        what: Name of the gain with its unit, for the message.
+        value: Shape (6,), or a pair (linear, angular).
+        above_zero: True if zero is not allowed either.
+
+    Raises:
+        InputError: Another shape, not finite, or negative.
+    """
+    gain = finite_array(f"{what} of task '{task}'", value)
+    if gain.shape == (2,):
+        gain = np.repeat(gain, 3)
+    if gain.shape != (6,):
+        raise InputError(
+            f"{what} of task '{task}' must have shape (6,), or be a pair (linear, angular); got shape {gain.shape}"
+        )
+    if (gain < 0.0).any() or (above_zero and (gain == 0.0).any()):
+        raise InputError(
+            f"{what} of task '{task}' must be {'above zero' if above_zero else '≥ 0'}, got {gain}"
+        )
+    return gain

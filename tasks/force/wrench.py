@@ -1,0 +1,96 @@
+"""Contact wrenches near given ones, for control at the level of dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array, unknown_name
+from wbc.core.qp.contact import AXES, Contact
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.task import VariableTask
+from wbc.tasks.motion.axes import axis_mask
+
+
+class WrenchTask(VariableTask):
+    """Bring the wrench of one contact to a target.
+
+    Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and
+    (Nm)². The wrench is what the ground does to the robot. It is instantaneous: there is no stiffness, and no damping.
+    A contact that is off has no wrench, and the task then asks for nothing that can be had.
+    """
+
+    unit = "N|Nm"
+
+    def __init__(
+        self,
+        contact: Contact | str,
+        target: ArrayLike | None = None,
+        *,
+        axes: Sequence[str] | None = None,
+        name: str | None = None,
+        weight: ArrayLike = 1e-3,
+        hard: bool = False,
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            contact: The contact, or its name, which then must be a sole's.
+            target: All force variables of the contact, [force; moment] in the sole frame at the sole centre, shape
+                (6,), or the force of a point contact, shape (3,), N and Nm; zero when None.
+            axes: Axes of the contact frame that matter: x, y, z of the force, roll, pitch, yaw of the moment; all
+                that the contact has when None.
+            name: Name of the task; made from the contact when None.
+            weight: Cost per N² and (Nm)², scalar or one for each chosen axis.
+            hard: Make it a constraint.
+
+        Raises:
+            InputError: An unknown axis, or a target that is not finite.
+        """
+        self._contact = contact
+        size = contact.dim if isinstance(contact, Contact) else len(AXES)
+        name = name or f"{self.contact} wrench"
+        mask = axis_mask(name, AXES[:size] if axes is None else axes, AXES[:size])
+        self._axes = np.flatnonzero(mask)
+        super().__init__(name, self._axes.size, weight=weight, hard=hard)
+        self._size = size
+        self.target = np.zeros(size) if target is None else target
+
+    @property
+    def contact(self) -> str:
+        """Name of the contact."""
+        return self._contact.name if isinstance(self._contact, Contact) else self._contact
+
+    @property
+    def target(self) -> Array:
+        """Force variables in the contact frame, shape (6,), or (3,) for a point contact, N and Nm."""
+        return self._target
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self._target = finite_array(f"target of task '{self.name}' (N, Nm)", value, (self._size,))
+
+    def bind_problem(self, problem: Problem) -> None:
+        """Find the force variables of the contact.
+
+        Raises:
+            UnknownNameError: The controller has no such contact.
+            InputError: The contact has another number of force variables.
+        """
+        if self.contact not in problem.contacts:
+            unknown_name("contact", self.contact, problem.contacts)
+        block = problem.contacts[self.contact]
+        if block.stop - block.start != self._size:
+            raise InputError(
+                f"contact '{self.contact}' of task '{self.name}' has {block.stop - block.start} force variables, "
+                f"not {self._size}; give the contact itself instead of its name"
+            )
+        self._columns = block.start + self._axes
+        self._order = np.arange(self.dim)
+
+    def evaluate(self, matrix: Array, reference: Array) -> None:
+        """Fill the rows; see `VariableTask.evaluate`."""
+        matrix[self._order, self._columns] = 1.0
+        reference[:] = self._target[self._axes]

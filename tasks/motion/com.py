@@ -1,0 +1,112 @@
+"""The centre of mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, finite_array
+from wbc.core.qp.task import MotionTask
+from wbc.core.robot import Robot
+from wbc.tasks.motion.axes import POSITION_AXES, axis_mask, other_columns
+
+
+class CoMTask(MotionTask):
+    """Bring the centre of mass to a point of the world.
+
+    Error and residual are along the chosen world axes, in m and m/s²; the weight is a cost per (m/s²)².
+    """
+
+    unit = "m"
+
+    def __init__(
+        self,
+        target: ArrayLike | None = None,
+        *,
+        axes: Sequence[str] = POSITION_AXES,
+        joints: Sequence[str] | None = None,
+        name: str = "com",
+        weight: ArrayLike = 100.0,
+        stiffness: ArrayLike = 30.0,
+        damping: ArrayLike | None = None,
+        hard: bool = False,
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            target: Point in the world, shape (3,), m; the present one when None.
+            axes: World axes that matter, out of x, y, z.
+            joints: Joints that may be used, "base" for the floating base; all of them when None.
+            name: Name of the task.
+            weight: Cost per (m/s²)².
+            stiffness: 1/s².
+            damping: 1/s; critical when None.
+            hard: Make it a constraint.
+
+        Raises:
+            InputError: An unknown axis, or a target that is not a finite point.
+        """
+        mask = axis_mask(name, axes, POSITION_AXES)
+        self._keep = None if mask.all() else np.flatnonzero(mask)
+        self._only_joints = joints
+        super().__init__(
+            name, int(mask.sum()), weight=weight, stiffness=stiffness, damping=damping, hard=hard
+        )
+        self._target: Array | None = None
+        if target is not None:
+            self.target = target
+
+    @property
+    def target(self) -> Array:
+        """Point in the world, shape (3,), m."""
+        return np.array(self.robot.com) if self._target is None else self._target
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self._target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+
+    def follow(self, com: Array, velocity: Array, acceleration: Array) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            com: Point in the world, shape (3,), m; kept, not copied.
+            velocity: Its velocity along the task's axes, shape (dim,), m/s.
+            acceleration: Its acceleration along them, shape (dim,), m/s².
+        """
+        self._target = com
+        self._rows.velocity[:] = velocity
+        self._rows.acceleration[:] = acceleration
+
+    def bind(self, robot: Robot) -> None:
+        """Take the present centre of mass as target when none was given.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+        """
+        super().bind(robot)
+        self._unused = other_columns(robot, self._only_joints)
+        self._base_rotation = robot.data.oMi[1].rotation
+        self._gravity = np.array(robot.model.gravity.linear)
+        if self._target is None:
+            self._target = np.array(robot.com)
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `MotionTask.evaluate`.
+
+        The drift needs no second pass over the kinematics: at zero generalised acceleration the forces on the base
+        rows of the bias, turned into the world, are mass · (drift − gravity).
+        """
+        robot = self.robot
+        assert self._target is not None
+        difference = self._target - robot.com
+        acceleration = self._base_rotation.dot(robot.bias[:3])
+        acceleration /= robot.mass
+        acceleration += self._gravity
+        keep = self._keep
+        jacobian[:] = robot.com_jacobian if keep is None else robot.com_jacobian[keep]
+        error[:] = difference if keep is None else difference[keep]
+        drift[:] = acceleration if keep is None else acceleration[keep]
+        if self._unused is not None:
+            jacobian[:, self._unused] = 0.0

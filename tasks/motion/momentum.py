@@ -1,0 +1,124 @@
+"""The centroidal momentum: how fast all masses move and turn about the centre of mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.task import MotionTask
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.tasks.motion.axes import POSE_AXES, axis_mask, other_columns
+
+
+class MomentumTask(MotionTask):
+    """Bring the centroidal momentum to a target: linear, kg m/s, and angular about the centre of mass, kg m²/s.
+
+    The rows are its rate, along the chosen world axes, in N and Nm; the weight is a cost per N² and (Nm)². A momentum
+    is a velocity already: `stiffness` is the rate of its convergence, in 1/s,
+
+        rate = feed-forward acceleration + stiffness · (target − momentum),
+
+    and there is nothing to damp. `feedforward_acceleration` is the rate of the target, N and Nm.
+
+    Source: Orin, Goswami, Lee, "Centroidal dynamics of a humanoid robot", Autonomous Robots 35, 2013.
+    """
+
+    unit = "kg m/s|kg m²/s"
+
+    def __init__(
+        self,
+        target: ArrayLike | None = None,
+        *,
+        axes: Sequence[str] = POSE_AXES,
+        joints: Sequence[str] | None = None,
+        name: str = "momentum",
+        weight: ArrayLike = 1e-3,
+        stiffness: ArrayLike = 5.0,
+        hard: bool = False,
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            target: [linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s; zero when None.
+            axes: World axes that matter: x, y, z of the linear momentum, roll, pitch, yaw of the angular momentum
+                (about x, y, z).
+            joints: Joints that may be used, "base" for the floating base; all of them when None.
+            name: Name of the task.
+            weight: Cost per N² and (Nm)². The default makes 100 N cost as much as 1 m/s² of the centre of mass.
+            stiffness: 1/s.
+            hard: Make it a constraint.
+
+        Raises:
+            InputError: An unknown axis, or a target that is not finite.
+        """
+        mask = axis_mask(name, axes, POSE_AXES)
+        self._keep = None if mask.all() else np.flatnonzero(mask)
+        self._only_joints = joints
+        super().__init__(name, int(mask.sum()), weight=weight, stiffness=stiffness, damping=0.0, hard=hard)
+        self.target = np.zeros(6) if target is None else target
+        self._drift = np.zeros(6)
+
+    @property
+    def target(self) -> Array:
+        """[linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s."""
+        return self._target
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self._target = finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
+
+    @property
+    def damping(self) -> Array:
+        """Zero: there is no velocity of a momentum to damp."""
+        return self._rows.damping
+
+    @damping.setter
+    def damping(self, value: ArrayLike | None) -> None:
+        if value is None or np.any(np.asarray(value) != 0.0):
+            raise InputError(
+                f"task '{self.name}' has no damping: its stiffness is a rate, 1/s; got {value!r}"
+            )
+        self._critical = False
+        self._rows.damping[:] = 0.0
+
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of the rate of a momentum."""
+        return "N|Nm"
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names; see `Task.bind`.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+        """
+        super().bind(robot)
+        self._unused = other_columns(robot, self._only_joints)
+        self._map, self._momentum = robot.data.Ag, robot.data.hg
+        self._base = robot.data.oMi[1]
+        self._weight_force = robot.mass * np.array(robot.model.gravity.linear)
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `MotionTask.evaluate`.
+
+        The drift needs no second pass over the dynamics: at zero generalised acceleration the wrench on the base rows
+        of the bias is what changes the momentum, less the weight.
+        """
+        robot, base = self.robot, self._base
+        bias = robot.bias
+        full = self._drift
+        force = np.dot(base.rotation, bias[:3])
+        np.add(force, self._weight_force, out=full[:3])
+        np.dot(base.rotation, bias[3:BASE_DOF], out=full[3:])
+        full[3:] += np.dot(pin.skew(base.translation - robot.com), force)
+        difference = self._target - self._momentum.vector
+        keep = self._keep
+        jacobian[:] = self._map if keep is None else self._map[keep]
+        error[:] = difference if keep is None else difference[keep]
+        drift[:] = full if keep is None else full[keep]
+        if self._unused is not None:
+            jacobian[:, self._unused] = 0.0

@@ -1,0 +1,297 @@
+"""Set the sole before it lands: scan while the foot swings, decide, command, and see what came of it.
+
+Not a task of the quadratic program: it shares nothing with it but the tick.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, WbcError, choose
+from wbc.core.robot import Robot
+from wbc.core.signals import Measurement
+from wbc.feet.sensing.scan import GroundScan, Profile, toe_sensor
+from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
+from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.feet.soles.sole import SIDES
+from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
+from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
+
+
+class StiffnessTask:
+    """Owns the timing of the variable sole: scan, decide, set, look back.
+
+        task = StiffnessTask(robot, foot, ModelPolicy.load("model.json"))
+        ...
+        stiffness = task.update("left", progress, time_left, robot, measurement)    # every tick
+        plant.step(replace(command, sole_stiffness=stiffness))
+
+    While a foot swings, its range readings and estimated pose make a profile of the ground. At `decide_at` of the
+    single support the policy is asked, and from then on its answer is commanded, as far as the actuator can get by the
+    landing. The other foot keeps what it has. If there is nothing to decide on, the fallback is commanded.
+
+    Attributes:
+        policy: Who decides.
+        timing: When.
+        actuator: What the sole's actuator can do.
+        steps: What happened in the last swings, the latest last; each is added when its foot lands.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        foot: VariableStiffnessFoot,
+        policy: PolicyLike,
+        timing: StiffnessTiming | None = None,
+    ) -> None:
+        """Prepare everything, so that the first decision is as fast as all others.
+
+        Args:
+            robot: Names the soles, left first; its state is not used.
+            foot: The feet: place of the range sensor, actuator and stiffness at the start.
+            policy: Who decides; a plain function of a `SwingScan` will do.
+            timing: When; the defaults when None.
+
+        Raises:
+            InputError: A foot without a stiffness to set, a robot without two soles, a policy that cannot work with
+                such profiles, a fallback that the actuator cannot set.
+        """
+        if not isinstance(foot, VariableStiffnessFoot):
+            raise InputError(f"a foot of variable stiffness is needed, got {type(foot).__name__}")
+        if len(robot.soles) != len(SIDES):
+            raise InputError(f"two soles are needed, left first, robot '{robot.name}' has {len(robot.soles)}")
+        self.timing = StiffnessTiming() if timing is None else timing
+        self.policy = as_policy(policy)
+        self.actuator: StiffnessActuator = foot.actuator
+        if self.timing.fallback is not None:
+            self.actuator.check(self.timing.fallback)
+        self.policy.prepare(self.timing.scan)
+        self._frames = tuple(robot.frame_id(sole.frame) for sole in robot.soles)
+        self._sensor = toe_sensor(foot)
+        self._scan = GroundScan(self.timing.scan)
+        self._initial = float(foot.stiffness)
+        self.steps: deque[StepStiffness] = deque(maxlen=self.timing.history)
+        self.reset()
+
+    def reset(self, stiffness: float | None = None) -> None:
+        """Forget everything that happened, and command the stiffness of the start.
+
+        Args:
+            stiffness: Command for both soles, Nm/rad; that of the foot's description when None.
+
+        Raises:
+            InputError: The actuator cannot set it.
+        """
+        start = self.actuator.check(self._initial if stiffness is None else stiffness)
+        self._command = np.full(len(SIDES), start)
+        self._side: int | None = None
+        self._count = 0
+        self._record: StepStiffness | None = None
+        self._decided_at = math.nan
+        self._progress = 0.0
+        self._last_reading, self._last_time = math.nan, -math.inf
+        self.steps.clear()
+
+    @property
+    def command(self) -> Array:
+        """Stiffness commanded now, left first, shape (2,), Nm/rad."""
+        return self._command.copy()
+
+    @property
+    def decided(self) -> StepStiffness | None:
+        """What was decided in the swing that goes on; None before it was."""
+        return self._record if self._side is not None else None
+
+    def update(
+        self,
+        swing: str | None,
+        progress: float,
+        time_left: float,
+        robot: Robot,
+        measurement: Measurement,
+        landing: Array | None = None,
+    ) -> Array:
+        """One tick.
+
+        Args:
+            swing: The foot that swings, "left" or "right"; None while both are on the ground.
+            progress: Share of the single support that is over, 0 to 1; not used without a swing.
+            time_left: Time until the swinging foot lands as planned, s; not used without a swing.
+            robot: Estimated state, updated.
+            measurement: Range and stiffness of the soles.
+            landing: Where the centre of the swinging sole should land in the world, shape (3,), m; for policies that
+                look at the place.
+
+        Returns:
+            Stiffness to command, left first, shape (2,), Nm/rad.
+
+        Raises:
+            UnknownNameError: No such side.
+            InputError: Progress or time left is not finite.
+        """
+        side = None if swing is None else SIDES.index(choose("swing foot", swing, SIDES))
+        # A swing that starts over on the same side is another step: hopping, or both feet down for less than a tick.
+        again = side is not None and side == self._side and progress < self._progress - 0.5
+        if side != self._side or again:
+            if self._side is not None:
+                self._land(measurement)
+            if side is not None:
+                self._lift_off(side, robot)
+            self._side = side
+        if side is not None:
+            if not (math.isfinite(progress) and math.isfinite(time_left)):
+                raise InputError(
+                    f"progress and time left of a swing must be finite, got {progress}, {time_left} s"
+                )
+            self._progress = progress
+            if self._record is None and progress >= self.timing.scan_from:
+                self._look(side, robot, measurement)
+                if progress >= self.timing.decide_at:
+                    self._decide(side, time_left, robot, measurement, landing)
+        return self._command.copy()
+
+    def _lift_off(self, side: int, robot: Robot) -> None:
+        """Start a scan along the way that the swinging foot points."""
+        self._scan.start(robot.placement(self._frames[side]).rotation[:2, 0])
+        self._record = None
+        self._progress = 0.0
+
+    def _look(self, side: int, robot: Robot, measurement: Measurement) -> None:
+        """Take in the reading of this tick, unless it is an old one that the sensor holds."""
+        reading = float(measurement.sole_range[side])
+        if self.timing.sensor_rate > 0.0:
+            held = reading == self._last_reading or (math.isnan(reading) and math.isnan(self._last_reading))
+            if held and measurement.time < self._last_time + 1.0 / self.timing.sensor_rate - 1e-9:
+                return
+            self._last_reading, self._last_time = reading, measurement.time
+        placement = robot.placement(self._frames[side])
+        rotation = placement.rotation
+        self._scan.add(placement.translation + rotation @ self._sensor, -rotation[:, 2], reading)
+
+    def _decide(
+        self, side: int, time_left: float, robot: Robot, measurement: Measurement, landing: Array | None
+    ) -> None:
+        """Ask the policy, or fall back, and command what can be reached."""
+        started = time.perf_counter()
+        profile, problem = self._profile()
+        measured = float(measurement.sole_stiffness[side])
+        actual = float(self._command[side]) if math.isnan(measured) else measured
+        actual = min(max(actual, self.actuator.low), self.actuator.high)
+        decision = None
+        late = time_left < self.timing.deadline
+        if late:
+            problem = (
+                f"late: {time_left:.3f} s before the landing, at least {self.timing.deadline:g} s are needed"
+            )
+        elif problem is None or not self.policy.needs_scan:
+            position = np.array(robot.placement(self._frames[side]).translation)
+            there = position if landing is None else np.array(landing)
+            swing = SwingScan(
+                SIDES[side], self._count, measurement.time, time_left, position, there, actual, profile
+            )
+            decision, problem = self._ask(swing)
+        if problem is None and decision is not None:
+            wanted = decision.stiffness
+        elif late or self.timing.fallback is None:
+            wanted = float(self._command[side])
+        else:
+            wanted = self.timing.fallback
+        # What is wanted may lie beyond the actuator, or too far to get there before the landing.
+        target = min(max(wanted, self.actuator.low), self.actuator.high)
+        if target != self._command[side]:
+            sure = max(time_left - self.timing.early_landing, 0.0)
+            self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
+        self._decided_at = measurement.time
+        self._record = StepStiffness(
+            side=SIDES[side],
+            step=self._count,
+            commanded=float(self._command[side]),
+            wanted=wanted,
+            fallback=problem,
+            decision=decision,
+            profile=profile,
+            planned_before=time_left,
+            computing=time.perf_counter() - started,
+        )
+
+    def _profile(self) -> tuple[Profile | None, str | None]:
+        """The profile of this swing, and what is wrong with it."""
+        try:
+            profile = self._scan.profile()
+        except InputError as error:
+            return None, f"scan too short: {error}"
+        if profile.length < self.timing.min_length - 1e-9:
+            return profile, f"scan too short: {profile.length:.3f} m, {self.timing.min_length:g} m are needed"
+        if profile.coverage < self.timing.min_coverage:
+            return (
+                profile,
+                f"scan too thin: {profile.coverage:.2f} seen, {self.timing.min_coverage:g} are needed",
+            )
+        return profile, None
+
+    def _ask(self, swing: SwingScan) -> tuple[StiffnessDecision | None, str | None]:
+        """What the policy says, and why that cannot be used."""
+        try:
+            said = self.policy.decide(swing)
+            if said is None:
+                return None, "the policy has no opinion"
+            decision = said if isinstance(said, StiffnessDecision) else StiffnessDecision(said)
+        except WbcError as error:
+            return None, f"the policy failed: {error}"
+        if not decision.familiar:
+            far = "" if decision.distance is None else f", {decision.distance:.1f} deviations away"
+            return decision, f"unlike any known ground{far}"
+        return decision, None
+
+    def _land(self, measurement: Measurement) -> None:
+        """Write down what the sole of the last swing has come to."""
+        assert self._side is not None
+        record = self._record
+        if record is None:
+            commanded = float(self._command[self._side])
+            record = StepStiffness(
+                SIDES[self._side], self._count, commanded, fallback="landed before the decision"
+            )
+        else:
+            record = replace(record, decided_before=measurement.time - self._decided_at)
+        actual = float(measurement.sole_stiffness[self._side])
+        reached = abs(actual - record.commanded) <= self.timing.tolerance
+        self.steps.append(replace(record, actual=actual, reached=reached))
+        self._count += 1
+
+
+def reachable(
+    actuator: StiffnessActuator, actual: float, wanted: float, duration: float, tolerance: float = 0.5
+) -> float:
+    """Stiffness nearest to the wanted one that an actuator at rest settles to in time.
+
+    Args:
+        actuator: Its rate and lag.
+        actual: Where it is, Nm/rad.
+        wanted: Nm/rad, within its range.
+        duration: Time that there is, s.
+        tolerance: How near it must have come, Nm/rad.
+
+    Returns:
+        Nm/rad, between `actual` and `wanted`.
+
+    Raises:
+        InputError: Outside the range of the actuator, or a negative duration.
+    """
+    state = StiffnessState(actual, actual, actual)
+
+    def settles(command: float) -> bool:
+        return abs(actuator.advance(state, command, duration).actual - command) <= tolerance
+
+    if settles(wanted):
+        return wanted
+    near, far = actual, wanted
+    while abs(far - near) > 0.1 * tolerance:
+        middle = (near + far) / 2.0
+        near, far = (middle, far) if settles(middle) else (near, middle)
+    return near

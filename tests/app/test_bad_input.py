@@ -1,0 +1,287 @@
+"""Input that a controller cannot use: each message names the value, the rule and the choices, before anything moves.
+
+Robots from URDF, plants, tasks and terrains have tests of their own; these go through a whole controller.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.core.control import FailurePolicy, PositionControl, TorqueControl
+from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
+from wbc.core.qp.solver import SolverSettings, Status
+from wbc.core.signals import Measurement
+from wbc.sim.balance.controller import BalanceGains, balance_controller
+from wbc.sim.balance.push_recovery import PushSpec, PushTableOptions
+from wbc.sim.balance.standing import StandOptions
+from wbc.tasks import AdmittanceTask, CoMTask, OrientationTask, PoseTask, PositionTask, PostureTask
+
+NAN, INF = float("nan"), float("inf")
+DT = 0.002
+
+
+@cache
+def shared_robot() -> wbc.Robot:
+    return wbc.load_robot("hrp4_class").robot()
+
+
+def controller() -> wbc.Controller:
+    return balance_controller(shared_robot().clone(), DT)
+
+
+def com() -> CoMTask:
+    task = controller().task("com")
+    assert isinstance(task, CoMTask)
+    return task
+
+
+def setting(task: Callable[[], Any], attribute: str, value: Any) -> Callable[[], None]:
+    return lambda: setattr(task(), attribute, value)
+
+
+CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
+    "unknown robot": (lambda: wbc.load_robot("talso"), UnknownNameError, "talos"),
+    "unknown robot of a study": (lambda: StandOptions(robot="hrp4"), UnknownNameError, "hrp4_class"),
+    "unknown frame": (
+        lambda: controller().add(PositionTask("left_ankle_lnk")),
+        UnknownNameError,
+        "did you mean",
+    ),
+    "unknown joint": (
+        lambda: controller().add(PostureTask(joints=["left_kne"], name="knee")),
+        UnknownNameError,
+        "did you mean",
+    ),
+    "unknown task": (lambda: controller().task("como"), UnknownNameError, "'com'"),
+    "unknown contact": (lambda: controller().contact("left_fot"), UnknownNameError, "'left_foot'"),
+    "unknown frame of the robot": (lambda: shared_robot().frame_id("nose"), UnknownNameError, "nose"),
+    "missing URDF": (
+        lambda: wbc.RobotDescription.from_urdf("no/such.urdf", left_sole="l", right_sole="r"),
+        InputError,
+        "no/such.urdf",
+    ),
+    "broken URDF": (
+        lambda: wbc.RobotDescription.from_urdf("<robot><link", left_sole="l", right_sole="r"),
+        ModelError,
+        "well-formed",
+    ),
+    "target of the wrong shape": (setting(com, "target", [0.0, 0.0]), InputError, r"shape \(3,\)"),
+    "target with NaN": (setting(com, "target", [0.0, NAN, 0.0]), InputError, "finite"),
+    "infinite target": (setting(com, "target", [0.0, INF, 0.0]), InputError, "finite"),
+    "target that is no number": (setting(com, "target", "here"), InputError, "numbers"),
+    "velocity with NaN": (setting(com, "feedforward_velocity", [NAN, 0, 0]), InputError, "finite"),
+    "infinite acceleration": (setting(com, "feedforward_acceleration", [INF, 0, 0]), InputError, "finite"),
+    "rotation that is none": (
+        lambda: OrientationTask(shared_robot().base_frame, np.ones((3, 3))),
+        InputError,
+        "rotation",
+    ),
+    "pose that is none": (
+        lambda: controller().add(PoseTask(shared_robot().base_frame, [0, 0, 0])),  # type: ignore[arg-type]
+        InputError,
+        "SE3",
+    ),
+    "negative weight": (setting(com, "weight", -1.0), InputError, "weight.*negative"),
+    "weight with NaN": (setting(com, "weight", NAN), InputError, "weight.*finite"),
+    "negative stiffness": (setting(com, "stiffness", -1.0), InputError, "stiffness.*negative"),
+    "weights of the wrong shape": (setting(com, "weight", [1.0, 2.0]), InputError, "shape"),
+    "no period": (lambda: wbc.Controller(shared_robot().clone(), 0.0), InputError, "control period"),
+    "negative period": (lambda: wbc.Controller(shared_robot().clone(), -0.01), InputError, "control period"),
+    "period with NaN": (lambda: wbc.Controller(shared_robot().clone(), NAN), InputError, "finite"),
+    "period that is no multiple": (lambda: StandOptions(control_period=0.0015), InputError, "whole multiple"),
+    "contact on what is no sole": (
+        lambda: controller().add(wbc.SoleContact(shared_robot().torso_frame)),
+        UnknownNameError,
+        "left_foot",
+    ),
+    "friction of zero": (lambda: wbc.SoleContact("left_foot", friction=0.0), InputError, "friction"),
+    "name used twice": (lambda: controller().add(CoMTask()), InputError, "'com' is taken"),
+    "second joint limits": (lambda: controller().add(wbc.JointLimits()), InputError, "already"),
+    "not an item": (lambda: controller().add("com"), InputError, "tasks, contacts and limits"),  # type: ignore[call-overload]
+    "something that was never added": (lambda: controller().remove(CoMTask()), InputError, "not part"),
+    "torque ratio above one": (lambda: wbc.TorqueLimits(ratio=1.5), InputError, "ratio"),
+    "solver setting of zero": (lambda: SolverSettings(tolerance=0.0), InputError, "tolerance"),
+    "failure policy": (lambda: FailurePolicy(damping_time=-1.0), InputError, "damping time"),
+    "negative gain": (lambda: BalanceGains(com_weight=-1.0), InputError, "com_weight"),
+    "no time": (lambda: StandOptions(seconds=0.0), InputError, "seconds"),
+    "unknown foot": (lambda: StandOptions(foot="sotf"), UnknownNameError, "soft"),
+    "unknown noise": (lambda: StandOptions(noise="realist"), UnknownNameError, "realistic"),
+    "unknown mode": (lambda: StandOptions(mode="velocity"), UnknownNameError, "torque"),  # type: ignore[arg-type]
+    "push of no duration": (lambda: PushSpec(duration=0.0), InputError, "duration"),
+    "push with NaN": (lambda: PushSpec(impulse=NAN), InputError, "impulse"),
+    "table without directions": (lambda: PushTableOptions(directions=0), InputError, "directions"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_is_refused_by_name(case: str) -> None:
+    act, error, message = CASES[case]
+    with pytest.raises(error, match=message):
+        act()
+
+
+def test_contradictory_hard_constraints_are_named() -> None:
+    broken = controller()
+    torso = shared_robot().torso_frame
+    place = broken.robot.placement(torso).translation
+    for name, way in (("up", 0.3), ("down", -0.3)):
+        task = PositionTask(torso, place + [0.0, 0.0, way], name=name, hard=True)
+        broken.add(task)
+    assert broken.solve().status is Status.INFEASIBLE
+    named = broken.diagnose()
+    assert {"hard task 'up'", "hard task 'down'"} & set(named), named
+    assert all(size > 0.0 for size in named.values())
+    # What has nothing to do with it is not accused, and without one of the two all is well.
+    assert "joint limits" not in named
+    broken.remove(broken.task("down"))
+    broken.task("up").stiffness = 0.0
+    broken.task("up").damping = 0.0
+    assert broken.solve().ok
+    assert broken.diagnose() == {}
+
+
+def at_rest(control: PositionControl | TorqueControl, time: float) -> Measurement:
+    """What perfect sensors say of the controlled robot standing in half-sitting."""
+    robot = shared_robot()
+    imu = robot.placement(robot.imu_frame).rotation
+    half = np.array([0.0, 0.0, 0.5 * 9.80665 * robot.mass, 0.0, 0.0, 0.0])
+    return Measurement(
+        time,
+        np.array(robot.half_sitting[7:]),
+        np.zeros(robot.na),
+        np.zeros(3),
+        imu.T @ [0.0, 0.0, 9.80665],
+        np.array([half, half]),
+    )
+
+
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+
+
+@pytest.mark.parametrize("bad", [NAN, INF])
+@pytest.mark.parametrize("signal", SIGNALS)
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
+    mode: str, signal: str, bad: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.CRITICAL)  # refusals are logged; here they are expected
+    struck, spared = (
+        (TorqueControl if mode == "torque" else PositionControl)(controller()) for _ in range(2)
+    )
+    for control in (struck, spared):
+        for tick in range(3):
+            control.command(at_rest(control, tick * DT))
+    good = at_rest(struck, 3 * DT)
+    broken = np.array(getattr(good, signal))
+    broken.flat[1] = bad
+    command = struck.command(replace(good, **{signal: broken}))
+    assert struck.failures == 1 and not struck.stopped
+    for part in (command.joint_torque, command.joint_position, command.joint_velocity):
+        assert part is None or np.isfinite(part).all()
+    # The robot rests, so holding the last command is what a good tick would have commanded, too.
+    np.testing.assert_allclose(command.joint_torque, spared.command(good).joint_torque, atol=1e-2)
+    after = [control.command(at_rest(control, 4 * DT)) for control in (struck, spared)]
+    assert struck.failures == 1
+    np.testing.assert_allclose(after[0].joint_torque, after[1].joint_torque, atol=1e-2)
+    assert np.isfinite(struck.observer.robot.q).all()
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"time": NAN}, {"time": INF}, {"specific_force": np.zeros(4)}, {"angular_velocity": np.zeros(2)}],
+    ids=str,
+)
+def test_a_measurement_without_time_or_of_another_shape_leaves_no_trace(
+    bad: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.CRITICAL)
+    control = PositionControl(controller())
+    control.command(at_rest(control, 0.0))
+    control.command(replace(at_rest(control, DT), **bad))
+    assert control.failures == 1
+    control.command(at_rest(control, 2 * DT))
+    assert control.failures == 1 and np.isfinite(control.observer.robot.q).all()
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.CRITICAL)
+    policy = FailurePolicy(stop_after=5 * DT)
+    control: PositionControl | TorqueControl
+    control = (TorqueControl if mode == "torque" else PositionControl)(controller(), policy=policy)
+    control.command(at_rest(control, 0.0))
+    for tick in range(1, 8):
+        good = at_rest(control, tick * DT)
+        command = control.command(replace(good, joint_position=np.full_like(good.joint_position, NAN)))
+        assert np.isfinite(command.joint_torque).all()
+    assert control.stopped
+    command = control.command(at_rest(control, 8 * DT))
+    if mode == "torque":
+        assert not command.joint_torque.any()  # at rest, damping alone is nothing
+    else:
+        assert command.joint_velocity is not None and np.abs(command.joint_velocity).max() < 1e-9
+    control.reset()
+    control.command(at_rest(control, 9 * DT))
+    assert not control.stopped and control.solution is not None and control.solution.ok
+
+
+@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
+def test_a_reset_forgets_what_was_sent_and_what_has_yielded(
+    kind: type[PositionControl | TorqueControl], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.ERROR)
+    whole = controller()
+    task = AdmittanceTask("left_sole", admittance=(1e-4, 1e-2), weight=1e-3)
+    whole.add(task)
+    control = kind(whole)
+    for tick in range(20):
+        control.command(at_rest(control, tick * DT))
+    assert np.abs(task.offset_vector()).max() > 1e-4
+    control.reset()
+    assert not task.offset_vector().any() and control.solution is None
+    bad = at_rest(control, 21 * DT)
+    command = control.command(replace(bad, joint_position=np.full_like(bad.joint_position, NAN)))
+    assert not command.joint_torque.any() and "measurement refused" in caplog.text
+
+
+@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
+def test_a_control_starts_where_the_robot_is(kind: type[PositionControl | TorqueControl]) -> None:
+    away = controller()
+    q = np.array(away.robot.q)
+    q[0] += 1.0
+    away.robot.update(q, np.zeros(away.robot.nv))
+    control = kind(away)
+    control.command(at_rest(control, 0.0))
+    assert control.observer.robot.q[0] == pytest.approx(q[0], abs=1e-3)
+    assert control.controller.robot.q[0] == pytest.approx(q[0], abs=1e-3)
+
+
+def test_a_measurement_from_the_past_or_of_another_robot_is_refused() -> None:
+    observer = wbc.Observer(shared_robot())
+    control = TorqueControl(controller())
+    observer.update(at_rest(control, 1.0))
+    with pytest.raises(MeasurementError, match="older"):
+        observer.update(at_rest(control, 0.5))
+    with pytest.raises(MeasurementError, match="joint_position.*shape"):
+        observer.update(replace(at_rest(control, 1.1), joint_position=np.zeros(3)))
+
+
+def test_a_state_with_nan_is_refused_by_the_solver_and_recovered_from() -> None:
+    struck = controller()
+    q = np.array(struck.robot.q)
+    assert struck.solve().ok
+    good = struck.solve().variables.copy()
+    struck.update(np.where(np.arange(q.size) == 9, NAN, q), np.zeros(struck.robot.nv))
+    refused = struck.solve()
+    assert refused.status is Status.REFUSED
+    assert np.isfinite(refused.variables).all() and np.isfinite(refused.torques).all()
+    struck.update(q, np.zeros(struck.robot.nv))
+    np.testing.assert_allclose(struck.solve().variables, good, atol=1e-6)

@@ -1,0 +1,277 @@
+"""The command `wbc`: options from configuration classes, one JSON object on stdout, exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import pytest
+
+import wbc
+from wbc.app import cli, live
+from wbc.app.commands import COMMANDS, GROUPS
+from wbc.app.output import Output, Report, reports
+from wbc.robots import names
+
+Captured = pytest.CaptureFixture[str]
+
+ELSEWHERE = {
+    "walk": "app/test_walks_command.py",
+    "study list": "app/test_walks_command.py",
+    "study show": "app/test_walks_command.py",
+    "study run": "app/test_walks_command.py",
+    "study table": "app/test_walks_command.py",
+    "study plot": "app/test_walks_command.py",
+    "study export": "app/test_walks_command.py",
+    "study swings": "app/test_walks_command.py",
+    "study best": "sim/test_labels.py",
+    "study heights": "sim/test_labels.py",
+    "study dataset": "sim/test_labels.py",
+    "stiffness train": "sim/test_labels.py",
+    "stiffness judge": "sim/test_labels.py",
+    "plot": "app/test_plots.py",
+    "view": "app/test_log_replay.py",
+}
+"""Commands that have their own tests of what they print, because it takes a walk or a file: the file that does it."""
+
+QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends soon, keys of its result
+    "robots": ([], {"robots"}),
+    "stand": (
+        ["--seconds", "0.1"],
+        {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
+    ),
+    "push": (
+        [
+            "--robot",
+            "hrp4_class",
+            "--mode",
+            "torque",
+            "--directions",
+            "1",
+            "--resolution",
+            "0.9",
+            "--after",
+            "0.1",
+        ],
+        {"unit", "cells"},
+    ),
+    "bench tick": (
+        ["--ticks", "50", "--warm-up", "5"],
+        {"robot", "nv", "median_us", "p99_us", "parts", "failures"},
+    ),
+    "bench solver": (["--ticks", "40"], {"ticks", "unsolved", "above_tolerance", "slow_ticks", "solve_us"}),
+    "foot press": (["--terrain", "stones", "--amplitude", "0.02"], {"foot", "hold", "support", "impact"}),
+    "foot drop": (["--foot", "rigid"], {"foot", "impact"}),
+    "foot slide": (["--foot", "rigid"], {"foot", "creep", "slip_share"}),
+    "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "centre_of_pressure"}),
+    "foot curves": (
+        ["--foot", "rigid", "--seeds", "1", "--terrain", "stones", "--loads", "100"],
+        {"means", "deflections", "diverged"},
+    ),
+    "foot stability": (
+        ["--stiffness", "5", "--seeds", "1", "--terrain", "flat", "--timesteps", "0.002"],
+        {"cells", "diverged", "rows"},
+    ),
+    "feet": (["--robot", "g1"], {"feet"}),
+    "bench physics": (
+        ["--foot", "flat", "--terrain", "flat", "--timestep", "0.002", "--seconds", "0.1"],
+        {"rows"},
+    ),
+    "bench walk": (["--distance", "0.3", "--repeats", "1"], {"rows"}),
+    "terrain": (["stones", "--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
+    "terrains": ([], {"terrains"}),
+}
+
+
+def wbc_command(capfd: Captured, *arguments: str) -> tuple[int, str, str]:
+    code = cli.main(list(arguments))
+    out, err = capfd.readouterr()
+    return code, out, err
+
+
+def test_every_command_is_tested_here_or_elsewhere() -> None:
+    assert set(COMMANDS) == set(QUICK) | set(ELSEWHERE) and not set(QUICK) & set(ELSEWHERE)
+    assert {words.split()[0] for words in COMMANDS if " " in words} == set(GROUPS)
+    for words, file in ELSEWHERE.items():
+        text = (Path(__file__).resolve().parents[1] / file).read_text(encoding="utf-8")
+        assert f'"{words.split()[0]}"' in text and "--json" in text, (words, file)
+
+
+@pytest.mark.parametrize("words", QUICK)
+def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
+    arguments, keys = QUICK[words]
+    code, out, _ = wbc_command(capfd, *words.split(), *arguments, "--json")
+    assert code == cli.RAN
+    assert out.count("\n") == 1
+    result = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert isinstance(result, dict) and keys <= set(result)
+
+
+@pytest.mark.parametrize("words", ["robots", "terrains", "foot press", "terrain"])
+def test_text_is_what_people_get(capfd: Captured, words: str) -> None:
+    code, out, _ = wbc_command(capfd, *words.split(), *QUICK[words][0])
+    assert code == cli.RAN and len(out.splitlines()) > 2
+    with pytest.raises(json.JSONDecodeError):
+        json.loads(out)
+
+
+def configurations(words: str) -> list[type]:
+    """The configuration classes whose fields are the options of a command."""
+    module, _, name = COMMANDS[words].partition(":")
+    function = getattr(importlib.import_module(module), name)
+    hints = get_type_hints(function, include_extras=False)
+    return [
+        hint
+        for hint in hints.values()
+        if isinstance(hint, type) and is_dataclass(hint) and hint is not Report
+    ]
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_help_shows_and_explains_every_field_of_the_configuration(capfd: Captured, words: str) -> None:
+    code, out, _ = wbc_command(capfd, *words.split(), "--help")
+    assert code == cli.RAN
+    shown = "".join(character for character in out if character not in "│\n ")
+    classes = configurations(words)
+    assert Output in classes
+    while classes:
+        configuration = classes.pop()
+        explained = "".join(base.__doc__ or "" for base in configuration.__mro__)
+        types = get_type_hints(configuration)
+        for field in fields(configuration):
+            if is_dataclass(types[field.name]):  # its fields are options
+                classes.append(types[field.name])
+                continue
+            option = field.name.replace("_", "-")
+            assert f"--{option}" in shown or f".{option}" in shown, field.name
+            assert f"{field.name}: " in explained, f"{configuration} does not explain {field.name}"
+
+
+def test_help_lists_every_command_and_the_exit_codes(capfd: Captured) -> None:
+    code, out, _ = wbc_command(capfd, "--help")
+    assert code == cli.RAN
+    assert all(f" {words.split()[0]} " in out for words in COMMANDS)
+    assert "2 bad input" in out
+    assert wbc_command(capfd) == (cli.RAN, out, "")
+
+
+def test_version(capfd: Captured) -> None:
+    assert wbc_command(capfd, "--version") == (cli.RAN, f"{wbc.__version__}\n", "")
+    done = subprocess.run(
+        [sys.executable, "-m", "wbc", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"{wbc.__version__}\n"
+
+
+def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
+    _, out, _ = wbc_command(capfd, "robots")
+    assert [line.split()[0] for line in out.splitlines()[1:]] == list(names())
+    _, out, _ = wbc_command(capfd, "robots", "talos", "--json")
+    facts = json.loads(out)
+    assert facts["mass_kg"] == pytest.approx(90.27, abs=0.01) and facts["nv"] == 38
+    _, out, _ = wbc_command(capfd, "robots", "g1")
+    assert out.startswith("g1:") and "half-sitting" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["stnd"], 'Did you mean "stand"'),
+        (["stand", "--robbot", "g1"], "--robbot"),
+        (["stand", "--seconds", "long"], "--seconds"),
+        (["stand", "--seconds"], "--seconds"),
+        (["stand", "--mode", "velocity"], "torque"),
+        (["stand", "--robot", "talso"], "did you mean 'talos'"),
+        (["stand", "--seconds", "-1"], "seconds"),
+        (["stand", "--seconds", "nan"], "finite"),
+        (["stand", "--control-period", "0.0015"], "whole multiple"),
+        (["stand", "--gains.com-weight", "-1"], "com_weight"),
+        (["stand", "--noise", "loud"], "realistic"),
+        (["stand", "--view", "--port", "99999"], "port"),
+        (["stand", "--seed", "-1", "--seconds", "0.1"], "seed"),
+        (["robots", "talso"], "did you mean 'talos'"),
+        (["push", "--directions", "0"], "directions"),
+        (["push", "--robot", "talso"], "did you mean 'talos'"),
+        (["bench"], "bench"),
+        (["bench", "tick", "--ticks", "0"], "ticks"),
+        (["bench", "solver", "--scattered", "2"], "scattered"),
+        (["foot", "press", "--foot", "rigid", "--stiffness", "5"], "no stiffness"),
+        (["foot", "press", "--terrain", "stone"], "did you mean 'stones'"),
+        (["foot", "press", "--plot", "no/such/folder/a.png"], "no folder"),
+        (["terrain"], "name"),
+        (["terrain", "stone"], "did you mean 'stones'"),
+        (["terrain", "stones", "--param", "density"], "name=value"),
+    ],
+)
+def test_bad_input_is_one_line_on_stderr(capfd: Captured, arguments: list[str], message: str) -> None:
+    if arguments == ["bench"]:  # a group alone shows its commands
+        code, out, _ = wbc_command(capfd, *arguments)
+        assert code == cli.RAN and "tick" in out and "solver" in out
+        return
+    code, out, err = wbc_command(capfd, *arguments)
+    assert code == cli.BAD_INPUT
+    assert out == ""
+    assert err.count("\n") == 1 and err.startswith("wbc: ")
+    assert message in err
+
+
+def test_a_run_can_be_watched(capfd: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "BROWSER_TIME", 0.0)
+    code, out, err = wbc_command(capfd, "stand", "--seconds", "0.2", "--view", "--port", "0", "--json")
+    assert code == cli.RAN and json.loads(out)["upright"]
+    assert "live view: http://127.0.0.1:" in err
+    assert json.loads(out)["real_time_factor"] < 1.2  # held back to real time
+
+
+def test_an_internal_failure_is_told_apart_from_bad_input(
+    capfd: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(options: Any) -> None:
+        raise ZeroDivisionError("something of ours")
+
+    from wbc.app.commands import stand  # noqa: PLC0415 - patched here
+
+    monkeypatch.setattr(stand, "Stand", broken)
+    code, out, err = wbc_command(capfd, "stand", "--json")
+    assert code == cli.FAILED and out == ""
+    assert "Traceback" in err and "something of ours" in err
+
+
+def test_whatever_is_printed_meanwhile_goes_to_stderr(capfd: Captured) -> None:
+    @reports
+    def noisy(*, output: Output) -> Report:
+        print("from Python")
+        os.write(1, b"from C\n")
+        return output.report({"nan": float("nan"), "path": Path("a"), "pair": (1, 2.0)}, "done")
+
+    noisy(output=Output(json=True))
+    out, err = capfd.readouterr()
+    assert json.loads(out) == {"nan": None, "path": "a", "pair": [1, 2.0]}
+    assert "from Python" in err and "from C" in err
+    noisy(output=Output())
+    assert capfd.readouterr().out == "done\n"
+
+
+def test_a_command_loads_what_it_needs_alone() -> None:
+    program = (
+        "import sys; from wbc.app.cli import main; code = main(['robots', '--json']); "
+        "sys.exit(code or 10 * any(m in sys.modules for m in ('mujoco', 'matplotlib', 'meshcat')))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert set(names()) == {robot["name"] for robot in json.loads(done.stdout)["robots"]}
+
+
+def test_a_reader_that_goes_away_is_no_failure() -> None:
+    program = [sys.executable, "-m", "wbc", "robots", "talos"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 0

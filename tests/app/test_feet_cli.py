@@ -1,0 +1,331 @@
+"""Feet and grounds from the command line: what they say, and that wrong input is refused before anything starts."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from wbc.app import cli
+from wbc.app.commands.feet import attribute_docs, parameters
+from wbc.core.changes import changed, setting_names
+from wbc.core.errors import InputError
+from wbc.feet import SoftFoot, VariableStiffnessFoot, foot, foot_names
+from wbc.robots import load, names
+from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.shod import shod
+from wbc.sim.rig import stiffness_means, stiffness_table
+from wbc.sim.rig.study import StiffnessRow
+from wbc.sim.terrain import ClearanceWarning, terrain_families
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Run:
+    def command(*words: str) -> tuple[int, str, str]:
+        code = cli.main(list(words))
+        out, err = capfd.readouterr()
+        return code, out, err
+
+    return command
+
+
+def data_of(run: Run, *words: str) -> Any:
+    code, out, err = run(*words, "--json")
+    assert code == cli.RAN, err
+    return json.loads(out)
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def colour(tmp_path: Path) -> Path:
+    path = tmp_path / "colour.png"
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (40, 60, 3)).astype(np.uint8)).save(path)
+    return path
+
+
+@pytest.fixture
+def grey(tmp_path: Path) -> Path:
+    path = tmp_path / "grey.png"
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (40, 60)).astype(np.uint8)).save(path)
+    return path
+
+
+BAD: dict[str, tuple[str, str]] = {
+    "negative stiffness": ("foot press --stiffness -1", r"stiffness (Nm/rad) must lie in [0, inf], got -1"),
+    "one negative stiffness of many": ("foot curves --stiffness 5 -1", "stiffness (Nm/rad) must lie in [0, inf]"),
+    "negative stiffness as parameter": ("foot drop --foot-param stiffness=-2", "must lie in [0, inf], got -2"),
+    "stiffness beyond the actuator": ("foot press --foot variable --stiffness 90", "must lie in [0, 80], got 90"),
+    "stiffness of a rigid foot": ("foot slide --foot rigid --stiffness 5", "a rigid foot has no stiffness"),
+    "stability of a rigid foot": ("foot stability --foot rigid", "no stiffness to vary; use a soft foot"),
+    "unknown foot": ("foot press --foot sotf", "did you mean 'soft'"),
+    "unknown parameter of a foot": ("foot press --foot-param phalnages=8", "did you mean 'phalanges'"),
+    "foot that does not fit": (
+        "foot press --robot g1 --foot-param ankle_height=0.02",
+        "it needs an ankle at least 0.0340 m over the sole, got 0.0200 m (the robot's own is 0.0350 m)",
+    ),
+    "feet that overlap": ("foot press --robot g1 --foot-param width=0.3", "their centres are 0.2370 m apart"),
+    "unknown robot": ("feet --robot talso", "did you mean 'talos'"),
+    "negative amplitude": (
+        "foot press --terrain stones --amplitude -0.01",
+        "amplitude of stones (m) must lie in [0, inf], got -0.01",
+    ),
+    "negative amplitude of a terrain": ("terrain stones --amplitude -0.01", "must lie in [0, inf], got -0.01"),
+    "amplitude of a study": ("foot stability --amplitude -0.01", "amplitude of random (m)"),
+    "amplitude beyond the family": ("terrain small_stones --amplitude 0.2", "must be at most 0.025 m"),
+    "unknown family": ("terrain stone", "did you mean 'stones'"),
+    "unknown family under a foot": ("foot pitch --terrain stone", "did you mean 'stones'"),
+    "unknown family of a study": ("foot curves --terrain random ston", "did you mean 'stones'"),
+    "image that is not grey": (
+        "terrain image --param source={colour} --param metres_per_pixel=0.01",
+        "is not grey (mode RGB); convert it to greyscale",
+    ),
+    "image without scale": ("terrain image --param source={grey}", "no scale: give metres_per_pixel (m)"),
+    "image that is not there": ("terrain image --param source=none.png --param metres_per_pixel=0.01", "no file"),
+    "resolution too coarse": (
+        "terrain random --resolution 0.05",
+        "0.05 m is too coarse for terrain 'random': at most 0.007 m is needed",
+    ),
+    "resolution too coarse for a fine sole": (
+        "foot press --terrain random --resolution 0.006 --foot-param contact.radius=0.004",
+        "at most 0.004 m is needed (sole spheres of 0.004 m",
+    ),
+    "loads that fall": ("foot curves --loads 100 50", "must rise"),
+    "no load": ("foot press --load 0", "load (N)"),
+    "no ground": ("foot stability --seeds 0", "at least one seed"),
+    "no step": ("foot stability --timesteps 0", "timestep"),
+    "pitch of a free ankle": ("foot pitch --ankle-stiffness 0", "above 0 Nm/rad"),
+    "drop from no height": ("foot drop --height 0", "drop height"),
+    "shear backwards": ("foot slide --shear-share -1", "shear over weight"),
+    "picture into no folder": ("foot curves --plot no/folder/a.png", "no folder"),
+    "picture that is none": ("foot pitch --plot a.doc", "must end in"),
+    "sheet that is none": ("terrains --plot a.doc", "must end in"),
+    "speed of an unknown foot": ("bench physics --foot sfot", "did you mean 'soft'"),
+    "speed at an odd step": ("bench physics --timestep 0.0015", "whole multiple"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_nothing_starts(
+    run: Run, case: str, grey: Path, colour: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line, message = BAD[case]
+
+    def started(*_: Any, **__: Any) -> None:
+        pytest.fail("a simulation was started")
+
+    monkeypatch.setattr(mujoco, "MjData", started)
+    code, out, err = run(*line.format(grey=grey, colour=colour).split())
+    assert code == cli.BAD_INPUT and out == ""
+    said = [part for part in err.splitlines() if part.startswith("wbc: ")]
+    assert len(said) == 1 and message in said[0], err
+
+
+@pytest.mark.parametrize(("clearance", "clears"), [((), "false"), (("--clearance", "0.1"), "true")])
+def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...], clears: str) -> None:
+    # In a process of its own: here pytest catches warnings before anyone sees them.
+    words = [sys.executable, "-m", "wbc", "terrain", "stones", "--amplitude", "0.08", *clearance]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == cli.RAN
+    assert re.search(rf"^clears +{clears}$", done.stdout, flags=re.MULTILINE)
+    if clears == "true":
+        assert done.stderr == ""
+    else:
+        assert "rises by 80 mm, more than the foot clearance of 60 mm" in done.stderr
+        assert done.stderr.strip().count("\n") == 0 and "report.py" not in done.stderr
+
+
+def test_a_walk_over_ground_beyond_its_clearance_warns_first(run: Run) -> None:
+    words = "walk --terrain stones --amplitude 0.05 --swing-height 0.04 --distance 0.2"
+    with pytest.warns(ClearanceWarning, match="by 50 mm, more than the foot clearance of 40 mm"):
+        assert run(*words.split())[0] == cli.RAN
+
+
+# --- feet ------------------------------------------------------------------------------------------------------------
+
+
+def test_feet_are_listed_under_every_robot(run: Run) -> None:
+    listed = {entry["name"]: entry for entry in data_of(run, "feet")["feet"]}
+    assert set(listed) == set(foot_names())
+    for robot in names():
+        own, soft = (listed[name]["fits"][robot] for name in ("flat", "soft"))
+        assert own["added_mass_kg"] == own["height_change_m"] == 0.0
+        assert soft["added_mass_kg"] == pytest.approx(0.34)
+        assert soft["ankle_in_sole_m"][0] == pytest.approx(-0.03)
+        assert soft["footprint_m"] == pytest.approx([0.2778, 0.1045], abs=1e-4)
+    _, out, _ = run("feet", "--robot", "g1")
+    assert "talos" not in out and "278 x 104 mm" in out and "0.34 kg more, 0 mm higher" in out
+
+
+@pytest.mark.parametrize("name", foot_names())
+def test_everything_about_a_foot_is_documented_and_can_be_changed(name: str) -> None:
+    design = foot(name)
+    found = {entry["name"]: entry for entry in parameters(design)}
+    assert set(found) == set(setting_names(design))
+    assert all(entry["about"].endswith((".", ")", "s")) for entry in found.values())
+    assert changed(design, {"contact.radius": 0.005}).contact.radius == 0.005
+
+
+def test_documentation_of_fields_is_read_with_what_it_derives_from() -> None:
+    found = attribute_docs(VariableStiffnessFoot)
+    assert found["actuator"] == "How the actual stiffness follows the commanded one."
+    assert found["damping"].endswith(
+        "0.04 is the value of the public SoftFoot model."
+    )  # the third line of it
+    assert found["stiffness"].startswith(
+        "Stiffness that it starts with"
+    )  # its own word, not that of the soft foot
+    assert found["contact"] == "How the sole touches the ground."
+
+
+def test_parameters_that_change_together_are_checked_together() -> None:
+    # In either order one of the two alone would be refused.
+    for order in (("phalanges", "loop_phalanx"), ("loop_phalanx", "phalanges")):
+        many, few = {"phalanges": 13, "loop_phalanx": 11}, {"phalanges": 2, "loop_phalanx": 1}
+        for values in (many, few):
+            design = changed(SoftFoot(), {name: values[name] for name in order})
+            assert (design.phalanges, design.loop_phalanx) == tuple(values.values())
+    flaps = changed(SoftFoot(), {"transverse": True, "transverse.kind": "flaps"}).transverse
+    assert flaps is not None and flaps.kind == "flaps"
+    with pytest.raises(InputError, match="loop_phalanx"):
+        changed(SoftFoot(), {"loop_phalanx": 11})
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+@pytest.mark.parametrize("robot", names())
+def test_a_controller_knows_the_mass_of_the_feet_if_told(robot: str, name: str) -> None:
+    description, design = load(robot), foot(name)
+    plant = Plant(description, foot=design)
+    ignored, told = (shod(description, design, mass=mass).robot() for mass in (False, True))
+    total = float(plant.model.body_mass.sum())
+    assert told.mass == pytest.approx(total, abs=1e-9)
+    assert ignored.mass == pytest.approx(total - 2 * 0.34, abs=1e-9)
+    q, v = plant.truth().q, np.zeros(told.nv)
+    told.update(q, v)
+    np.testing.assert_allclose(told.com, plant.truth().com, atol=1e-9)
+    # Rotational inertia as well: that of the whole robot about its base, from both models.
+    reference = np.zeros((plant.model.nv, plant.model.nv))
+    mujoco.mj_fullM(plant.model, plant.data, reference)
+    np.testing.assert_allclose(
+        np.linalg.eigvalsh(told.mass_matrix[3:6, 3:6]), np.linalg.eigvalsh(reference[3:6, 3:6]), rtol=1e-6
+    )
+    again = shod(shod(description, design, mass=True), design, mass=True).robot()
+    assert again.mass == pytest.approx(told.mass, abs=1e-12)
+
+
+# --- rig -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_press_says_what_was_pressed_and_draws_it(run: Run, tmp_path: Path) -> None:
+    picture = tmp_path / "press.png"
+    words = "foot press --robot g1 --foot-param phalanges=8 --stiffness 20 --terrain stones --amplitude 0.02 --seed 4"
+    facts = data_of(run, *words.split(), "--plot", str(picture))
+    assert (facts["foot"], facts["terrain"], facts["seed"], facts["load_n"]) == ("soft", "stones", 4, 200.0)
+    assert facts["foot_parameters"]["phalanges"] == len(facts["hold"]["sole_angles"]) == 8
+    assert facts["foot_parameters"]["stiffness"] == 20.0
+    assert facts["ankle_in_sole_m"][2] == pytest.approx(0.035)  # g1's ankles are low
+    assert facts["added_mass_kg"] == pytest.approx(0.30)
+    assert picture.stat().st_size > 10_000 and facts["plot"] == str(picture)
+
+
+def test_a_height_field_is_what_was_asked_for(run: Run) -> None:
+    words = "foot press --foot rigid --terrain stone_bricks --rendering height_field --resolution 0.003"
+    facts = data_of(run, *words.split())
+    geoms = data_of(run, *words.split()[:-4])
+    assert (facts["rendering"], geoms["rendering"]) == ("height_field", "geoms")
+    assert facts["hold"]["ankle_height"] == pytest.approx(geoms["hold"]["ankle_height"], abs=5e-4)
+
+
+def test_a_drop_is_harder_from_higher_up_and_a_pitch_is_drawn(run: Run, tmp_path: Path) -> None:
+    low, high = (data_of(run, "foot", "drop", "--height", h)["impact"] for h in ("0.01", "0.05"))
+    assert high["peak_force"] > low["peak_force"] and high["speed"] > 2.0 * low["speed"]
+    picture = tmp_path / "pitch.png"
+    data_of(run, "foot", "pitch", "--foot", "rigid", "--rate", "60", "--plot", str(picture))
+    assert picture.stat().st_size > 10_000
+    _, out, _ = run("foot", "slide", "--foot", "rigid", "--foot-param", "friction=0.5")
+    assert "slides at 0.50 of it" in out
+
+
+def test_curves_have_a_rigid_foot_beside_the_soft_one(run: Run, tmp_path: Path) -> None:
+    picture = tmp_path / "curves.png"
+    words = f"foot curves --stiffness 1 60 --terrain stones --seeds 2 --loads 100 400 --plot {picture}"
+    facts = data_of(run, *words.split())
+    assert [mean["stiffness"] for mean in facts["means"]] == [1.0, 60.0, None]
+    assert [mean["grounds"] for mean in facts["means"]] == [2, 2, 2] and facts["diverged"] == 0
+    soft, stiff, rigid = (curve["deflection"][-1] for curve in facts["deflections"])
+    assert soft > stiff > rigid
+    assert picture.stat().st_size > 10_000
+
+
+def test_means_are_paired_ground_by_ground() -> None:
+    def row(seed: int, stiffness: float, area: float) -> StiffnessRow:
+        return StiffnessRow("stones", seed, stiffness, 0.1, 3, area, 2.0 * area, 0.9, 100.0)
+
+    rows = [row(0, 5.0, 0.03), row(1, 5.0, 0.05), row(0, math.inf, 0.01), row(1, math.inf, 0.03)]
+    soft, rigid = stiffness_means(rows)
+    assert soft["contact_area"] == pytest.approx((0.04, 0.01))
+    assert soft["more_contact_area"] == pytest.approx((0.02, 0.0))  # 0.02 more on both, whatever the spread
+    assert soft["more_support_area"] == pytest.approx((0.04, 0.0))
+    assert "more_contact_area" not in rigid
+    assert "| stones | 5 | 2 | 3.0 ± 0.0 | 400 ± 100 | 200 ± 0 |" in stiffness_table(rows)
+    assert math.isnan(stiffness_means(rows[:1])[0]["contact_area"][1])
+
+
+def test_stability_counts_every_cell(run: Run) -> None:
+    words = "foot stability --stiffness 0 42 --terrain random stones --seeds 1 --timesteps 0.001 0.002"
+    facts = data_of(run, *words.split())
+    assert facts["cells"] == len(facts["rows"]) == 8 and facts["diverged"] == 0
+    for row in facts["rows"]:
+        assert abs(row["balance_error"]) < (0.02 if row["timestep"] == 0.001 else 0.05)
+        assert row["loop_gap"] < 1e-3
+
+
+def test_the_speed_of_a_standing_robot(run: Run) -> None:
+    words = "bench physics --terrain flat --terrain random --foot soft --timestep 0.002 --seconds 0.2 --settle 0.4"
+    flat, rough = data_of(run, *words.split())["rows"]
+    for row in (flat, rough):
+        assert row["upright"] and row["steps_per_s"] > 500 and row["nv"] == 62
+        assert row["real_time_factor"] == pytest.approx(0.002 * row["steps_per_s"])
+    assert flat["contacts"] > rough["contacts"] > 5
+
+
+# --- grounds ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_terrain_from_an_image(run: Run, grey: Path, tmp_path: Path) -> None:
+    words = f"terrain image --param source={grey} --param metres_per_pixel=0.01 --amplitude 0.02".split()
+    facts = data_of(run, *words, "--plot", str(tmp_path / "map.png"))
+    assert facts["length_m"] == pytest.approx(0.59) and facts["rendering"] == "height_field"
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_roughness_is_what_the_feet_know_of_the_ground(run: Run) -> None:
+    found = data_of(run, "terrain", "metal_sheets", "--param", "period=0.1")["roughness"]
+    assert found["Sz_m"] == pytest.approx(0.02, rel=0.05)  # a line is taken off a sine
+    assert found["Sq_m"] == pytest.approx(0.02 / math.sqrt(8.0), rel=0.02)
+    assert found["Sku"] == pytest.approx(1.5, rel=0.02) and found["K"] == pytest.approx(0.5, abs=0.05)
+    assert data_of(run, "terrain", "flat")["roughness"]["Sq_m"] == 0.0
+
+
+@pytest.mark.slow
+def test_all_terrains_are_drawn_and_measured(run: Run, tmp_path: Path) -> None:
+    sheet = tmp_path / "sheet.png"
+    facts = data_of(run, "terrains", "--plot", str(sheet), "--cost")
+    assert {entry["name"] for entry in facts["terrains"]} == set(terrain_families())
+    for entry in facts["terrains"]:
+        assert entry["cost"]["steps_per_s"] > 500 and entry["cost"]["model_bytes"] > 0
+    with Image.open(sheet) as picture:
+        assert picture.width > 1500

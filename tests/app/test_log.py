@@ -1,0 +1,251 @@
+"""A log holds what was written, in a file that others read, too, whatever happens to the program or to the file."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+from log_writing import HEADER, columns, values, write
+from pyarrow import ipc
+
+import wbc.app.log as package
+from wbc.app.log import Log
+from wbc.app.log.header import FORMAT, KEY, encode
+from wbc.app.log.writer import ROWS, LogWriter
+from wbc.core.errors import InputError, UnknownNameError
+
+
+@pytest.fixture
+def log_file(tmp_path: Path) -> Path:
+    path = tmp_path / "log.arrow"
+    write(path, 2 * ROWS + 100).close()
+    return path
+
+
+def test_what_is_written_comes_back(log_file: Path) -> None:
+    log = Log.open(log_file)
+    n = 2 * ROWS + 100
+    assert len(log) == n and log.broken is None
+    expected = np.array([values(i) for i in range(n)])
+    assert (log.time == expected[:, 0]).all()  # to the last bit
+    assert (log["com/estimated"] == expected[:, 1:].astype(np.float32)).all()
+    assert (log["com/estimated/y"] == log["com/estimated"][:, 1]).all()
+    phases = [("single" if i % 3 else "double") if i % 5 else None for i in range(n)]
+    assert log.texts("walk/phase").tolist() == phases
+    assert (log["foot/contact"] == np.arange(n) % 2).all()
+    assert (log["walk/step"] == np.arange(n)).all()
+    scans = log.lists("scan")
+    assert [i for i, scan in enumerate(scans) if scan is not None] == list(range(0, n, 7))
+    assert all(scans[i].tolist() == list(range(i % 4)) for i in range(0, n, 7))
+    assert log.units["com/estimated/z"] == "m" and log.signals["time"].about == "clock"
+    assert list(log) == [s.name for s in columns().signals if s is not None]
+    assert log.header == HEADER
+
+
+def test_pandas_and_polars_open_it_without_us(log_file: Path) -> None:
+    log, frame, table = Log.open(log_file), pd.read_feather(log_file), pl.read_ipc(log_file)
+    assert list(frame.columns) == list(log) == table.columns
+    for name in ("time", "com/estimated/x", "walk/step", "foot/contact"):
+        assert (frame[name].to_numpy() == log[name]).all()
+        assert (table[name].to_numpy() == log[name]).all()
+    assert table["walk/phase"].to_list() == log.texts("walk/phase").tolist()
+    assert frame["walk/phase"].value_counts()["double"] == table["walk/phase"].eq("double").sum() > 0
+    schema = ipc.open_file(log_file).schema
+    assert json.loads(schema.metadata[b"wbc"]) == HEADER
+    assert schema.field("com/estimated/x").metadata[b"unit"] == b"m"
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.999])
+def test_truncated_log_is_read_up_to_the_break(log_file: Path, share: float) -> None:
+    whole, data = Log.open(log_file), log_file.read_bytes()
+    log_file.write_bytes(data[: int(share * len(data))])
+    log = Log.open(log_file)
+    assert log.broken
+    assert len(log) % ROWS == 0 or len(log) == len(whole)
+    assert len(log) >= ROWS * (int(share * len(data) / (len(data) / (len(whole) / ROWS))) - 1)
+    assert (log["com/estimated"] == whole["com/estimated"][: len(log)]).all()
+
+
+def test_others_read_a_truncated_log_as_a_stream(log_file: Path) -> None:
+    data = log_file.read_bytes()
+    log_file.write_bytes(data[: int(0.8 * len(data))])
+    with log_file.open("rb") as file:
+        file.seek(8)
+        batch = ipc.open_stream(file).read_next_batch()
+    assert batch.column("time").to_pylist() == Log.open(log_file).time[:ROWS].tolist()
+
+
+def test_log_with_a_gap_is_read_up_to_it(log_file: Path) -> None:
+    whole, data = Log.open(log_file), log_file.read_bytes()
+    log_file.write_bytes(data[: int(0.6 * len(data))] + bytes(1000) + data[int(0.6 * len(data)) :])
+    log = Log.open(log_file)
+    assert log.broken and 0 < len(log) < len(whole)
+    assert (log.time == whole.time[: len(log)]).all()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "No such file"),
+        (b"", "empty"),
+        (b"time,x\n0,1\n", "no log: it begins with b'time,x'"),
+        (b"ARROW1\0\0", "ends before anything was recorded"),
+        (b"ARROW1\0\0" + 300 * b"nonsense", "ends before anything was recorded"),
+    ],
+)
+def test_what_is_no_log_is_refused(tmp_path: Path, content: bytes | None, words: str) -> None:
+    path = tmp_path / "log.arrow"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=re.escape(words)):
+        Log.open(path)
+
+
+def test_arrow_file_of_somebody_else_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.arrow"
+    pd.DataFrame({"time": [0.0]}).to_feather(path)
+    with pytest.raises(InputError, match="no log of wbc"):
+        Log.open(path)
+
+
+@pytest.mark.parametrize("number", [FORMAT + 1, 0, "2"])
+def test_log_of_another_format_is_refused(tmp_path: Path, number: object) -> None:
+    path = tmp_path / "later.arrow"
+    metadata = {KEY: encode({"format": number, "program": "wbc 9.0"})}
+    schema = pa.schema([pa.field("time", pa.float64())], metadata=metadata)
+    with ipc.new_file(str(path), schema):
+        pass
+    with pytest.raises(
+        InputError, match=rf"written by wbc 9.0 in format {number}; wbc .* reads format {FORMAT}"
+    ):
+        Log.open(path)
+
+
+def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
+    log = Log.open(log_file)
+    with pytest.raises(UnknownNameError, match="did you mean 'com/estimated/x'"):
+        log["com/estimate/x"]
+    with pytest.raises(UnknownNameError, match="'com/estimated'"):
+        log["com/estimatd"]
+    with pytest.raises(UnknownNameError, match="walk/phase"):
+        log.texts("walk/phas")
+    with pytest.raises(InputError, match="holds texts"):
+        log["walk/phase"]
+    with pytest.raises(InputError, match="holds numbers"):
+        log.texts("time")
+
+
+def test_path_that_cannot_be_written_is_known_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    for path, words in (
+        (tmp_path / "none" / "log.arrow", "no folder"),
+        (tmp_path, "is a folder"),
+        (notes, "is no log"),
+        (Path("/proc/log.arrow"), "cannot write"),
+    ):
+        with pytest.raises(InputError, match=words):
+            LogWriter(path)
+    assert notes.read_text() == "mine"
+
+
+def test_old_log_is_replaced(log_file: Path) -> None:
+    write(log_file, 3).close()
+    assert len(Log.open(log_file)) == 3
+
+
+def test_log_without_ticks_is_a_log(tmp_path: Path) -> None:
+    write(tmp_path / "log.arrow", 0).close()
+    log = Log.open(tmp_path / "log.arrow")
+    assert len(log) == 0 and log.broken is None and log["com/estimated"].shape == (0, 3)
+
+
+CHILD = """
+import os, signal, sys, time
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from log_writing import ROWS, write
+writer = write(Path({path!r}), 3 * ROWS + 50)
+{end}
+"""
+
+
+def run_child(path: Path, end: str) -> subprocess.CompletedProcess[bytes]:
+    code = CHILD.format(tests=str(Path(__file__).parents[1] / "support"), path=str(path), end=end)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+
+
+def test_killed_program_leaves_what_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "log.arrow"
+    done = run_child(path, "writer._wait(); os.kill(os.getpid(), signal.SIGKILL)")
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    log = Log.open(path)
+    assert log.broken and len(log) == 3 * ROWS
+    assert (log.time == [values(i)[0] for i in range(3 * ROWS)]).all()
+
+
+@pytest.mark.parametrize("end", ["", "raise RuntimeError('a bug')"])
+def test_program_that_ends_without_closing_leaves_everything(tmp_path: Path, end: str) -> None:
+    path = tmp_path / "log.arrow"
+    done = run_child(path, end)
+    assert b"log" not in done.stderr.replace(b"log_writing", b""), done.stderr
+    log = Log.open(path)
+    assert log.broken is None and len(log) == 3 * ROWS + 50
+
+
+def test_full_disk_ends_the_log_and_not_the_run(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "log.arrow"
+    writer = write(path, ROWS + 1)
+    writer._wait()
+
+    def full(out: object, batch: object) -> None:
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(writer, "_out", type("Full", (), {"write_batch": full, "close": lambda self: None})())
+    for _ in range(3 * ROWS):
+        writer.row[:] = np.nan
+        writer.commit()
+    assert writer.failure is not None and "No space left" in writer.failure
+    assert len([r for r in caplog.records if "the run goes on" in r.message]) == 1
+    writer.close()
+    log = Log.open(path)
+    assert log.broken and len(log) == ROWS
+
+
+def test_names_are_checked() -> None:
+    made = columns()
+    for name in ("", "a//b", "/a", "a/", "a\nb"):
+        with pytest.raises(InputError, match="parts separated by '/'"):
+            made.add(name)
+    with pytest.raises(InputError, match="'time' already"):
+        made.add("time")
+
+
+def test_documented_ways_to_open_a_log_work(log_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the documentation shows is executed as it stands there."""
+    monkeypatch.chdir(log_file.parent)
+    log_file.rename("walk.arrow")
+    text = package.__doc__ or ""
+    for call in ('pandas.read_feather("walk.arrow")', 'polars.read_ipc("walk.arrow")'):
+        assert call in text
+        assert len(eval(call, {"pandas": pd, "polars": pl})) == 2 * ROWS + 100
+    stream = re.search(r"file = open\(.*", text)
+    assert stream
+    made: dict[str, object] = {"pyarrow": pa}
+    exec(stream.group(0), made)
+    made["file"].close()  # type: ignore[attr-defined]
+    assert made["reader"].schema.names[0] == "time"  # type: ignore[attr-defined]

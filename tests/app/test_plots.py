@@ -1,0 +1,252 @@
+"""Figures show what the log holds, say in which units, and refuse what they cannot show."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+from recorded import recorded_walk
+
+import wbc
+from wbc.app.cli import main
+from wbc.app.commands import COMMANDS
+from wbc.app.log import Log, Recorder
+from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select
+from wbc.app.plot.support import SIDES, corners, sole_sizes, stances, support_box, yaw_of
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.sim.balance.controller import balance_controller
+from wbc.walking.planning.footsteps import Footstep
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return Log.open(recorded_walk())
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    """A log without a walk, of rigid soles."""
+    path = tmp_path_factory.mktemp("logs") / "stand.arrow"
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
+    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
+    with Recorder(path) as record:
+        for _ in range(10):
+            measurement = plant.measure()
+            command = control.command(measurement)
+            record(plant, control, measurement, command)
+            plant.step(command)
+    return Log.open(path)
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(COMMANDS, "plot", "wbc.app.commands.plot:plot")
+
+
+def curves(figure: Figure) -> list[np.ndarray]:
+    """Ordinates of all lines, and of everything that is shown as an image."""
+    lines = [np.asarray(line.get_ydata(), dtype=float) for ax in figure.axes for line in ax.get_lines()]
+    return lines + [np.asarray(image.get_array(), dtype=float) for ax in figure.axes for image in ax.images]
+
+
+def shows(figure: Figure, values: np.ndarray) -> bool:
+    return any(c.shape == values.shape and np.array_equal(c, values, equal_nan=True) for c in curves(figure))
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_axis_says_what_it_shows_and_in_which_unit(log: Log, name: str) -> None:
+    figure = draw(name, [log])
+    texts = {ax.get_ylabel() for ax in figure.axes} | {ax.get_xlabel() for ax in figure.axes}
+    assert texts - {""}
+    for text in texts - {"", "share of ticks that took longer"}:
+        assert re.search(r"\((s|m|mm|N|Nm|µs|Nm/rad)\)|µs$|/ limit", text), text
+    figure.canvas.draw()  # nothing warns
+
+
+def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
+    balance = draw("balance", [log])
+    for group in ("zmp/measured", "zmp/reference", "dcm/estimated", "com/estimated", "com/reference"):
+        assert shows(balance, log[group][:, 0]) and shows(balance, log[group][:, 1]), group
+    assert shows(balance, 1e3 * log["stabilizer/dcm_error/y"])
+    assert shows(draw("plan", [log]), log["com/estimated/y"])
+    feet = draw("feet", [log])
+    for side in SIDES:
+        assert shows(feet, log[f"foot/{side}/wrench_measured/fz"])
+        assert shows(feet, log[f"foot/{side}/wrench_desired/my"])
+    assert shows(draw("torque", [log]), np.abs(log["truth/joint/torque_ratio"]).T)
+    total = 1e6 * sum(log[f"tick/{part}"] for part in ("model", "assembly", "solve", "decode"))
+    assert shows(draw("timing", [log]), total)
+    assert shows(draw("stiffness", [log]), log["foot/left/stiffness"])
+    own = draw_signals([log], ["own/answer", "com/estimated", "walk/phase"])
+    assert shows(own, log["own/answer"]) and shows(own, log["com/estimated/z"])
+    assert [label.get_text() for label in own.axes[1].get_yticklabels()] != []
+    panels = [ax.get_ylabel() for ax in own.axes]
+    assert panels == ["(m)", "walk/phase"]
+    phases = log.texts("walk/phase")
+    ticks = [label.get_text() for label in own.axes[1].get_yticklabels()]
+    assert set(ticks) == set(phases)
+    drawn = np.asarray(own.axes[1].get_lines()[0].get_ydata())
+    assert [ticks[int(level)] for level in drawn] == phases.tolist()
+
+
+def test_several_logs_share_a_figure(log: Log, tmp_path: Path) -> None:
+    other = tmp_path / "other.arrow"
+    data = log.path.read_bytes()
+    other.write_bytes(data[: int(0.7 * len(data))])
+    both = [log, Log.open(other)]
+    assert both[1].broken and len(both[1]) < len(log)
+    for each in both:
+        assert shows(draw("balance", both), each["dcm/estimated"][:, 1])
+        assert shows(draw("plan", both), each["com/estimated/y"])
+        assert shows(draw("feet", both), each["foot/left/wrench_measured/fz"])
+        assert shows(draw("stiffness", both), each["foot/left/stiffness"])
+        parts = [each[f"tick/{part}"] for part in ("model", "assembly", "solve", "decode")]
+        assert shows(draw("timing", both), 1e6 * sum(parts))
+        largest = np.abs(each["truth/joint/torque_ratio"]).max(axis=0)
+        bars = np.array([bar.get_width() for bar in draw("torque", both).axes[0].patches])
+        assert np.isin(largest, bars).all()
+    figure = draw_signals(both, ["com/estimated/x"])
+    assert shows(figure, log["com/estimated/x"]) and shows(figure, both[1]["com/estimated/x"])
+    colours = {line.get_color() for line in figure.axes[0].get_lines()}
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert len(colours) == 2 and names == [log.path.stem, "other"]
+
+
+def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
+    low, high = support_box(log)
+    for i in range(0, len(log), 50):
+        points = []
+        for side, (length, width) in zip(SIDES, sole_sizes(log), strict=True):
+            if log[f"foot/{side}/contact"][i]:
+                step = Footstep(side, *log[f"foot/{side}/reference/position"][i])
+                for a in (-0.5, 0.5):
+                    for b in (-0.5, 0.5):
+                        points.append(step.placement.act(np.array([a * length, b * width, 0.0]))[:2])
+        np.testing.assert_allclose(low[i], np.min(points, axis=0), atol=2e-3)  # soles are tilted a little
+        np.testing.assert_allclose(high[i], np.max(points, axis=0), atol=2e-3)
+    planned = log["zmp/reference"][:, :2]
+    assert (planned > low - 1e-6).all() and (planned < high + 1e-6).all()
+    feet = stances(log)
+    assert [s.side for s in feet[:2]] in (["left", "right"], ["right", "left"])
+    assert len(feet) == 2 + sum("touch-down" in text for _, text in log.events)
+
+
+def test_corners_of_a_turned_sole() -> None:
+    quaternion = np.array([[0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]])
+    assert yaw_of(quaternion) == pytest.approx(0.5 * np.pi)
+    points = corners(np.array([[1.0, 2.0, 9.0]]), yaw_of(quaternion), (0.2, 0.1))[0]
+    expected = np.array([[0.95, 2.1], [0.95, 1.9], [1.05, 1.9], [1.05, 2.1]])
+    np.testing.assert_allclose(points, expected, atol=1e-12)
+
+
+def test_logs_without_a_walk_are_refused_by_name(standing: Log) -> None:
+    for name in ("balance", "plan"):
+        with pytest.raises(InputError, match=rf"'{name}' cannot be drawn: .*stand.arrow has no"):
+            draw(name, [standing])
+    with pytest.raises(InputError, match="without a stiffness to set"):
+        draw("stiffness", [standing])
+    for name in ("feet", "torque", "timing"):
+        assert missing(name, standing) is None
+        draw(name, [standing]).canvas.draw()
+    with pytest.raises(UnknownNameError, match="did you mean 'torque'"):
+        draw("torques", [standing])
+    with pytest.raises(InputError, match="at least one log"):
+        draw("torque", [])
+
+
+def test_signals_are_chosen_by_name_group_or_pattern(log: Log) -> None:
+    assert select([log], ["com/estimated/x"]) == ["com/estimated/x"]
+    assert select([log], ["com/estimated", "com/estimated/y"]) == [f"com/estimated/{a}" for a in "xyz"]
+    assert select([log], ["joint/torque_command/*knee*"]) == [
+        "joint/torque_command/left_knee_pitch",
+        "joint/torque_command/right_knee_pitch",
+    ]
+    with pytest.raises(UnknownNameError, match="did you mean 'com/estimated'"):
+        select([log], ["com/estimatedd"])
+    with pytest.raises(InputError, match="too many"):
+        select([log], ["joint"])
+
+
+def test_pictures_are_what_their_names_say(log: Log, tmp_path: Path) -> None:
+    figures = {name: draw(name, [log]) for name in ("feet", "torque")}
+    png = save(figures, tmp_path / "walk.png")
+    assert [path.name for path in png] == ["walk-feet.png", "walk-torque.png"]
+    with Image.open(png[0]) as picture:
+        assert picture.format == "PNG" and picture.width > 800
+    (svg,) = save({"feet": figures["feet"]}, tmp_path / "feet.svg")
+    assert ElementTree.parse(svg).getroot().tag.endswith("svg")
+    (pdf,) = save(figures, tmp_path / "walk.pdf")
+    assert pdf.read_bytes().count(b"/Type /Page ") == 2
+
+
+def test_path_is_checked_before_anything_is_drawn(
+    log: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "folder.png").mkdir()
+    for path, words in (
+        ("walk.bmp", "must end in one of .png, .svg, .pdf"),
+        (str(tmp_path / "none" / "a.png"), "no folder"),
+        (str(tmp_path / "folder.png"), "it is a folder"),
+        ("/proc/a.png", "cannot write"),
+    ):
+        assert main(["plot", str(log.path), "-o", path]) == 2
+        assert words in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.png"]
+
+
+def test_command_draws_lists_and_refuses(
+    log: Log,
+    standing: Log,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["plot", str(standing.path), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["files"] == ["stand-feet.png", "stand-torque.png", "stand-timing.png"]
+    assert all(Path(file).is_file() for file in facts["files"]) and len(facts["notes"]) == 3
+    assert main(["plot", str(log.path), str(standing.path), "feet", "com/estimated", "-o", "two.pdf"]) == 0
+    assert capsys.readouterr().out.strip() == "two.pdf"
+    assert main(["plot", str(log.path), "--list", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [s["name"] for s in listed["signals"]] == list(log)
+    assert {"name": "own/answer", "unit": "m", "about": "to everything", "kind": "number"} in listed[
+        "signals"
+    ]
+    assert main(["plot", str(log.path), "--list"]) == 0
+    assert re.search(r"^com/estimated/x +m +world$", capsys.readouterr().out, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "a log is needed"),
+        (["none.arrow"], "cannot read the log none.arrow"),
+        (["{log}", "con/estimated"], "did you mean 'com/estimated'"),
+        (["{log}", "balanse"], "ready-made figures: balance"),
+        (["{log}", "none.arrow", "com/estimated"], "cannot read the log none.arrow"),
+    ],
+)
+def test_command_names_what_is_wrong(
+    log: Log, words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plot", *(word.replace("{log}", str(log.path)) for word in words)]) == 2
+    assert expected in capsys.readouterr().err
+
+
+def test_command_says_that_a_log_ends_early(
+    log: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    short = tmp_path / "short.arrow"
+    short.write_bytes(log.path.read_bytes()[:-30000])
+    assert main(["plot", str(short), "feet", "-o", str(tmp_path / "feet.png")]) == 0
+    said = capsys.readouterr()
+    assert said.out.strip() == str(tmp_path / "feet.png")  # the files alone, for other programs
+    assert "ends early" in said.err + caplog.text

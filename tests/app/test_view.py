@@ -1,0 +1,482 @@
+"""The live view shows what is the case, and changes nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import math
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import umsgpack
+from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.websocket import websocket_connect
+
+import wbc
+from wbc.app.view.channel import NOTE, Channel
+from wbc.app.view.scene import ROOT
+from wbc.app.view.shapes import Box, Cylinder, Ellipsoid, MeshFile, Part, Surface, robot_parts
+from wbc.app.view.source import PlantSource, RobotSource
+from wbc.app.view.view import MeshcatView, PortError, ViewError
+from wbc.core.errors import InputError
+from wbc.core.robot import GRAVITY
+from wbc.core.signals import Command
+from wbc.sim.balance.controller import balance_controller
+from wbc.sim.terrain import terrain
+
+ROBOTS = ("hrp4_class", "talos", "g1")
+Commands = list[dict[str, Any]]
+
+
+def commands(html: str) -> Commands:
+    """Commands of the viewer inside a page that holds everything in itself."""
+    found = re.search(r"for \(const text of (\[.*?\])\)", html)
+    assert found
+    return [umsgpack.unpackb(base64.b64decode(text)) for text in json.loads(found.group(1))]
+
+
+def matrices(of: Commands) -> dict[str, np.ndarray]:
+    moves = [command for command in of if command["type"] == "set_transform"]
+    return {command["path"]: np.array(command["matrix"]).reshape(4, 4).T for command in moves}
+
+
+def new_plant() -> wbc.Plant:
+    return wbc.Plant(wbc.load_robot("hrp4_class"), noise="realistic", seed=5, control_period=0.002)
+
+
+def fall_over(plant: wbc.Plant, commands: list[Command], view: MeshcatView | None = None) -> list[np.ndarray]:
+    """What happens to a robot with noisy sensors that is pushed over, and what its sensors say."""
+    states = []
+    for command in commands:
+        if plant.ticks == 50:
+            plant.push("torso", [150.0, 40.0, 0.0], 0.2)
+        plant.step(command)
+        if view is not None:
+            view.update()
+        measured = plant.measure()
+        states.append(
+            np.concatenate(
+                [plant.data.qpos, plant.data.qvel, measured.sole_wrench.ravel(), measured.specific_force]
+            )
+        )
+    return states
+
+
+@pytest.fixture(scope="module")
+def plant() -> wbc.Plant:
+    plant = new_plant()
+    fall_over(plant, [plant.hold()] * 200)
+    return plant
+
+
+@pytest.fixture(scope="module")
+def view(plant: wbc.Plant) -> Iterator[MeshcatView]:
+    with MeshcatView(plant, port=0, rate=1000.0) as view:
+        yield view
+
+
+# ---- what is shown --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_link_is_drawn_where_pinocchio_has_it(name: str) -> None:
+    description = wbc.load_robot(name)
+    robot = description.robot()
+    rng = np.random.default_rng(1)
+    plant = wbc.Plant(description)
+    plant.reset(pin.integrate(robot.model, robot.q, 0.2 * rng.normal(size=robot.nv)))
+    source, model = PlantSource(plant), RobotSource(description, None)
+    q = plant.truth().q
+    robot.update(q, np.zeros(robot.nv))
+    links = {f.name for f in robot.model.frames if f.type == pin.FrameType.BODY}
+    assert set(source.scene.bodies) <= links
+    moving = {robot.model.frames[robot.frame_id(body)].parentJoint for body in source.scene.bodies}
+    assert moving == set(range(1, robot.model.njoints))  # something moves with every joint
+    for snapshot in (source.snapshot(), model.snapshot(robot, None, 0.0), model.snapshot(q, None, 0.0)):
+        for body, pose in zip(source.scene.bodies, snapshot.poses, strict=True):
+            assert pose == pytest.approx(robot.placement(body).homogeneous, abs=1e-9)
+        assert snapshot.com == pytest.approx(robot.com, abs=1e-9)
+
+
+def test_meshes_of_the_built_in_robots_are_found() -> None:
+    for name in ("talos", "g1"):
+        parts = robot_parts(wbc.load_robot(name))
+        assert sum(isinstance(part.shape, MeshFile) for part in parts) > 25
+    assert not any(isinstance(part.shape, MeshFile) for part in robot_parts(wbc.load_robot("hrp4_class")))
+
+
+def test_forces_and_zmp_are_those_of_a_robot_that_stands() -> None:
+    description = wbc.load_robot("hrp4_class")
+    plant = wbc.Plant(description)
+    control = wbc.PositionControl(balance_controller(description.robot(), plant.control_period))
+    for _ in range(100):
+        plant.step(control.command(plant.measure()))
+    source, model = PlantSource(plant), RobotSource(description, None)
+    robot = description.robot()
+    robot.update(plant.truth().q, np.zeros(robot.nv))
+    weight = robot.mass * GRAVITY
+    seen = (source.snapshot(), model.snapshot(robot, plant.truth().sole_wrench, 0.5))
+    for snapshot, scene in zip(seen, (source.scene, model.scene), strict=True):
+        assert [kind for kind, _, _ in snapshot.forces] == ["ground", "ground"]
+        assert sum(force[2] for _, _, force in snapshot.forces) == pytest.approx(weight, rel=1e-3)
+        assert snapshot.zmp is not None
+        assert snapshot.zmp[:2] == pytest.approx(robot.com[:2], abs=1e-3)  # at rest, the ZMP is under the CoM
+        frame = dict(zip(scene.moving, scene.frame(snapshot), strict=True))
+        arrows = [frame[f"{ROOT}/forces/ground_{i}"] for i in range(2)]
+        assert sum(arrow[2, 2] for arrow in arrows) == pytest.approx(scene.size, rel=1e-3)
+        for arrow, (_, point, _) in zip(arrows, sorted(snapshot.forces, key=lambda f: -f[2][2]), strict=True):
+            assert arrow[:3, 3] == pytest.approx(point)
+            assert abs(point[2]) < 1e-3
+        assert np.linalg.norm(frame[f"{ROOT}/forces/ground_2"][:3, :3]) < 1e-5
+        assert frame[f"{ROOT}/markers/zmp"][:3, 3] == pytest.approx(snapshot.zmp)
+        assert frame[f"{ROOT}/markers/com"][:3, 3] == pytest.approx(robot.com)
+    assert seen[0].zmp == pytest.approx(seen[1].zmp, abs=1e-3)
+
+
+def test_pushes_are_arrows_that_end_where_they_press() -> None:
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
+    source = PlantSource(plant)
+    force = np.array([30.0, -20.0, 10.0])
+    plant.push("torso", force, 0.02)
+    plant.step(plant.hold())
+    snapshot = source.snapshot()
+    ((kind, point, pushed),) = [arrow for arrow in snapshot.forces if arrow[0] == "push"]
+    assert (kind, pushed.tolist()) == ("push", force.tolist())
+    place = source.scene.moving.index(f"{ROOT}/forces/push_0")
+    arrow = source.scene.frame(snapshot)[place]
+    assert arrow @ [0.0, 0.0, 1.0, 1.0] == pytest.approx([*point, 1.0])
+    assert np.cross(arrow[:3, 2], force) == pytest.approx(np.zeros(3), abs=1e-9)
+    for _ in range(5):
+        plant.step(plant.hold())
+    assert not [arrow for arrow in source.snapshot().forces if arrow[0] == "push"]
+
+
+def test_a_robot_in_the_air_has_no_arrows() -> None:
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
+    q = np.array(plant.robot.half_sitting)
+    q[2] += 0.5
+    plant.reset(q)
+    snapshot = PlantSource(plant).snapshot()
+    assert snapshot.zmp is None and not snapshot.forces
+
+
+def test_rough_ground_and_soles_that_bend_are_drawn() -> None:
+    ground = terrain("stones", amplitude=0.03, seed=1)
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"), foot="soft", terrain=ground)
+    source = PlantSource(plant)
+    (relief,) = [d.shape for d in source.scene.drawings if d.path == f"{ROOT}/ground/relief"]
+    assert isinstance(relief, Surface)
+    x, y, z = relief.vertices.T
+    assert z == pytest.approx(ground.height(x, y))
+    assert float(np.ptp(z)) == pytest.approx(0.03, abs=0.003)
+    corners = relief.vertices[relief.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0.0).all()  # they face up, or the light falls on the wrong side
+    phalanges = [body for body in source.scene.bodies if body.startswith("foot/")]
+    assert len(phalanges) >= 2 * 10
+    joint = plant.model.joint(plant.feet[0].sole_joints[0])
+    before = source.snapshot().poses
+    plant.data.qpos[joint.qposadr] += 0.1
+    import mujoco  # noqa: PLC0415
+
+    mujoco.mj_kinematics(plant.model, plant.data)
+    moved = np.abs(source.snapshot().poses - before).max(axis=(1, 2)) > 1e-6
+    assert 0 < moved.sum() < len(phalanges)
+    assert {source.scene.bodies[i] for i in np.flatnonzero(moved)} <= set(phalanges)
+
+
+BARE = """<robot name="bare"><link name="trunk">{inertial}</link>{legs}</robot>"""
+INERTIAL = (
+    '<inertial><origin xyz="0 0 {z}"/><mass value="{m}"/>'
+    '<inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+MATERIAL = '<material name="paint"><color rgba="0.2 0.4 0.6 1"/></material>'
+
+
+def bare_biped(shin: str = "") -> str:
+    """Two legs of five joints, without a single shape unless the shins are given one."""
+    legs = ""
+    for side, y in (("l", 0.1), ("r", -0.1)):
+        parent = "trunk"
+        for name, xyz, axis in (
+            ("roll", f"0 {y} 0", "1 0 0"),
+            ("hip", "0 0 0", "0 1 0"),
+            ("shin", "0 0 -0.3", "0 1 0"),
+            ("ankle", "0 0 -0.3", "0 1 0"),
+            ("foot", "0 0 0", "1 0 0"),
+        ):
+            legs += (
+                f'<link name="{side}_{name}">{INERTIAL.format(z=0, m=1)}{shin if name == "shin" else ""}</link>'
+                f'<joint name="{side}_{name}_joint" type="revolute"><parent link="{parent}"/>'
+                f'<child link="{side}_{name}"/><origin xyz="{xyz}"/><axis xyz="{axis}"/>'
+                f'<limit lower="-2" upper="2" effort="50" velocity="5"/></joint>'
+            )
+            parent = f"{side}_{name}"
+    return BARE.format(inertial=INERTIAL.format(z=0.2, m=10), legs=legs)
+
+
+def parts_of(shin: str) -> dict[str, list[Part]]:
+    place = {"translation": (0.02, 0.0, -0.05)}
+    description = wbc.RobotDescription.from_urdf(
+        bare_biped(shin),
+        left_sole=wbc.robots.FrameDescription("l_sole", "l_foot", **place),
+        right_sole=wbc.robots.FrameDescription("r_sole", "r_foot", **place),
+        sole_size=(0.18, 0.1),
+    )
+    parts: dict[str, list[Part]] = {}
+    for part in robot_parts(description):
+        parts.setdefault(part.body, []).append(part)
+    assert set(parts) == set(RobotSource(description, None).scene.bodies)
+    return parts
+
+
+def test_a_robot_without_shapes_is_a_stick_figure() -> None:
+    parts = parts_of("")
+    assert len(parts) == 11
+    rod = next(part for part in parts["l_shin"] if isinstance(part.shape, Cylinder))
+    assert isinstance(rod.shape, Cylinder)
+    ends = [(rod.placement @ [0.0, 0.0, s * rod.shape.length / 2.0, 1.0])[:3] for s in (-1, 1)]
+    assert sorted(end[2] for end in ends) == pytest.approx(
+        [-0.3, 0.0], abs=1e-9
+    )  # from the knee to the ankle
+    plate = next(part for part in parts["l_foot"] if isinstance(part.shape, Box))
+    assert isinstance(plate.shape, Box)
+    assert plate.shape.size[:2] == (0.18, 0.1)
+    assert plate.placement[2, 3] - plate.shape.size[2] / 2.0 == pytest.approx(-0.05)
+
+
+def test_collision_shapes_stand_in_for_a_mesh_that_is_not_there() -> None:
+    missing = '<visual><geometry><mesh filename="package://nowhere/shin.stl"/></geometry></visual>'
+    simple = '<collision><origin xyz="0 0 -0.1"/><geometry><sphere radius="0.05"/></geometry></collision>'
+    (shin,) = parts_of(missing + simple)["l_shin"]
+    assert shin.shape == Ellipsoid((0.05, 0.05, 0.05))
+    assert shin.placement[2, 3] == -0.1
+    assert any(isinstance(part.shape, Cylinder) for part in parts_of(missing)["l_shin"])
+
+
+def test_colours_are_those_of_the_urdf() -> None:
+    (shin,) = parts_of(f'<visual><geometry><box size=".1 .1 .3"/></geometry>{MATERIAL}</visual>')["l_shin"]
+    assert shin.colour == (0.2, 0.4, 0.6, 1.0)
+    assert shin.shape == Box((0.1, 0.1, 0.3))
+
+
+# ---- the page -------------------------------------------------------------------------------------------------------
+
+
+def test_the_page_holds_robot_ground_forces_and_labels(plant: wbc.Plant, view: MeshcatView) -> None:
+    view.update()
+    html = view.html()
+    assert "hrp4_class" in html and "contact force" in html and f"{plant.time:.2f} s" in html
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", html)  # it opens without network
+    drawn = commands(html)
+    objects = [command["path"] for command in drawn if command["type"] == "set_object"]
+    for part in (
+        "robot/head/",
+        "robot/left_ankle",
+        "ground/plane",
+        "forces/ground_0",
+        "markers/com",
+        "markers/zmp",
+    ):
+        assert any(path.startswith(f"{ROOT}/{part}") for path in objects), part
+    places = matrices(drawn)
+    data, model = plant.data, plant.model
+    for body in view.scene.bodies:
+        pose = places[f"{ROOT}/robot/{body}"]
+        place = model.body(body).id
+        assert pose[:3, 3] == pytest.approx(data.xpos[place], abs=1e-12)
+        assert pose[:3, :3] == pytest.approx(data.xmat[place].reshape(3, 3), abs=1e-12)
+
+
+def test_a_browser_gets_the_scene_and_then_what_moves(plant: wbc.Plant, view: MeshcatView) -> None:
+    async def follow() -> tuple[list[Any], list[Any]]:
+        socket = await websocket_connect(view.url.replace("http", "ws") + "stream")
+
+        async def until_facts() -> list[Any]:
+            messages: list[Any] = []
+            while not messages or isinstance(messages[-1], bytes) or "hello" in messages[-1]:
+                message = await asyncio.wait_for(socket.read_message(), 20.0)
+                messages.append(message)
+            return [umsgpack.unpackb(m) if isinstance(m, bytes) else json.loads(m) for m in messages]
+
+        scene = await until_facts()
+        assert view.pages == 1
+        plant.data.xpos[plant.model.body("head").id] += [0.0, 0.0, 0.1]  # as if the head alone had moved
+        view.update()
+        moved = await until_facts()
+        plant.data.xpos[plant.model.body("head").id] -= [0.0, 0.0, 0.1]
+        socket.close()
+        return scene, moved
+
+    view.update()
+    assert view.pages == 0 and not view.wait(0.0)
+    scene, moved = asyncio.run(follow())
+    assert set(scene[0]["hello"]["controls"]) == {"push"}  # there is no walk to be stopped
+    assert scene[1] == {"type": "delete", "path": ROOT}
+    assert sum(command.get("type") == "set_object" for command in scene) >= len(view.scene.drawings)
+    assert scene[-1]["time"] == plant.time and not scene[-1]["paused"]
+    assert scene[-1]["target"] == pytest.approx(plant.truth().com, abs=1e-4)
+    assert [command["path"] for command in moved[:-1]] == [f"{ROOT}/robot/head"]
+    with urllib.request.urlopen(view.url) as page, urllib.request.urlopen(view.url + "main.min.js") as script:
+        assert b"hrp4_class" in page.read() and b"MeshCat" in script.read()
+
+
+def test_pages_of_other_sites_are_refused(view: MeshcatView) -> None:
+    url, elsewhere = view.url.replace("http", "ws") + "stream", {"Origin": "http://elsewhere.example"}
+
+    async def connect() -> None:
+        await websocket_connect(HTTPRequest(url, headers=elsewhere))
+
+    with pytest.raises(HTTPClientError, match="403"):
+        asyncio.run(connect())
+
+
+# ---- it changes nothing ---------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_the_same_with_and_without_a_view_even_one_that_dies(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    # The torques are recorded first: what is compared is the plant, not one run of a solver with another.
+    control = wbc.TorqueControl(balance_controller(wbc.load_robot("hrp4_class").robot(), 0.002))
+    plant, commands = new_plant(), []
+    while plant.time < 0.4:
+        commands.append(control.command(plant.measure()))
+        plant.step(commands[-1])
+    alone = fall_over(new_plant(), commands)
+
+    plant = new_plant()
+    with MeshcatView(plant, port=0, rate=1e6) as view:
+        states = fall_over(plant, commands[:120], view)
+        assert view.frames > len(states)
+        assert not caplog.records
+        os.kill(view.pid, signal.SIGSTOP)  # it takes nothing any more
+        states += fall_over(plant, commands[120:], view)
+        os.kill(view.pid, signal.SIGKILL)
+        while not caplog.records:
+            view.update()
+        view.update()
+    assert np.array_equal(states, alone)
+    assert np.abs(alone[-1] - alone[0]).max() > 0.1  # something did happen
+    assert [record.message.split(" (")[0] for record in caplog.records] == ["the live view has ended"]
+    view.close()  # a second time does no harm
+    with pytest.raises(ViewError, match="has ended"):
+        view.html()
+
+
+def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.MonkeyPatch) -> None:
+    step = 2.0**-15  # s; 33 of them are needed to fill the 1 ms of this view
+    now = math.ceil(time.perf_counter() / step) * step + 1.0
+    monkeypatch.setattr("wbc.app.view.view.clock.perf_counter", lambda: now)
+    view.update()
+    before = view.frames
+    for _ in range(1000):
+        now += step
+        view.update()
+    assert view.frames - before == 1000 // 33
+    view._next = 0.0  # for the tests that follow, which have the real clock
+
+
+def test_the_drawing_process_ends_with_the_program() -> None:
+    program = (
+        "import os, wbc; from wbc.app.view.view import MeshcatView\n"
+        "view = MeshcatView(wbc.load_robot('hrp4_class'), port=0)\n"
+        "print(view.pid, flush=True); os.kill(os.getpid(), 9)"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    pid = int(ended.stdout)
+    end = time.monotonic() + 20.0
+    while _alive(pid) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not _alive(pid)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    try:  # an orphan that nobody collects is dead, too
+        with open(f"/proc/{pid}/stat", encoding="ascii") as state:
+            return state.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return sys.platform != "linux"
+
+
+def test_of_many_frames_the_newest_counts() -> None:
+    writer = Channel(3)
+    reader = Channel(3, os.dup(writer.fd))
+    assert reader.read(0) is None
+    rng = np.random.default_rng(0)
+    for number in (1, 2, 7):
+        while writer.newest < number:
+            frame = rng.normal(size=(3, 4, 4))
+            writer.write(0.5 * number, frame, b"x" * number)
+        read = reader.read(0)
+        assert read is not None
+        assert (read[0], read[1], read[3]) == (number, 0.5 * number, b"x" * number)
+        assert read[2].reshape(3, 4, 4).transpose(0, 2, 1) == pytest.approx(frame, abs=0.0)
+        assert reader.read(number) is None
+    assert writer.wishes(0) is None
+    for text in (b"one", b"two", b"three"):
+        reader.wish(text)
+    assert writer.wishes(0) == (3, b"three")
+    assert writer.wishes(3) is None
+    writer.write(1.0, frame, b"x" * (NOTE + 1))  # too long to be said
+    read = reader.read(7)
+    assert read is not None and read[3] == b"{}"
+    reader.pages, reader.shown = 2, 7
+    assert (writer.pages, writer.shown) == (2, 7)
+    reader.close()
+    writer.close()
+
+
+# ---- bad input ------------------------------------------------------------------------------------------------------
+
+
+def test_a_port_in_use_is_said_before_anything_runs() -> None:
+    description = wbc.load_robot("hrp4_class")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PortError, match=rf"127\.0\.0\.1:{port}.*in use.*another port"):
+            MeshcatView(description, port=port)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rate": 0.0}, "rate of the view"),
+        ({"speed": -1.0}, "speed of the view"),
+        ({"port": 70000}, "port of the view"),
+        ({"terrain": terrain("stones")}, "its own terrain"),
+    ],
+)
+def test_options_out_of_range_are_refused(plant: wbc.Plant, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        MeshcatView(plant, **options)
+
+
+def test_states_that_do_not_belong_are_refused(plant: wbc.Plant, view: MeshcatView) -> None:
+    with pytest.raises(InputError, match="takes its state from the plant"):
+        view.update(plant.robot)
+    model = RobotSource(wbc.load_robot("hrp4_class"), None)
+    with pytest.raises(InputError, match="'hrp4_class', not Robot\\('talos'"):
+        model.snapshot(wbc.load_robot("talos").robot(), None, 0.0)
+    with pytest.raises(InputError, match="configuration to show"):
+        model.snapshot(np.zeros(3), None, 0.0)
+    with pytest.raises(InputError, match="sole wrenches to show"):
+        model.snapshot(plant.truth().q, np.full((2, 6), np.nan), 0.0)

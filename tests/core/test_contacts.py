@@ -1,0 +1,358 @@
+"""Contacts: the wrench cone against forces at the corners, the force ramp, free axes, point contacts."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import nnls
+from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, standing
+
+from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.qp.contact import AXES, PointContact, SoleContact, friction_pyramid, rectangle_wrench_cone
+from wbc.core.qp.controller import Controller
+from wbc.core.signals import Measurement
+from wbc.tasks import CoMTask, CoPTask, PostureTask, WrenchTask
+
+robots = pytest.mark.parametrize("name", ROBOTS)
+RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
+
+
+def corner_generators(x: float, y: float, friction: float) -> Array:
+    """Wrenches of unit forces along the edges of the friction pyramids at the corners, shape (6, 16)."""
+    columns = []
+    for (px, py), (fx, fy) in itertools.product(
+        itertools.product((x, -x), (y, -y)), itertools.product((friction, -friction), repeat=2)
+    ):
+        force = np.array([fx, fy, 1.0])
+        columns.append(np.concatenate([force, np.cross([px, py, 0.0], force)]))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize(("x", "y", "friction"), RECTANGLES)
+def test_cone_holds_what_corner_forces_can_do_and_nothing_else(x: float, y: float, friction: float) -> None:
+    """Samples on both sides of the cone, close to its faces, against non-negative least squares."""
+    rng = np.random.default_rng(1)
+    cone, generators = rectangle_wrench_cone(x, y, friction), corner_generators(x, y, friction)
+    assert (cone @ generators <= 1e-12).all()
+    unit = np.array([friction, friction, 1.0, y, x, friction * (x + y)])
+    inside = outside = 0
+    for _ in range(300):
+        base = generators @ rng.exponential(size=16)
+        direction = unit * rng.normal(size=6)
+        direction[2] = 0.0  # away from the axis of the cone, so that the ray does leave it
+        reach = -(cone @ base) / np.maximum(cone @ direction, 1e-12)  # where the ray leaves each half space
+        edge = float(reach[cone @ direction > 1e-12].min())
+        for share in (0.98, 1.02):
+            wrench = base + share * edge * direction
+            scaled = wrench / unit
+            _, residual = nnls(generators / unit[:, None], scaled)
+            feasible = residual < 1e-8 * np.linalg.norm(scaled)
+            assert feasible == bool((cone @ wrench <= 1e-9 * abs(wrench[2])).all())
+            inside, outside = inside + feasible, outside + (not feasible)
+    assert inside == outside == 300
+
+
+@robots
+def test_solved_wrenches_can_be_made_by_corner_forces(name: str) -> None:
+    """A robot that leans as hard as it can stays inside what its soles can pass on."""
+    controller = standing(name)
+    robot = controller.robot
+    friction, margin = 0.3, 0.01
+    controller.remove(*controller.contacts)
+    contacts = [SoleContact(sole.name, friction=friction, margin=margin) for sole in robot.soles]
+    com = CoMTask(weight=1e3, stiffness=0.0)
+    controller.add(*contacts, com)
+    for angle in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        com.feedforward_acceleration = 20.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        solution = controller.solve()
+        assert solution.ok
+        assert any("wrench cone" in limit for limit in solution.active_limits)
+        for sole in robot.soles:
+            x, y = 0.5 * sole.length - margin, 0.5 * sole.width - margin
+            unit = np.array([1.0, 1.0, 1.0, y, x, x + y])
+            wrench = solution.wrenches[sole.name] / unit
+            _, residual = nnls(corner_generators(x, y, friction) / unit[:, None], wrench)
+            assert residual < 1e-4 * robot.mass
+            assert solution.wrenches[sole.name][2] >= contacts[0].min_force - 1e-5
+
+
+@robots
+def test_sole_in_contact_does_not_accelerate(name: str) -> None:
+    rng = np.random.default_rng(2)
+    controller = standing(name)
+    robot = controller.robot
+    controller.add(CoMTask([0.3, 0.2, 0.5]))
+    for contact in controller.contacts:
+        contact.stiffness, contact.damping = 0.0, 0.0
+    controller.reset()
+    controller.update(*near_half_sitting(robot, rng, 0.02, 0.1))
+    solution = controller.solve()
+    assert solution.ok
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
+    for sole in robot.soles:
+        moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL)
+        np.testing.assert_allclose(moved.vector, 0.0, atol=1e-6)
+
+
+def test_disturbed_sole_comes_back_to_where_the_contact_was_made() -> None:
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    controller.add(CoMTask())
+    place = robot.placement(robot.soles[0].frame).copy()
+    q, v = pin.integrate(robot.model, robot.q, 2e-3 * np.ones(robot.nv)), np.array(robot.v)
+    distances = []
+    for _ in range(500):
+        controller.update(q, v)
+        away = place.actInv(robot.placement(robot.soles[0].frame))
+        distances.append(float(np.linalg.norm(pin.log6(away).vector)))
+        solution = controller.solve()
+        assert solution.ok
+        q, v = integrate(controller, q, v, solution.accelerations)
+    assert distances[0] > 1e-3
+    assert distances[-1] < 0.01 * distances[0]
+
+
+def test_force_range_ramps_up_and_down_without_a_jump() -> None:
+    robot, dt, ramp = make_robot("g1"), 0.002, 0.1
+    contact = SoleContact("left_foot", ramp=ramp, min_force=20.0, max_force=500.0, active=False)
+    contact.bind(robot)
+    assert not contact.engaged
+    for active in (True, False):
+        contact.active = active
+        highs, lows = [], []
+        for _ in range(80):
+            contact.advance(dt)
+            low, high = contact.normal_force_range
+            assert 0.0 <= low <= high
+            lows.append(low)
+            highs.append(high)
+        steps = np.diff(highs) * (1.0 if active else -1.0)
+        assert (steps >= -1e-12).all()
+        assert steps.max() <= 500.0 * dt / ramp + 1e-9
+        assert (np.diff(lows) * (1.0 if active else -1.0) >= -1e-12).all()
+        assert highs[-1] == (500.0 if active else 0.0)
+        assert lows[-1] == (20.0 if active else 0.0)
+        first = int(np.argmax(np.isclose(highs, highs[-1])))
+        assert first * dt == pytest.approx(ramp, abs=2 * dt)
+    assert not contact.engaged
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "g1"])
+def test_forces_do_not_jump_when_a_foot_is_lifted_and_put_down(name: str) -> None:
+    dt, ramp = 0.002, 0.2
+    controller = Controller(make_robot(name), dt)
+    robot = controller.robot
+    weight = robot.mass * 9.80665
+    left, right = (
+        SoleContact(foot, ramp=ramp, max_force=1.5 * weight, min_force=0.0)
+        for foot in ("left_foot", "right_foot")
+    )
+    com = CoMTask()
+    controller.add(left, right, com, PostureTask(weight=0.3))
+    goal = np.array(robot.com)
+    goal[:2] = robot.placement(robot.soles[1].frame).translation[:2]
+    com.target = goal
+    q, v = np.array(robot.q), np.array(robot.v)
+    loads, allowed = [], []
+    for tick in range(1500):
+        if tick == 800:
+            left.active = False
+        elif tick == 1200:
+            left.active = True
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        loads.append([solution.wrenches["left_foot"][2], solution.wrenches["right_foot"][2]])
+        allowed.append(left.normal_force_range[1])
+        q, v = integrate(controller, q, v, solution.accelerations)
+    loads = np.array(loads)
+    assert np.abs(np.diff(loads[700:, 0])).max() <= 1.5 * weight * dt / ramp + 1e-6
+    assert (loads[:, 0] <= np.array(allowed) + 1e-4).all()
+    np.testing.assert_allclose(loads[1000:1200, 0], 0.0, atol=1e-6)
+    assert loads[799, 0] > 1.0
+    assert loads[-1, 0] > 1.0
+    np.testing.assert_allclose(loads.sum(axis=1)[700:], weight, rtol=0.03)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "roll", "pitch", "yaw"])
+def test_free_axis_has_no_force_and_may_move(axis: str) -> None:
+    rng = np.random.default_rng(3)
+    index = AXES.index(axis)
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    controller.remove(controller.contact("left_foot"))
+    sole = SoleContact("left_foot", free_axes=(axis,), stiffness=0.0, damping=0.0, wrench_weight=1e-11)
+    controller.add(sole, CoMTask(np.array(robot.com) + [0.03, 0.02, -0.05]))
+    assert sole.held_axes == tuple(a for a in AXES if a != axis)
+    q, _ = near_half_sitting(robot, rng, 0.02)
+    controller.update(q, np.zeros(robot.nv))
+    solution = controller.solve()
+    assert solution.ok
+    np.testing.assert_allclose(solution.wrenches["left_foot"][index], 0.0, atol=1e-6)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
+    moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL).vector
+    np.testing.assert_allclose(np.delete(moved, index), 0.0, atol=1e-6)
+    assert abs(moved[index]) > 1e-4
+
+
+def test_free_axis_that_keeps_its_force_may_have_both() -> None:
+    """A foot that is not held in roll and pitch, and carries ankle torque all the same."""
+    rng = np.random.default_rng(4)
+    controller = standing("talos")
+    robot = controller.robot
+    controller.remove(controller.contact("left_foot"))
+    sole = SoleContact("left_foot", free_axes=("roll", "pitch"), free_force=True, stiffness=0.0, damping=0.0)
+    controller.add(
+        sole, CoMTask(), WrenchTask(sole, [0, 0, 0, 5.0, -8.0, 0], axes=("roll", "pitch"), weight=1e2)
+    )
+    controller.update(*near_half_sitting(robot, rng, 0.02, 0.1))
+    solution = controller.solve()
+    assert solution.ok
+    wrench = solution.wrenches["left_foot"]
+    np.testing.assert_allclose(wrench[3:5], [5.0, -8.0], atol=0.1)
+    assert (sole.cone @ wrench <= 1e-5).all()
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
+    moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL).vector
+    np.testing.assert_allclose(moved[[0, 1, 2, 5]], 0.0, atol=1e-6)
+    assert np.abs(moved[3:5]).min() > 1e-4
+    # The wrench that moves the robot has the moments of the free axes in it: Newton and Euler about the CoM.
+    total, moment = np.zeros(3), np.zeros(3)
+    for foot in robot.soles:
+        placement, felt = robot.placement(foot.frame), solution.wrenches[foot.name]
+        force = placement.rotation @ felt[:3]
+        total += force
+        moment += placement.rotation @ felt[3:] + np.cross(placement.translation - robot.com, force)
+    rate = pin.computeCentroidalMomentumTimeVariation(
+        robot.model, data, robot.q, robot.v, solution.accelerations
+    ).vector
+    np.testing.assert_allclose(total + robot.mass * np.array([0, 0, -9.80665]), rate[:3], atol=1e-4)
+    np.testing.assert_allclose(moment, rate[3:], atol=1e-4)
+
+
+def test_loaded_foot_is_turned_by_its_cop_task() -> None:
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    controller.remove(*controller.contacts)
+    for sole in robot.soles:
+        controller.add(SoleContact(sole.name, free_axes=("roll", "pitch"), free_force=True))
+    weight = 0.5 * robot.mass * 9.80665
+    controller.add(CoMTask())
+    for sole in robot.soles:
+        controller.add(CoPTask(sole.name, target_force=(0, 0, weight), time_constant=0.0))
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = weight
+    wrenches[0, 4] = -0.02 * weight  # the left CoP is 2 cm too far in front
+    q, v = np.array(robot.q), np.array(robot.v)
+    for _ in range(50):
+        controller.update(q, v)
+        none = np.zeros(3)
+        solution = controller.solve(Measurement(0.0, q[7:], v[6:], none, none, wrenches))
+        assert solution.ok, controller.diagnose()
+        q, v = integrate(controller, q, v, solution.accelerations)
+    rate = 0.01 * 0.02 * weight
+    for sole, expected in zip(robot.soles, (-rate, 0.0), strict=True):
+        turning = pin.getFrameVelocity(robot.model, robot.data, robot.frame_id(sole.frame), pin.LOCAL)
+        np.testing.assert_allclose(turning.angular, [0.0, expected, 0.0], atol=0.03 * rate)
+        np.testing.assert_allclose(turning.linear, 0.0, atol=1e-4)
+
+
+def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
+    controller = standing("g1")
+    robot = controller.robot
+    controller.add(CoMTask())
+    contact = controller.contact("left_foot")
+    place, speed = pin.SE3(contact.target), 0.02
+    q, v = np.array(robot.q), np.array(robot.v)
+    for tick in range(250):
+        lift = speed * tick * controller.dt
+        target = pin.SE3(place.rotation, place.translation + [0.0, 0.0, lift])
+        if tick % 2:
+            contact.target, contact.velocity = target, [0.0, 0.0, speed, 0.0, 0.0, 0.0]
+        else:  # the same, unchecked
+            contact.follow(target, np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0]))
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        q, v = integrate(controller, q, v, solution.accelerations)
+    robot.update(q, v)
+    lifted = robot.placement(contact.frame).translation[2] - place.translation[2]
+    assert lifted == pytest.approx(speed * 250 * controller.dt, abs=2e-4)
+    contact.reset()
+    np.testing.assert_array_equal(contact.velocity, 0.0)
+    with pytest.raises(InputError):
+        contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
+
+
+def test_normal_axis_cannot_be_free() -> None:
+    with pytest.raises(InputError, match="cannot leave axis 'z' free; choices: x, y, roll, pitch, yaw"):
+        SoleContact("left_foot", free_axes=("z",))
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-0.5, 0.3, 0.7)])
+def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple[float, ...]) -> None:
+    controller = standing("talos")
+    robot = controller.robot
+    hand = PointContact(
+        left_hand(robot), normal=normal, friction=0.4, min_force=5.0, ramp=0.0, stiffness=0.0, damping=0.0
+    )
+    controller.add(hand, CoMTask(np.array(robot.com) + [0.05, 0.05, -0.02], weight=100.0))
+    solution = controller.solve()
+    assert solution.ok, controller.diagnose()
+    force = solution.wrenches[hand.name]
+    assert (friction_pyramid(0.4) @ force <= 1e-5).all()
+    assert force[2] >= 5.0 - 1e-5
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
+    frame = robot.frame_id(hand.frame)
+    moved = pin.getFrameClassicalAcceleration(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
+    np.testing.assert_allclose(moved, 0.0, atol=1e-6)
+    # The base is held by the soles and the hand together: Newton's law in the world.
+    axis = np.array(normal) / np.linalg.norm(normal)
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
+    total = turn @ force
+    for sole in robot.soles:
+        total = total + robot.placement(sole.frame).rotation @ solution.wrenches[sole.name][:3]
+    pin.centerOfMass(robot.model, data, robot.q, robot.v, solution.accelerations)
+    np.testing.assert_allclose(total, robot.mass * (data.acom[0] + [0, 0, 9.80665]), atol=1e-4)
+
+
+def test_contacts_that_are_off_weigh_nothing() -> None:
+    """A robot in the air falls, whatever contacts it might have."""
+    controller = Controller(make_robot("g1"), 0.002)
+    controller.add(SoleContact("left_foot", active=False), SoleContact("right_foot", active=False))
+    controller.add(PostureTask(hard=True))
+    solution = controller.solve()
+    assert solution.ok
+    for wrench in solution.wrenches.values():
+        np.testing.assert_allclose(wrench, 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(solution.accelerations[:3]), 9.80665, rtol=1e-6)
+
+
+def test_bad_values_are_refused() -> None:
+    for make in (
+        lambda: SoleContact("left_foot", friction=0.0),
+        lambda: SoleContact("left_foot", margin=-0.1),
+        lambda: SoleContact("left_foot", min_force=-1.0),
+        lambda: SoleContact("left_foot", min_force=10.0, max_force=5.0),
+        lambda: SoleContact("left_foot", ramp=float("nan")),
+        lambda: SoleContact("left_foot", wrench_weight=[1.0, 2.0]),
+        lambda: SoleContact("left_foot", wrench_weight=-1.0),
+        lambda: PointContact("left_hand", normal=(0.0, 0.0, 0.0)),
+        lambda: PointContact("left_hand", free_axes=("roll",)),
+        lambda: rectangle_wrench_cone(0.0, 0.1, 0.5),
+    ):
+        with pytest.raises(InputError):
+            make()
+    robot = make_robot("g1")
+    with pytest.raises(InputError, match="CoP margin"):
+        SoleContact("left_foot", margin=0.5).bind(robot)
+    with pytest.raises(UnknownNameError, match="sole"):
+        SoleContact("pelvis").bind(robot)
+    with pytest.raises(UnknownNameError, match="frame"):
+        PointContact("left_hant").bind(robot)

@@ -1,0 +1,268 @@
+"""Joint and torque limits: never crossed, never empty, and a way back from outside."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from task_factory import ROBOTS, integrate, make_robot, standing
+
+from wbc.core.errors import Array, InputError
+from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
+from wbc.tasks import CoMTask, PostureTask
+
+robots = pytest.mark.parametrize("name", ROBOTS)
+PERIODS = (0.001, 0.002, 0.0033, 0.005)
+TOLERANCE = 1e-9
+
+
+class DoubleIntegrators:
+    """The joints of a robot as independent double integrators under a limit's intervals."""
+
+    def __init__(self, robot: Robot, limits: JointLimits, dt: float) -> None:
+        self.robot, self.limits, self.dt = robot, limits, dt
+        self.lower, self.upper = np.zeros(robot.na), np.zeros(robot.na)
+        self.q, self.v = robot.q[7:], robot.v[6:]  # the limit reads the state of the robot
+
+    def step(self, request: Array) -> None:
+        self.limits.write(self.dt, self.lower, self.upper)
+        assert (self.lower <= self.upper).all()
+        assert np.isfinite(self.lower[self.lower > -np.inf]).all()
+        acceleration = np.clip(request, self.lower, self.upper)
+        self.q += self.v * self.dt + 0.5 * acceleration * self.dt**2
+        self.v += acceleration * self.dt
+
+
+def requests(kind: int, rng: np.random.Generator, na: int, time: float, dt: float) -> Array:
+    """What a program might ask of a joint: pushes, waves, noise, and bang-bang."""
+    push = rng.choice([-1.0, 1.0], na)
+    if kind == 0:
+        return 1e4 * push
+    if kind == 1:
+        return 300.0 * np.sin(2 * np.pi * time * np.linspace(0.3, 8.0, na))
+    if kind == 2:
+        return 200.0 * rng.normal(size=na)
+    return np.full(na, 1e3 if int(time / 0.35) % 2 else -1e3)
+
+
+def viable_start(robot: Robot, limits: JointLimits, rng: np.random.Generator) -> None:
+    """Joints anywhere inside, no faster than braking allows."""
+    share = rng.uniform(0.0, 1.0, robot.na)
+    q = limits.lower + share * (limits.upper - limits.lower)
+    fast_up = np.minimum(np.sqrt(2.0 * limits.braking * (limits.upper - q)), limits.velocity)
+    fast_down = np.minimum(np.sqrt(2.0 * limits.braking * (q - limits.lower)), limits.velocity)
+    robot.q[7:], robot.v[6:] = q, rng.uniform(-0.98 * fast_down, 0.98 * fast_up)
+
+
+@pytest.mark.parametrize("acceleration", [None, 40.0])
+def test_a_thousand_runs_into_the_limits_cross_none(acceleration: float | None) -> None:
+    rng = np.random.default_rng(1)
+    runs, nearest = 0, np.inf
+    while runs < 1000:
+        robot = make_robot(ROBOTS[runs % 3])
+        limits = JointLimits(acceleration=acceleration)
+        limits.bind(robot)
+        dt = float(rng.choice(PERIODS))
+        viable_start(robot, limits, rng)
+        joints = DoubleIntegrators(robot, limits, dt)
+        kind = int(rng.integers(4))
+        held = requests(kind, rng, robot.na, 0.0, dt)
+        for tick in range(300):
+            joints.step(held if kind == 0 else requests(kind, rng, robot.na, tick * dt, dt))
+            assert (joints.q <= limits.upper + TOLERANCE).all()
+            assert (joints.q >= limits.lower - TOLERANCE).all()
+            assert (np.abs(joints.v) <= limits.velocity + TOLERANCE).all()
+            # Between the ticks, too: where a joint turns round within a period.
+            nearest = min(nearest, float((limits.upper - joints.q).min()))
+        runs += robot.na
+    assert nearest < 1e-3  # the runs did run into the limits
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_many_more_runs_into_the_limits_cross_none(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    for _ in range(20):
+        robot = make_robot(ROBOTS[int(rng.integers(3))])
+        limits = JointLimits(
+            braking=float(rng.uniform(5, 200)), velocity_ratio=float(rng.uniform(0.1, 1.0)), margin=0.0
+        )
+        limits.bind(robot)
+        dt = float(rng.uniform(5e-4, 1e-2))
+        viable_start(robot, limits, rng)
+        joints = DoubleIntegrators(robot, limits, dt)
+        for tick in range(1000):
+            joints.step(requests(int(rng.integers(4)), rng, robot.na, tick * dt, dt))
+            assert (joints.q <= robot.position_upper + TOLERANCE).all()
+            assert (joints.q >= robot.position_lower - TOLERANCE).all()
+
+
+def test_joint_never_passes_its_bound_between_ticks() -> None:
+    rng = np.random.default_rng(2)
+    robot = make_robot("g1")
+    limits = JointLimits(margin=0.0)
+    limits.bind(robot)
+    dt = 0.005
+    joints = DoubleIntegrators(robot, limits, dt)
+    for _ in range(20):
+        viable_start(robot, limits, rng)
+        for _ in range(60):
+            q, v = joints.q.copy(), joints.v.copy()
+            joints.step(np.full(robot.na, 1e4))
+            a = (joints.v - v) / dt
+            turn = np.clip(-v / np.where(a == 0.0, 1e-12, a), 0.0, dt)
+            peak = q + v * turn + 0.5 * a * turn**2
+            assert (peak <= limits.upper + TOLERANCE).all()
+
+
+@pytest.mark.parametrize("dt", PERIODS)
+def test_joint_outside_its_limits_comes_back_and_stays(dt: float) -> None:
+    rng = np.random.default_rng(3)
+    robot = make_robot("talos")
+    limits = JointLimits()
+    limits.bind(robot)
+    side = rng.choice([-1.0, 1.0], robot.na)
+    beyond = rng.uniform(0.0, 0.3, robot.na)
+    robot.q[7:] = np.where(side > 0, limits.upper + beyond, limits.lower - beyond)
+    robot.v[6:] = rng.uniform(-1.0, 1.0, robot.na)
+    joints = DoubleIntegrators(robot, limits, dt)
+    ticks = round(2.0 / dt)
+    for tick in range(ticks):
+        joints.step(side * 1e3)  # pushed further out all the time
+        if tick * dt > 1.5:
+            assert (joints.q <= limits.upper + 1e-3).all()
+            assert (joints.q >= limits.lower - 1e-3).all()
+
+
+def test_interval_is_never_empty_wherever_the_joints_are() -> None:
+    rng = np.random.default_rng(4)
+    robot = make_robot("hrp4_class")
+    kinds = [{}, {"acceleration": 10.0}, {"position": False}, {"velocity": False}]
+    for limits in (JointLimits(**kind) for kind in kinds):
+        limits.bind(robot)
+        lower, upper = np.zeros(robot.na), np.zeros(robot.na)
+        for _ in range(300):
+            robot.q[7:] = rng.normal(scale=3.0, size=robot.na)
+            robot.v[6:] = rng.normal(scale=30.0, size=robot.na)
+            limits.write(float(rng.choice(PERIODS)), lower, upper)
+            assert (lower <= upper).all()
+
+
+def test_viable_joint_needs_no_more_than_the_braking_deceleration() -> None:
+    rng = np.random.default_rng(5)
+    robot = make_robot("g1")
+    limits = JointLimits(velocity=False)
+    limits.bind(robot)
+    lower, upper = np.zeros(robot.na), np.zeros(robot.na)
+    for _ in range(200):
+        viable_start(robot, limits, rng)
+        limits.write(0.001, lower, upper)
+        assert (upper >= -limits.braking * (1 + 1e-9)).all()
+        assert (lower <= limits.braking * (1 + 1e-9)).all()
+
+
+def test_bounds_are_there_only_when_wanted() -> None:
+    robot = make_robot("g1")
+    lower, upper = np.zeros(robot.na), np.zeros(robot.na)
+    none = JointLimits(position=False, velocity=False)
+    none.bind(robot)
+    none.write(0.001, lower, upper)
+    assert np.isinf(lower).all()
+    assert np.isinf(upper).all()
+    only_acceleration = JointLimits(position=False, velocity=False, acceleration=7.0)
+    only_acceleration.bind(robot)
+    only_acceleration.write(0.001, lower, upper)
+    np.testing.assert_allclose([lower, upper], [[-7.0] * robot.na, [7.0] * robot.na])
+    only_velocity = JointLimits(position=False, velocity_ratio=0.5)
+    only_velocity.bind(robot)
+    robot.v[6:] = 0.1
+    only_velocity.write(0.001, lower, upper)
+    np.testing.assert_allclose(upper, (0.5 * robot.velocity_limit - 0.1) / 0.001)
+    np.testing.assert_allclose(lower, (-0.5 * robot.velocity_limit - 0.1) / 0.001)
+
+
+@robots
+def test_posture_target_beyond_the_limits_stops_at_them(name: str) -> None:
+    """The same through the controller, torques limited, the integrated robot standing on two feet."""
+    controller = standing(name, dt=0.002, posture=False)
+    robot = controller.robot
+    limits = JointLimits()
+    arms = [j for j in robot.joint_names if any(part in j for part in ("arm", "shoulder", "elbow"))]
+    target = {j: robot.position_upper[robot.joint_index(j)] + 0.5 for j in arms}
+    controller.add(CoMTask(), limits, TorqueLimits(), PostureTask(target, stiffness=200.0))
+    q, v = np.array(robot.q), np.array(robot.v)
+    for _ in range(400):
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        q, v = integrate(controller, q, v, solution.accelerations)
+        # Half-sitting may stand on a limit, inside the margin.
+        assert (q[7:] <= robot.position_upper + 1e-6).all()
+        assert (q[7:] >= robot.position_lower - 1e-6).all()
+        assert (np.abs(v[6:]) <= robot.velocity_limit + 1e-6).all()
+    near = [limits.upper[robot.joint_index(j)] - q[7 + robot.joint_index(j)] for j in arms]
+    assert min(near) < 1e-3
+    assert any("limits of" in limit for limit in solution.active_limits)
+
+
+@robots
+def test_torques_stay_within_limit_and_rate(name: str) -> None:
+    controller = standing(name, dt=0.002, posture=False)
+    robot = controller.robot
+    ratio, rate = 0.8, 2000.0
+    com = CoMTask(weight=1e3)
+    controller.add(com, PostureTask(), TorqueLimits(ratio=ratio, rate=rate))
+    q, v = np.array(robot.q), np.array(robot.v)
+    start, before, limited = np.array(com.target), None, 0
+    for tick in range(150):
+        com.target = start + np.array([0.0, 0.03 * np.sign(np.sin(40.0 * tick * controller.dt)), 0.0])
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        assert (np.abs(solution.torques) <= ratio * robot.torque_limit + 1e-4).all()
+        if before is not None:
+            change = np.abs(solution.torques - before)
+            assert (change <= rate * controller.dt + 1e-4).all()
+            limited += int((change > 0.99 * rate * controller.dt).sum())
+        before = solution.torques
+        q, v = integrate(controller, q, v, solution.accelerations)
+    assert limited > 0
+
+
+def test_torque_limits_bind_when_the_task_wants_too_much() -> None:
+    robot = make_robot("hrp4_class")
+    controller = Controller(robot, 0.002)
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask())
+    knee = "left_knee_pitch"
+    bent = {knee: robot.q[7 + robot.joint_index(knee)] - 1.0}
+    task = controller.add(PostureTask(bent, joints=[knee], name="knee", weight=10.0, stiffness=500.0))
+    free = controller.solve()
+    limit = controller.add(TorqueLimits(ratio=0.3))
+    bounded = controller.solve()
+    assert bounded.ok
+    assert (np.abs(free.torques) > 0.3 * robot.torque_limit).any()
+    assert (np.abs(bounded.torques) <= 0.3 * robot.torque_limit + 1e-4).all()
+    assert any("torque of" in name for name in bounded.active_limits)
+    controller.remove(limit)
+    np.testing.assert_allclose(controller.solve().torques, free.torques, atol=1e-4)
+    assert task.dim == 1
+
+
+def test_bad_values_are_refused() -> None:
+    for make in (
+        lambda: JointLimits(margin=-0.1),
+        lambda: JointLimits(velocity_ratio=0.0),
+        lambda: JointLimits(velocity_ratio=1.5),
+        lambda: TorqueLimits(ratio=0.0),
+        lambda: TorqueLimits(ratio=float("nan")),
+        lambda: JointLimits(acceleration=-1.0).bind(make_robot("g1")),
+        lambda: JointLimits(acceleration=[1.0, 2.0]).bind(make_robot("g1")),
+        lambda: JointLimits(acceleration=5.0, braking=10.0).bind(make_robot("g1")),
+        lambda: TorqueLimits(rate=0.0).bind(make_robot("g1")),
+        lambda: standing("g1").add(JointLimits(), JointLimits()),
+        lambda: standing("g1").add(TorqueLimits(), TorqueLimits()),
+    ):
+        with pytest.raises(InputError):
+            make()

@@ -1,0 +1,448 @@
+"""Self-collision and CoM polygon: rows against finite differences, and limits that are never crossed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
+from task_factory import (
+    ROBOTS,
+    description,
+    integrate,
+    left_hand,
+    make_robot,
+    near_half_sitting,
+    random_state,
+    right_hand,
+)
+
+from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.limits.collision import Capsule, SelfCollisionLimit, Sphere
+from wbc.core.limits.com_polygon import CoMPolygonLimit, convex_hull
+from wbc.core.limits.rows import JointLimits, RowLimit
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
+from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask
+
+robots = pytest.mark.parametrize("name", ROBOTS)
+STEP = 1e-6
+
+
+def rows_of(limit: RowLimit, robot: Robot, dt: float = 0.002) -> tuple[Array, Array, Array]:
+    rows, lower, upper = np.ones((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
+    limit.write(dt, rows, lower, upper)
+    return rows, lower, upper
+
+
+# ---- self-collision -----------------------------------------------------------------------------------------------
+
+
+def balls(robot: Robot, radius: float = 0.05, **options: float) -> SelfCollisionLimit:
+    hands = (left_hand(robot), right_hand(robot))
+    return SelfCollisionLimit([hands], shapes={hand: Sphere(radius) for hand in hands}, **options)
+
+
+def capsules(robot: Robot, **options: float) -> SelfCollisionLimit:
+    """A capsule along each lower arm, and one for the torso."""
+    shapes: dict[str, Capsule] = {}
+    for hand in (left_hand(robot), right_hand(robot)):
+        frame = robot.model.frames[robot.frame_id(hand)]
+        back = frame.placement.inverse().translation
+        back = back / max(float(np.linalg.norm(back)), 1e-3) * 0.15
+        shapes[hand] = Capsule(
+            0.03, (0.0, 0.0, 0.0), tuple(back) if np.linalg.norm(back) > 0.1 else (0, 0, 0.15)
+        )
+    shapes[robot.torso_frame] = Capsule(0.05, (0.0, 0.0, 0.0), (0.0, 0.0, 0.2))
+    hands = list(shapes)[:2]
+    pairs = [(hands[0], hands[1]), (hands[0], robot.torso_frame), (hands[1], robot.torso_frame)]
+    return SelfCollisionLimit(pairs, shapes=shapes, **options)
+
+
+@robots
+@pytest.mark.parametrize("make", [balls, capsules])
+def test_collision_rows_are_the_derivative_of_the_distance(name: str, make: object) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(1)
+    limit = make(robot, influence=10.0)
+    limit.bind(robot)
+    for _ in range(5):
+        q, v = random_state(robot, rng)
+        robot.update(q, v)
+        rows, lower, upper = rows_of(limit, robot)
+        assert np.isfinite(lower).all()
+        assert np.isinf(upper).all()
+        ends = []
+        for step in (STEP, -STEP):
+            robot.update(pin.integrate(robot.model, q, step * v), v)
+            rows_of(limit, robot)
+            ends.append(np.array(list(limit.distances.values())))
+        np.testing.assert_allclose(rows @ v, (ends[0] - ends[1]) / (2 * STEP), atol=1e-6)
+
+
+@robots
+def test_collision_bound_counts_drift_and_damper(name: str) -> None:
+    """For two balls all is known: |c̈| along the line, with the turning of the line adding v_t² / distance."""
+    robot, rng, dt, time_constant, margin = make_robot(name), np.random.default_rng(2), 0.002, 0.07, 0.03
+    limit = balls(robot, influence=10.0, recovery=1e9, time_constant=time_constant, margin=margin)
+    limit.bind(robot)
+    for _ in range(5):
+        q, v = random_state(robot, rng)
+        robot.update(q, v)
+        rows, lower, _ = rows_of(limit, robot, dt)
+        first, second = (robot.placement(hand) for hand in (left_hand(robot), right_hand(robot)))
+        line = second.translation - first.translation
+        length = float(np.linalg.norm(line))
+        velocity = [
+            pin.getFrameVelocity(robot.model, robot.data, robot.frame_id(h), pin.LOCAL_WORLD_ALIGNED).linear
+            for h in (left_hand(robot), right_hand(robot))
+        ]
+        relative = velocity[1] - velocity[0]
+        speed = float(relative @ line) / length
+        sideways = float(relative @ relative) - speed**2
+        steps = []
+        for step in (STEP, -STEP):
+            robot.update(pin.integrate(robot.model, q, step * v), v)
+            steps.append(rows_of(limit, robot, dt)[0] @ v)
+        growth = (steps[0] - steps[1])[0] / (2 * STEP)
+        drift = growth - sideways / length
+        distance = length - 0.1
+        wanted = -((distance - margin) / time_constant + speed) / dt
+        np.testing.assert_allclose(lower[0], wanted - drift, rtol=1e-6, atol=1e-4)
+
+
+def test_far_pairs_have_empty_rows_and_the_size_is_fixed() -> None:
+    robot = make_robot("talos")
+    limit = capsules(robot, influence=0.05)
+    limit.bind(robot)
+    assert limit.dim == 3
+    rows, lower, upper = rows_of(limit, robot)
+    np.testing.assert_array_equal(rows, 0.0)
+    assert np.isneginf(lower).all()
+    assert np.isposinf(upper).all()
+    assert all(distance > 0.05 for distance in limit.distances.values())
+
+
+def meet(name: str, limited: bool, seconds: float = 1.5) -> tuple[SelfCollisionLimit, Array, list[str]]:
+    """Ask both hands to go to the same point in front of the chest; distances of their balls."""
+    controller = Controller(make_robot(name), 0.002)
+    robot = controller.robot
+    limit = balls(robot, 0.06, margin=0.02)
+    controller.add(
+        SoleContact("left_foot"), SoleContact("right_foot"), CoMTask(), PostureTask(), JointLimits()
+    )
+    controller.add(OrientationTask(robot.torso_frame))
+    hands = [left_hand(robot), right_hand(robot)]
+    middle = 0.5 * sum(robot.placement(hand).translation for hand in hands) + [0.1, 0.0, 0.05]
+    for hand, side in zip(hands, (-0.1, 0.1), strict=True):  # each is to go past the other
+        controller.add(PositionTask(hand, middle + [0.0, side, 0.0], weight=10.0, stiffness=60.0))
+    controller.add(limit) if limited else limit.bind(robot)
+    q, v = np.array(robot.q), np.array(robot.v)
+    distances, active = [], []
+    for _ in range(round(seconds / controller.dt)):
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        active += [n for n in solution.active_limits if n == limit.name]
+        q, v = integrate(controller, q, v, solution.accelerations)
+        robot.update(q, v)
+        first, second = (robot.placement(hand).translation for hand in hands)
+        distances.append(float(np.linalg.norm(first - second)) - 0.12)
+    return limit, np.array(distances), active
+
+
+@robots
+def test_hands_that_want_to_pass_through_each_other_do_not(name: str) -> None:
+    _, free, _ = meet(name, limited=False)
+    assert free.min() < -0.02
+    limit, kept, active = meet(name, limited=True)
+    assert kept.min() >= 0.02 - 1e-5
+    assert kept.min() < 0.03
+    assert active
+    assert limit.distances[tuple(limit._pairs[0])] == pytest.approx(kept[-2], abs=1e-3)
+
+
+def test_links_closer_than_the_margin_come_apart() -> None:
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    robot = controller.robot
+    hands = [left_hand(robot), right_hand(robot)]
+    apart = float(
+        np.linalg.norm(robot.placement(hands[0]).translation - robot.placement(hands[1]).translation)
+    )
+    radius = 0.5 * apart - 0.01
+    limit = controller.add(balls(robot, radius, margin=0.05))
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), CoMTask(), PostureTask())
+    controller.solve()
+    assert min(limit.distances.values()) == pytest.approx(0.02)
+    q, v = np.array(robot.q), np.array(robot.v)
+    for _ in range(400):
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok
+        q, v = integrate(controller, q, v, solution.accelerations)
+    assert min(limit.distances.values()) >= 0.05 - 1e-3
+
+
+def test_primitive_geometry_of_the_urdf_is_used() -> None:
+    robot = make_robot("hrp4_class")
+    urdf = description("hrp4_class").urdf
+    pairs = [("left_hand", "left_thigh"), ("left_hand", "right_hand"), ("left_forearm", "chest")]
+    limit = SelfCollisionLimit(pairs, urdf=urdf)
+    limit.bind(robot)
+    assert limit.dim > len(pairs)
+    geometry = pin.buildGeomFromUrdfString(robot.model, urdf, pin.COLLISION)
+    data = geometry.createData()
+    pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
+    for pair, distance in limit.distances.items():
+        ids = [
+            [
+                i
+                for i, item in enumerate(geometry.geometryObjects)
+                if robot.model.frames[item.parentFrame].name == link
+            ]
+            for link in pair
+        ]
+        least = np.inf
+        for i in ids[0]:
+            for k in ids[1]:
+                geometry.addCollisionPair(pin.CollisionPair(i, k))
+                data = geometry.createData()
+                pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
+                found = pin.computeDistance(geometry, data, len(geometry.collisionPairs) - 1)
+                least = min(least, found.min_distance)
+        assert distance == pytest.approx(least, abs=1e-9)
+    controller = Controller(robot, 0.002)
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask(), CoMTask())
+    controller.add(SelfCollisionLimit(pairs, urdf=urdf))
+    assert controller.solve().ok
+
+
+def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
+    robot = make_robot("hrp4_class")
+    ball = Sphere(0.05)
+    with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
+        SelfCollisionLimit([("left_hant", "chest")], shapes={"chest": ball}).bind(robot)
+    with pytest.raises(UnknownNameError, match="did you mean 'chest'"):
+        SelfCollisionLimit([("left_hand", "chest")], shapes={"left_hand": ball, "chets": ball}).bind(robot)
+    with pytest.raises(InputError, match="no shape for 'chest'"):
+        SelfCollisionLimit([("left_hand", "chest")], shapes={"left_hand": ball}).bind(robot)
+    with pytest.raises(InputError, match="inside each other in half-sitting"):
+        balls(robot, 0.6).bind(robot)
+    chest = robot.model.frames[robot.frame_id("chest")].parentJoint
+    fixed = next(f.name for f in robot.model.frames if f.parentJoint == chest and f.name != "chest")
+    with pytest.raises(InputError, match="one rigid body"):
+        SelfCollisionLimit([("chest", fixed)], shapes={"chest": ball, fixed: ball}).bind(robot)
+    for make in (
+        lambda: SelfCollisionLimit([]),
+        lambda: SelfCollisionLimit([("a", "a")]),
+        lambda: SelfCollisionLimit([("a", "b"), ("b", "a")]),
+        lambda: SelfCollisionLimit([("a", "b")], shapes={"a": "ball"}),
+        lambda: SelfCollisionLimit([("a", "b")], margin=-0.1),
+        lambda: SelfCollisionLimit([("a", "b")], margin=0.2, influence=0.1),
+        lambda: SelfCollisionLimit([("a", "b")], time_constant=0.0),
+        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=tmp_path / "no.urdf").bind(robot),
+        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf="<robot").bind(robot),
+        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=description("g1").urdf).bind(robot),
+        lambda: Sphere(0.0),
+        lambda: Sphere(0.1, (0.0, float("nan"), 0.0)),
+        lambda: Capsule(0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ):
+        with pytest.raises(InputError):
+            make()
+
+
+# ---- centre of mass over a polygon --------------------------------------------------------------------------------
+
+
+def test_hull_is_that_of_another_library() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        points = rng.normal(size=(int(rng.integers(4, 30)), 2))
+        ours, theirs = convex_hull(points), points[ConvexHull(points).vertices]
+        start = int(np.argmin(np.linalg.norm(theirs - ours[0], axis=1)))
+        np.testing.assert_allclose(ours, np.roll(theirs, -start, axis=0), atol=1e-12)
+    assert len(convex_hull([[0, 0], [1, 0], [0.5, 0.0], [1, 1], [0, 1]])) == 4
+
+
+@robots
+def test_polygon_rows_are_the_derivative_of_the_distance_to_each_edge(name: str) -> None:
+    robot, rng, dt = make_robot(name), np.random.default_rng(4), 0.002
+    limit = CoMPolygonLimit(time_constant=0.3, recovery=1e9)
+    limit.bind(robot)
+    q, v = near_half_sitting(robot, rng, 0.05, 0.5)
+    corners = limit.polygon
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    robot.update(q, v)
+    rows, lower, upper = rows_of(limit, robot, dt)
+    used = len(corners)
+    np.testing.assert_allclose(rows[:used] @ v, normals @ robot.com_velocity[:2], atol=1e-9)
+    assert np.isneginf(lower).all()
+    distance = (normals * corners).sum(axis=1) - 0.01 - normals @ robot.com[:2]
+    speed = normals @ np.array(robot.com_velocity[:2])
+    ends = []
+    for step in (STEP, -STEP):
+        robot.update(pin.integrate(robot.model, q, step * v), v)
+        ends.append(normals @ np.array(robot.com_velocity[:2]))
+    drift = (ends[0] - ends[1]) / (2 * STEP)
+    np.testing.assert_allclose(upper[:used], (distance / 0.3 - speed) / dt - drift, atol=1e-4)
+    np.testing.assert_array_equal(rows[used:], 0.0)
+    assert np.isposinf(upper[used:]).all()
+
+
+def sway(
+    name: str,
+    limit: CoMPolygonLimit | None,
+    goal: Array,
+    seconds: float,
+    dt: float = 0.002,
+    start: Array | None = None,
+) -> tuple[Controller, Array]:
+    """Pull the CoM somewhere; where it goes."""
+    controller = Controller(make_robot(name), dt)
+    robot = controller.robot
+    com = CoMTask(stiffness=40.0)
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), com, PostureTask())
+    if limit is not None:
+        controller.add(limit)
+    com.target = np.array([goal[0], goal[1], robot.com[2]])
+    q, v = np.array(robot.q), np.array(robot.v) if start is None else start
+    path = []
+    for _ in range(round(seconds / dt)):
+        controller.update(q, v)
+        path.append(np.array(robot.com[:2]))
+        solution = controller.solve()
+        assert solution.ok, (controller.diagnose(), limit)
+        q, v = integrate(controller, q, v, solution.accelerations)
+    return controller, np.array(path)
+
+
+@robots
+def test_com_is_pulled_out_of_its_polygon_in_vain(name: str) -> None:
+    robot = make_robot(name)
+    here = np.array(robot.com[:2])
+    square = here + 0.03 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    for angle in (0.0, 0.8, 2.5, 4.0):
+        goal = here + 0.15 * np.array([np.cos(angle), np.sin(angle)])
+        limit = CoMPolygonLimit(square, margin=0.0)
+        _, path = sway(name, limit, goal, 0.8)
+        beyond = np.abs(path - here).max() - 0.03
+        assert beyond <= 1e-6
+        assert beyond > -5e-3
+    assert limit.distance == pytest.approx(-beyond, abs=1e-3)
+    _, path = sway(name, None, goal, 0.8)
+    assert np.abs(path - here).max() > 0.04
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.005])
+def test_com_stays_over_the_soles_by_default(dt: float) -> None:
+    limit = CoMPolygonLimit()
+    controller, path = sway("hrp4_class", limit, np.array([0.4, 0.1]), 2.0, dt)
+    corners = limit.polygon
+    assert len(corners) == 4 or len(corners) == 6
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    inside = ((normals * corners).sum(axis=1) - path @ normals.T).min(axis=1)
+    assert inside.min() >= 0.01 - 1e-6
+    assert inside.min() < 0.02
+    height = controller.robot.com[2]
+    assert limit.time_constant == pytest.approx(np.sqrt(height / 9.80665), rel=0.05)
+
+
+@robots
+def test_com_that_starts_outside_comes_back(name: str) -> None:
+    robot = make_robot(name)
+    here = np.array(robot.com[:2])
+    square = here + [0.045, 0.0] + 0.03 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    limit = CoMPolygonLimit(square, margin=0.0, recovery=0.2)
+    _, path = sway(name, limit, here - [0.1, 0.0], 1.5)  # and is pulled the wrong way
+    outside = here[0] + 0.015 - path[:, 0]
+    assert outside[0] == pytest.approx(0.015)
+    assert outside.max() < 0.016
+    assert outside[-1] < 1e-3
+
+
+def test_polygon_demands_no_more_than_it_says() -> None:
+    """Far outside, or much too fast: the acceleration that is asked for stays what the ground can give."""
+    robot, rng = make_robot("hrp4_class"), np.random.default_rng(6)
+    limit = CoMPolygonLimit(recovery=0.3, time_constant=0.25, margin=0.0)
+    limit.bind(robot)
+    corners = limit.polygon
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    capped = 0
+    for _ in range(50):
+        q, v = near_half_sitting(robot, rng, 0.0, 0.0)
+        q[:2] += rng.normal(scale=0.1, size=2)
+        v[:2] = rng.normal(scale=2.0, size=2)
+        robot.update(q, v)
+        upper = rows_of(limit, robot, 0.001)[2][
+            : len(corners)
+        ]  # no drift: the robot moves as one body, straight on
+        distance = (normals * corners).sum(axis=1) - normals @ robot.com[:2]
+        most = np.maximum(distance, 0.0) / 0.25**2 * (1.0 + 2 * 0.001 / 0.25) + 0.3
+        assert (upper >= -most - 1e-9).all()
+        capped += int(np.isclose(upper, -most).sum())
+    assert capped > 10
+
+
+def test_polygon_never_contradicts_itself() -> None:
+    """Whatever polygon, place and velocity: some acceleration of the CoM keeps all rows."""
+    robot, rng = make_robot("g1"), np.random.default_rng(5)
+    for _ in range(100):
+        points = rng.normal(size=(5, 2)) * [0.3, 0.02] + rng.normal(size=2)
+        limit = CoMPolygonLimit(points, margin=0.0, recovery=float(rng.uniform(0, 2)))
+        limit.bind(robot)
+        robot.update(*near_half_sitting(robot, rng, 0.2, 2.0))
+        rows, _, upper = rows_of(limit, robot, float(rng.choice([0.001, 0.005])))
+        used = np.isfinite(upper)
+        found = linprog(np.zeros(robot.nv), rows[used], upper[used], bounds=(None, None))
+        assert found.status == 0
+
+
+def test_polygon_follows_the_soles_on_request() -> None:
+    robot = make_robot("g1")
+    limit = CoMPolygonLimit()
+    with pytest.raises(InputError, match="before it is added"):
+        _ = limit.polygon
+    Controller(robot, 0.002).add(limit)
+    both = limit.polygon
+    limit.use_soles(["left_foot"])
+    sole = robot.soles[0]
+    size = limit.polygon.max(axis=0) - limit.polygon.min(axis=0)
+    np.testing.assert_allclose(size, [sole.length, sole.width], atol=1e-6)
+    np.testing.assert_allclose(
+        limit.polygon.mean(axis=0), robot.placement(sole.frame).translation[:2], atol=1e-9
+    )
+    limit.use_soles()
+    np.testing.assert_array_equal(limit.polygon, both)
+    assert np.isposinf(rows_of(limit, robot)[2][len(both) :]).all()
+    limit.polygon = [[0, 0], [1, 0], [0, 1]]
+    assert np.isposinf(rows_of(limit, robot)[2][3:]).all()
+    with pytest.raises(UnknownNameError, match="sole"):
+        limit.use_soles(["left_hand"])
+    with pytest.raises(InputError, match="at least one sole"):
+        limit.use_soles([])
+
+
+def test_polygons_that_cannot_hold_a_com_are_refused() -> None:
+    flat, line = [[0, 0], [1, 0]], [[0, 0], [1, 1], [2, 2]]
+    for points in (flat, line, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0], [1, np.nan], [0, 1]]):
+        with pytest.raises(InputError):
+            CoMPolygonLimit(points)
+    with pytest.raises(InputError, match="leaves nothing inside its margin"):
+        CoMPolygonLimit([[0, 0], [1, 0], [1, 0.01], [0, 0.01]], margin=0.01)
+    with pytest.raises(InputError, match="3 to 4 corners"):
+        angles = np.linspace(0, 2 * np.pi, 6)[:-1]
+        CoMPolygonLimit(np.column_stack([np.cos(angles), np.sin(angles)]), max_edges=4)
+    for make in (
+        lambda: CoMPolygonLimit(margin=-1.0),
+        lambda: CoMPolygonLimit(time_constant=0.0),
+        lambda: CoMPolygonLimit(recovery=-1.0),
+        lambda: CoMPolygonLimit(max_edges=2),
+    ):
+        with pytest.raises(InputError):
+            make()

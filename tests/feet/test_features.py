@@ -1,0 +1,158 @@
+"""Feature selection: it finds what was planted, whatever the units and the order of the profiles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import subspace_angles
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.feet.sensing.scan import PROFILE_STEP, windows
+from wbc.feet.stiffness.features import (
+    PAPER_FEATURES,
+    WINDOW_FEATURES,
+    FeatureSet,
+    power_names,
+    select_features,
+)
+from wbc.feet.stiffness.roughness import PARAMETERS, roughness
+from wbc.sim.terrain import terrain
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture(scope="module")
+def values() -> np.ndarray:
+    """Roughness of windows of six grounds, shape (n, 10)."""
+    cut = [
+        windows(terrain(name, amplitude=a, seed=s).profile()[1], PROFILE_STEP, 0.28, 0.29)
+        for name in ("stones", "cobble_stones", "cylinder_obstacles", "random", "roof_tiles", "stone_bricks")
+        for a in (0.02, 0.035)
+        for s in range(2)
+    ]
+    z = np.concatenate(cut)
+    return roughness(PROFILE_STEP * np.arange(z.shape[1]), z).values
+
+
+def columns(values: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    matrix = FeatureSet(names)(values)
+    return (matrix - matrix.mean(axis=0)) / matrix.std(axis=0)
+
+
+def test_features_are_what_their_names_say(values: np.ndarray) -> None:
+    names = ("Sp", "Sp^3", "sqrt(P)", "lines", "Ssk", "Ssk^3", "K")
+    f = dict(zip(names, FeatureSet(names)(values).T, strict=True))
+    p = dict(zip(PARAMETERS, values.T, strict=True))
+    np.testing.assert_allclose(f["Sp^3"], p["Sp"] ** 3)
+    np.testing.assert_allclose(f["sqrt(P)"] ** 2, p["P"])
+    np.testing.assert_allclose(f["lines"], 1 / (1 - p["K"]))
+    np.testing.assert_allclose(f["Ssk^3"], p["Ssk"] ** 3)
+    np.testing.assert_array_equal(f["K"], p["K"])
+    one = FeatureSet(names)(values[3])
+    np.testing.assert_array_equal(one, FeatureSet(names)(values)[3])
+    np.testing.assert_array_equal(FeatureSet(WINDOW_FEATURES)(np.zeros(10)), [0, 0, 0, 0, 1])
+
+
+def test_the_paper_takes_powers_of_three_parameters() -> None:
+    assert {name.split("^")[0] for name in PAPER_FEATURES} == {"Sp", "P", "Sku"}
+    assert len(power_names()) == 30 and set(PAPER_FEATURES) < set(power_names())
+
+
+def test_planted_ranks_are_found() -> None:
+    """Ten parameters made of three independent ones: three columns are kept, and all others follow from them."""
+    base = RNG.normal(size=(200, 3))
+    mixed = base @ RNG.normal(size=(3, 10))
+    s = select_features(mixed, powers=(1,), bound=1e6)
+    assert len(s.kept) == 3
+    assert s.condition == np.inf and s.kept_condition < 1e3
+    kept, every = columns(mixed, s.kept), columns(mixed, PARAMETERS)
+    assert subspace_angles(kept, every[:, :3]).max() < 1e-6
+    assert len(select_features(mixed, powers=(1,), count=2).kept) == 2
+    with pytest.raises(InputError, match="between 1 and 3 columns are independent, got a count of 4"):
+        select_features(mixed, powers=(1,), count=4)
+
+
+def test_independent_columns_come_first() -> None:
+    """Nine noisy copies of one parameter and one of its own: the two first picks hold both."""
+    common = RNG.normal(size=300)
+    values = common[:, None] + 1e-3 * RNG.normal(size=(300, 10))
+    values[:, 6] = RNG.normal(size=300)
+    s = select_features(values, powers=(1,), bound=10.0)
+    assert len(s.kept) == 2 and "Sz" in s.kept
+    assert s.diagonal[1] > 0.9 * s.diagonal[0]
+
+
+def test_the_rank_is_that_of_the_condition_number(values: np.ndarray) -> None:
+    sizes = []
+    for bound in (1.0, 2.0, 5.0, 20.0, 100.0):
+        s = select_features(values, bound=bound)
+        ratio = s.singular_values[0] / np.array(s.singular_values[: len(s.kept) + 1])
+        assert ratio[-2] <= bound < ratio[-1]
+        sizes.append(len(s.kept))
+    assert sizes[0] == 1 and sizes == sorted(sizes) and sizes[-1] > sizes[2]
+    assert select_features(values).kept_condition < 5.0
+
+
+@pytest.mark.parametrize("method", ["matrix", "subspace"])
+@pytest.mark.parametrize("scaling", ["standard", "norm"])
+def test_the_choice_depends_neither_on_units_nor_on_order(
+    values: np.ndarray, scaling: str, method: str
+) -> None:
+    chosen = select_features(values, scaling=scaling, method=method)  # type: ignore[arg-type]
+    order = RNG.permutation(len(values))
+    again = select_features(values[order], scaling=scaling, method=method)  # type: ignore[arg-type]
+    millimetres = values * [1e3, 1e3, 1, 1, 1e3, 1e3, 1e3, 1e6, 1, 1]
+    in_mm = select_features(millimetres, scaling=scaling, method=method)  # type: ignore[arg-type]
+    assert chosen.kept == again.kept == in_mm.kept
+    assert len(set(chosen.kept)) == len(chosen.kept) > 1
+
+
+def test_without_scaling_the_largest_numbers_win(values: np.ndarray) -> None:
+    """Raw powers: the kurtosis cubed is millions, heights are millimetres; this is why columns are scaled."""
+    raw = select_features(values, scaling="none", bound=1e4)
+    assert raw.kept[0] == "Sku^3"
+    assert raw.condition > 1e10
+
+
+def test_columns_that_are_the_same_are_offered_once(values: np.ndarray) -> None:
+    s = select_features(values)
+    assert ("M", "Sq^2") in s.twins or ("Sq^2", "M") in s.twins
+    assert not {"M", "Sq^2"} <= set(s.kept)
+    flat_k = values.copy()
+    flat_k[:, PARAMETERS.index("K")] = 0.5
+    assert select_features(flat_k).constant == ("K", "K^2", "K^3")
+
+
+def test_the_report_says_what_was_done(values: np.ndarray) -> None:
+    s = select_features(values)
+    report = s.report()
+    for part in (*s.kept, f"{len(values)} profiles", "30 columns", "Sq^2 ~ M", f"rank {len(s.kept)}"):
+        assert part in report, part
+
+
+def test_bad_input_is_refused(values: np.ndarray) -> None:
+    for names, message in (
+        ((), "at least one feature"),
+        (("Sp", "Sp"), "each feature once"),
+        (("Sp^x",), "power must be a whole number"),
+        (("Sp^1",), "power must be a whole number"),
+        (("sqrt(Ssk)",), "can be negative"),
+    ):
+        with pytest.raises(InputError, match=message):
+            FeatureSet(names)
+    with pytest.raises(UnknownNameError, match="roughness parameter 'Spp'"):
+        FeatureSet(("Spp^2",))
+    with pytest.raises(InputError, match="shape"):
+        FeatureSet(("Sp",))(np.zeros(9))
+    with pytest.raises(InputError, match="finite"):
+        FeatureSet(("Sp",))(np.full(10, np.nan))
+    for bad, options, message in (
+        (values[:1], {}, "two profiles or more"),
+        (values[0], {}, "two profiles or more"),
+        (np.ones((5, 10)), {}, "nothing changes over the 5 profiles"),
+        (values, {"bound": 0.5}, "condition number"),
+        (values, {"scaling": "standart"}, "did you mean 'standard'"),
+        (values, {"method": "lasso"}, "matrix to pivot"),
+    ):
+        with pytest.raises(InputError, match=message):
+            select_features(bad, **options)  # type: ignore[arg-type]

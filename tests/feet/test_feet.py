@@ -1,0 +1,365 @@
+"""Feet without a simulator: designs, fit, constraint law, stiffness actuator, range sensor."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.feet import (
+    LOOP_CLOSURE,
+    PAPER_SOLE_GROUND,
+    SOLE_GROUND,
+    ConstraintLaw,
+    Foot,
+    RangeSampler,
+    RangeSensor,
+    RigidFoot,
+    SoftFoot,
+    SoleContact,
+    SoleGeometry,
+    StiffnessActuator,
+    TransverseBending,
+    effective_time_constant,
+    foot,
+    foot_names,
+    register_foot,
+    solver_parameters,
+)
+from wbc.feet.soles import catalog
+from wbc.feet.soles.sole import bar_inertia
+
+OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
+FITTING = ("rigid", "soft", "long_arch", "variable")
+
+
+def tilted_sole(seed: int) -> SoleGeometry:
+    """A sole whose ankle link has arbitrary axes, with the ankle 90 mm above, 20 mm behind, 5 mm left of it."""
+    rotation = Rotation.random(rng=np.random.default_rng(seed))
+    translation = -rotation.apply([-0.02, 0.005, 0.09])
+    return SoleGeometry("link", tuple(translation), tuple(rotation.as_quat()), 0.2, 0.1)
+
+
+# --- names and bad input ---------------------------------------------------------------------------------------------
+
+
+def test_feet_import_without_mujoco() -> None:
+    code = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        "from wbc.feet import SoleGeometry, foot, foot_names\n"
+        "[foot(n).fit(SoleGeometry.under_ankle(0.09, 0.16, 0.08)) for n in foot_names()]"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", foot_names())
+def test_every_foot_can_be_named_and_compared(name: str) -> None:
+    assert foot(name) == foot(name)
+    assert hash(foot(name)) == hash(foot(name))
+
+
+def test_unknown_names_list_what_there_is() -> None:
+    with pytest.raises(UnknownNameError, match="soft"):
+        foot("sotf")
+    with pytest.raises(UnknownNameError, match="stiffness"):
+        foot("soft", stifness=5.0)
+
+
+def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(catalog, "_FEET", dict(catalog._FEET))
+
+    class Skate(RigidFoot):
+        """A narrow rigid foot."""
+
+    register_foot("skate", Skate)
+    assert isinstance(foot("skate", width=0.02), Skate)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "said"),
+    [
+        ("soft", {"stiffness": -1.0}, "stiffness"),
+        ("soft", {"stiffness": math.nan}, "finite"),
+        ("soft", {"damping": -0.1}, "damping"),
+        ("soft", {"phalanges": 1}, "at least 2"),
+        ("soft", {"phalanges": 2.5}, "integer"),
+        ("soft", {"length": 0.0}, "length"),
+        ("soft", {"width": -0.1}, "width"),
+        ("soft", {"thickness": 0.01}, "do not fit"),
+        ("soft", {"hinge_height": 0.02}, "hinges"),
+        ("soft", {"loop_phalanx": 10}, r"\[1, 9\]"),
+        ("soft", {"phalanx_mass": 0.0}, "mass"),
+        ("soft", {"armature": -1e-3}, "armature"),
+        ("soft", {"arch_hinge": (0.0,)}, "two numbers"),
+        ("variable", {"stiffness": 81.0}, r"\[0, 80\], got 81"),
+        ("rigid", {"mass": -1.0}, "mass"),
+        ("rigid", {"thickness": 0.0}, "thickness"),
+    ],
+)
+def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        foot(kind, **parameters)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: SoleContact(friction=0.0), "friction"),
+        (lambda: SoleContact(condim=2), "3, 4 or 6"),
+        (lambda: SoleContact(columns=1), "at least 2"),
+        (lambda: SoleContact(radius=0.0), "radius"),
+        (lambda: SoleContact(inset=0.06).column_positions(0.1), "leaves nothing"),
+        (lambda: ConstraintLaw(0.0), "time constant"),
+        (lambda: ConstraintLaw(0.01, impedance=(0.9, 1.0)), "d_max"),
+        (lambda: TransverseBending("roll"), "twist"),  # type: ignore[arg-type]
+        (lambda: TransverseBending(stiffness=-1.0), "stiffness"),
+        (lambda: StiffnessActuator(rate_limit=0.0), "rate"),
+        (lambda: StiffnessActuator(low=10.0, high=10.0), "exceed"),
+        (lambda: StiffnessActuator(time_constant=-1.0), "time constant"),
+        (lambda: StiffnessActuator().at_rest(-1.0), r"\[0, 80\]"),
+        (lambda: StiffnessActuator().advance(StiffnessActuator().at_rest(5.0), 90.0, 0.1), "90"),
+        (lambda: RangeSensor(least=1.0, greatest=0.5), "exceed"),
+        (lambda: RangeSensor(dropout=1.5), "dropout"),
+        (lambda: RangeSensor(noise=-1.0), "noise"),
+        (lambda: SoleGeometry("a", (0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "above its sole"),
+        (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "unit quaternion"),
+        (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), -np.eye(3), 0.1, 0.1), "right-handed"),  # type: ignore[arg-type]
+        (lambda: SoleGeometry("a", (0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "shape"),  # type: ignore[arg-type]
+        (lambda: effective_time_constant(SOLE_GROUND, 0.0), "timestep"),
+        (lambda: effective_time_constant(SOLE_GROUND, 0.001, integrator="RK4"), "integrator"),  # type: ignore[arg-type]
+    ],
+)
+def test_impossible_parts_are_refused(make: object, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("design", "own", "said"),
+    [
+        (foot("soft", ankle_height=0.02), OWN, r"at least 0\.0340 m.*got 0\.0200 m.*own is 0\.0930 m"),
+        (foot("rigid", ankle_height=0.01), OWN, r"at least 0\.0140 m"),
+        (foot("soft", ankle_behind=0.15), OWN, r"0\.1500 m behind.*0\.2778 x 0\.1045 m"),
+        (foot("rigid", width=0.18), OWN, r"0\.1800 m wide overlap.*0\.1750 m apart"),
+    ],
+)
+def test_a_foot_that_does_not_fit_names_the_numbers(design: Foot, own: SoleGeometry, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        design.fit(own)
+
+
+# --- fit -------------------------------------------------------------------------------------------------------------
+
+
+def test_the_flat_foot_is_the_robots_own_sole() -> None:
+    fit = foot("flat").fit(OWN)
+    assert fit.sole == OWN
+    assert fit.mass == fit.height_change == fit.added_inertia.mass == 0.0
+
+
+@pytest.mark.parametrize("name", FITTING)
+@pytest.mark.parametrize("seed", range(5))
+def test_ankle_sits_where_the_design_says_whatever_the_axes_of_its_link(name: str, seed: int) -> None:
+    own = tilted_sole(seed)
+    fit = foot(name).fit(own)
+    np.testing.assert_allclose(fit.sole.ankle, [-0.03, own.ankle[1], own.ankle[2]], atol=1e-12)
+    np.testing.assert_allclose(fit.sole.rotation_matrix, own.rotation_matrix, atol=1e-12)
+    assert (fit.sole.length, fit.sole.width) == (0.27782, 0.1045)
+    assert fit.height_change == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_low_ankle_is_raised_and_the_difference_said() -> None:
+    low = SoleGeometry.under_ankle(0.025, 0.16, 0.076)
+    fit = foot("soft").fit(low)
+    assert fit.sole.ankle[2] == pytest.approx(0.034)
+    assert fit.height_change == pytest.approx(0.009)
+
+
+def test_rotation_matrix_and_quaternion_are_the_same_sole() -> None:
+    own = tilted_sole(0)
+    again = SoleGeometry("link", own.translation, own.rotation_matrix, own.length, own.width)  # type: ignore[arg-type]
+    np.testing.assert_allclose(again.rotation_matrix, own.rotation_matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", FITTING)
+def test_inertia_of_the_fitted_foot_turns_with_the_ankle_link(name: str) -> None:
+    level, turned = SoleGeometry.under_ankle(0.09, 0.2, 0.1), tilted_sole(3)
+    turned = SoleGeometry(
+        "link", tuple(-turned.rotation_matrix @ [0.0, 0.0, 0.09]), turned.rotation, 0.2, 0.1
+    )
+    a, b = foot(name).fit(level), foot(name).fit(turned)
+    assert a.mass == pytest.approx(0.34)
+    assert a.added_inertia.mass == pytest.approx(a.mass)
+    rotation = turned.rotation_matrix
+    np.testing.assert_allclose(b.added_inertia.lever, rotation @ a.added_inertia.lever, atol=1e-12)
+    np.testing.assert_allclose(
+        b.added_inertia.inertia, rotation @ a.added_inertia.inertia @ rotation.T, atol=1e-12
+    )
+
+
+def test_inertia_of_a_bar_is_that_of_its_points() -> None:
+    start, end = np.array([0.02, 0.0, 0.09]), np.array([0.11, 0.0, 0.01])
+    bar = bar_inertia(0.07, start, end, width=0.03, thickness=0.01)
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.array([along[2], 0.0, -along[0]])
+    cells = (np.arange(20) + 0.5) / 20.0 - 0.5
+    cells /= np.sqrt(1.0 - 1.0 / 20.0**2)  # so that the variance of the midpoints is that of the whole bar
+    grid = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3)
+    length = float(np.linalg.norm(end - start))
+    relative = grid @ np.array([length * along, [0.0, 0.03, 0.0], 0.01 * across])
+    second = 0.07 * relative.T @ relative / len(relative)
+    np.testing.assert_allclose(bar.lever, (start + end) / 2.0, atol=1e-12)
+    np.testing.assert_allclose(bar.inertia, np.trace(second) * np.eye(3) - second, atol=1e-12)
+
+
+def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> None:
+    for phalanges in (2, 3, 10, 13):
+        for rows in (1, 2, 3):
+            design = SoftFoot(phalanges=phalanges, loop_phalanx=1, contact=SoleContact(rows_per_phalanx=rows))
+            x = design.contact_rows()
+            np.testing.assert_allclose(np.diff(x), np.diff(x)[0], atol=1e-12)
+            np.testing.assert_allclose(x, -x[::-1], atol=1e-12)
+            for i, centre in enumerate(design.layout(design.fit(OWN).sole).centres):
+                under = x[rows * i : rows * (i + 1)]
+                assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
+
+
+# --- constraint law --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "law", [LOOP_CLOSURE, PAPER_SOLE_GROUND, ConstraintLaw(0.01, 0.5, (0.3, 0.8), 0.002)]
+)
+def test_gains_are_those_of_the_papers_equations(law: ConstraintLaw) -> None:
+    d_max, t, zeta = law.impedance[1], law.time_constant, law.damping_ratio
+    for violation in (0.0, 0.0003, 0.0007, 0.01):
+        d, b, k = law.gains(violation)
+        assert b == pytest.approx(2.0 / (d_max * t))
+        assert k * d_max**2 * t**2 * zeta**2 == pytest.approx(d)
+        assert law.impedance[0] <= d <= d_max
+    assert law.gains(0.0).impedance == law.impedance[0]
+    assert law.gains(law.width).impedance == pytest.approx(d_max)
+
+
+def test_a_critically_damped_law_returns_without_overshoot_at_its_time_constant() -> None:
+    # With a0 = 0 and d close to 1, eq. (1) is r'' = -d (b r' + k r): both poles at -1/t when d = d_max = 1.
+    law = ConstraintLaw(0.01, impedance=(0.9999, 0.9999))
+    d, b, k = law.gains(1.0)
+    poles = np.roots([1.0, d * b, d * k])
+    np.testing.assert_allclose(poles, -1.0 / law.time_constant, rtol=0.03)
+
+
+def test_the_papers_numbers_go_to_the_solver_unchanged() -> None:
+    assert solver_parameters(LOOP_CLOSURE) == ((0.002, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
+    assert solver_parameters(PAPER_SOLE_GROUND) == ((0.0001, 1.0), (0.99, 0.99, 0.001, 0.5, 2.0))
+
+
+# --- stiffness actuator ----------------------------------------------------------------------------------------------
+
+actuators = st.builds(
+    StiffnessActuator,
+    rate_limit=st.one_of(st.just(math.inf), st.floats(1.0, 1e4)),
+    time_constant=st.one_of(st.just(0.0), st.floats(1e-3, 1.0)),
+)
+stiffness = st.floats(0.0, 80.0)
+
+
+@given(actuators, stiffness, stiffness, st.lists(st.floats(0.0, 0.3), min_size=1, max_size=6))
+@settings(max_examples=200, deadline=None)
+def test_actuator_does_not_depend_on_how_time_is_cut(
+    actuator: StiffnessActuator, start: float, command: float, pieces: list[float]
+) -> None:
+    whole = actuator.advance(actuator.at_rest(start), command, sum(pieces))
+    state = actuator.at_rest(start)
+    for piece in pieces:
+        state = actuator.advance(state, command, piece)
+    assert state.actual == pytest.approx(whole.actual, abs=1e-8)
+    assert state.reference == pytest.approx(whole.reference, abs=1e-8)
+
+
+@given(actuators, stiffness, stiffness, st.floats(1e-4, 0.5))
+@settings(max_examples=200, deadline=None)
+def test_actuator_moves_towards_its_command_no_faster_than_it_can(
+    actuator: StiffnessActuator, start: float, command: float, duration: float
+) -> None:
+    state = actuator.advance(actuator.at_rest(start), command, duration)
+    low, high = min(start, command), max(start, command)
+    assert low - 1e-9 <= state.actual <= high + 1e-9
+    assert abs(state.actual - start) <= actuator.rate_limit * duration + 1e-9
+
+
+def test_actuator_solves_its_differential_equation() -> None:
+    actuator, dt = StiffnessActuator(rate_limit=200.0, time_constant=0.05), 1e-5
+    reference = actual = 10.0
+    for _ in range(40_000):
+        reference += float(np.clip(60.0 - reference, -200.0 * dt, 200.0 * dt))
+        actual += dt / 0.05 * (reference - actual)
+    exact = actuator.advance(actuator.at_rest(10.0), 60.0, 0.4)
+    assert exact.actual == pytest.approx(actual, abs=0.01)
+    assert exact.reference == 60.0
+
+
+def test_an_instantaneous_actuator_is_there_at_once() -> None:
+    actuator = StiffnessActuator.instantaneous()
+    assert actuator.advance(actuator.at_rest(0.0), 42.0, 0.0).actual == 42.0
+
+
+@pytest.mark.parametrize(("start", "command"), [(0.0, 80.0), (80.0, 0.0), (5.0, 42.0)])
+def test_the_default_actuator_is_there_when_a_swing_ends(start: float, command: float) -> None:
+    # A swing of 0.8 s decides at 75 %; control periods may cost 5 ms of the rest, an early landing 15 ms more.
+    actuator, left = StiffnessActuator(), 0.25 * 0.8
+    at_rest = actuator.at_rest(start)
+    assert actuator.advance(at_rest, command, left).actual == pytest.approx(command, abs=0.11)
+    assert actuator.advance(at_rest, command, left - 0.02).actual == pytest.approx(command, abs=0.3)
+    # The rate is not more than what that takes: at half of it the sole would land 8 Nm/rad off.
+    slow = replace(actuator, rate_limit=actuator.rate_limit / 2.0)
+    if abs(command - start) == 80.0:
+        assert abs(slow.advance(at_rest, command, left).actual - command) == pytest.approx(8.0, abs=0.01)
+
+
+# --- range sensor ----------------------------------------------------------------------------------------------------
+
+
+def test_a_perfect_range_sensor_reads_the_truth() -> None:
+    sampler = RangeSampler(RangeSensor())
+    assert [sampler.sample(0.001 * i, 0.1 + i) for i in range(3)] == [0.1, 1.1, 2.1]
+    assert math.isnan(sampler.sample(0.01, math.inf))
+    assert math.isnan(sampler.sample(0.02, 5.0))
+
+
+def test_range_noise_dropouts_and_resolution_have_the_asked_size() -> None:
+    sensor = RangeSensor(noise=0.003, relative_noise=0.02, dropout=0.1)
+    sampler = RangeSampler(sensor, seed=1)
+    readings = np.array([sampler.sample(0.01 * i, 0.2) for i in range(20_000)])
+    seen = readings[np.isfinite(readings)]
+    assert seen.size / readings.size == pytest.approx(0.9, abs=0.01)
+    assert seen.mean() == pytest.approx(0.2, abs=2e-4)
+    assert seen.std() == pytest.approx(math.hypot(0.003, 0.004), rel=0.03)
+    coarse = RangeSampler(RangeSensor(resolution=0.01))
+    assert coarse.sample(0.0, 0.1234) == pytest.approx(0.12)
+
+
+def test_range_readings_are_held_between_samples() -> None:
+    sampler = RangeSampler(RangeSensor(rate=100.0))
+    fresh = 0
+    for i in range(1000):
+        sampler.sample(0.001 * i, float(i % 3) + 0.5)
+        fresh += sampler.fresh
+    assert fresh == 100
+
+
+def test_range_noise_repeats_with_its_seed_and_differs_without() -> None:
+    sensor = RangeSensor(noise=0.01)
+    first, same, other = (RangeSampler(sensor, seed) for seed in (4, 4, 5))
+    readings = [s.sample(0.0, 1.0) for s in (first, same, other)]
+    assert readings[0] == readings[1] != readings[2]
+    first.reset()
+    assert first.sample(0.0, 1.0) == readings[0]

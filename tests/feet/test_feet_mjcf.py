@@ -1,0 +1,423 @@
+"""Feet in MuJoCo: constraint parameters, inertia, sensors, contacts, stiffness and range at run time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Literal
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wbc.core.errors import InputError
+from wbc.feet import (
+    LOOP_CLOSURE,
+    PAPER_SOLE_GROUND,
+    SOLE_GROUND,
+    ConstraintLaw,
+    Foot,
+    FootModel,
+    RangeSensor,
+    SoleContact,
+    SoleGeometry,
+    StiffnessActuator,
+    TransverseBending,
+    effective_time_constant,
+    foot,
+    solver_parameters,
+)
+from wbc.feet.soles.common_mjcf import RANGE_OFFSET
+from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness, WrenchSensor
+from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.terrain import Terrain, terrain
+from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
+
+OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
+LOAD = 200.0  # N
+GRAVITY = PhysicsSettings().gravity
+
+DESIGNS: dict[str, Foot] = {
+    "flat": foot("flat"),
+    "rigid": foot("rigid"),
+    "soft": foot("soft"),
+    "variable": foot("variable", stiffness=40.0),
+    "one row": foot("soft", contact=SoleContact(rows_per_phalanx=1)),
+    "no loop": foot("soft", loop=False, stiffness=80.0),
+    "twist": foot("soft", transverse=TransverseBending("twist")),
+    "flaps": foot("soft", transverse=TransverseBending("flaps", stiffness=20.0)),
+    "six phalanges": foot("soft", phalanges=6, loop_phalanx=2, arch_hinge=(0.01, -0.02)),
+}
+
+
+class Stand:
+    """One foot under a weight that is free to move up and down and, if asked, to tilt."""
+
+    def __init__(
+        self,
+        design: Foot,
+        ground: Terrain | Literal["flat field", "nothing"],
+        *,
+        tilting: bool = True,
+        x: float = 0.0,
+        own: SoleGeometry = OWN,
+        drop: float = 0.001,
+    ) -> None:
+        spec = mujoco.MjSpec()
+        PhysicsSettings().apply(spec)
+        if isinstance(ground, Terrain):
+            add_to_spec(spec, ground)
+        elif ground == "flat field":
+            spec.add_hfield(
+                name="field", nrow=101, ncol=101, size=[0.35, 0.35, 0.05, 0.05], userdata=np.zeros(101 * 101)
+            )
+            spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="field", contype=1, conaffinity=1
+            )
+        fit = design.fit(own)
+        turned = own.rotation_matrix.T  # the ankle link stands so that the sole is level
+        height = float(fit.sole.ankle[2]) + drop
+        carriage = spec.worldbody.add_body(
+            name="carriage", pos=[x, 0.0, height], mass=LOAD / GRAVITY, ipos=[0, 0, 0], inertia=[0.1] * 3
+        )
+        carriage.explicitinertial = True
+        for name, axis in (("forward", [1, 0, 0]), ("left", [0, 1, 0])):
+            # Free, because a rigid guide would press the foot sideways against its own friction.
+            carriage.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis).damping[0] = 100.0
+        carriage.add_joint(name="lift", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+        if tilting:
+            for name, axis in (("roll", [1, 0, 0]), ("pitch", [0, 1, 0])):
+                carriage.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis).damping[0] = 10.0
+        quat = Rotation.from_matrix(turned).as_quat()[[3, 0, 1, 2]]
+        ankle = carriage.add_body(name=own.ankle_link, quat=quat)
+        self.foot: FootModel = design.build(spec, ankle, "left", own)
+        self.model: mujoco.MjModel = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.probe = SoleProbe(self.model, self.foot)
+        mujoco.mj_forward(self.model, self.data)
+
+    def settle(self, seconds: float = 1.0) -> None:
+        mujoco.mj_step(self.model, self.data, nstep=round(seconds / self.model.opt.timestep))
+
+
+# --- constraints -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("integrator", ["discrete", "implicitfast", "Euler"])
+@pytest.mark.parametrize("timestep", [0.00002, 0.0005, 0.001, 0.002])
+@pytest.mark.parametrize(
+    "law", [PAPER_SOLE_GROUND, LOOP_CLOSURE, ConstraintLaw(0.0015, 0.7, (0.5, 0.9), 0.002)]
+)
+def test_mujoco_uses_the_papers_equations_with_the_effective_time_constant(
+    law: ConstraintLaw, timestep: float, integrator: Literal["discrete", "implicitfast", "Euler"]
+) -> None:
+    violation = 0.0006
+    spec = mujoco.MjSpec()
+    spec.option.timestep = timestep
+    spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    solref, solimp = solver_parameters(law)
+    constraint = {"solref": solref, "solimp": solimp}
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1])
+    ball = spec.worldbody.add_body(pos=[0, 0, 0.1 - violation])
+    ball.add_freejoint()
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0], priority=1, **constraint)
+    sites = []
+    for x in (0.0, violation):
+        body = spec.worldbody.add_body(pos=[1.0 + x, 0, 1])
+        body.add_freejoint()
+        body.add_geom(size=[0.1, 0, 0], contype=0, conaffinity=0)
+        sites.append(body.add_site(name=f"site{len(sites)}").name)
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name1=sites[0],
+        name2=sites[1],
+        **constraint,
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    first = {
+        "equality": int(np.flatnonzero(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY)[0]),
+        "normal": int(np.flatnonzero(data.efc_type == mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)[0]),
+    }
+    # Contact rows share the violation of the normal; friction rows have damping alone.
+    rows = {"equality": first["equality"], "normal": first["normal"], "friction": first["normal"] + 1}
+    for kind, row in rows.items():
+        time_constant = effective_time_constant(
+            law,
+            timestep,
+            integrator=integrator,
+            row=kind,  # type: ignore[arg-type]
+            violation=violation,
+        )
+        d, b, k = replace(law, time_constant=time_constant).gains(violation)
+        stiffness, damping, impedance, _ = data.efc_KBIP[row]
+        assert impedance == pytest.approx(d, rel=1e-6), kind
+        assert damping == pytest.approx(b, rel=1e-6), kind
+        assert stiffness * impedance == pytest.approx(0.0 if kind == "friction" else k, rel=1e-6), kind
+
+
+def test_the_papers_contact_is_not_what_it_says_at_one_millisecond() -> None:
+    assert effective_time_constant(PAPER_SOLE_GROUND, 0.001) == pytest.approx(0.001, rel=0.01)
+    assert effective_time_constant(PAPER_SOLE_GROUND, 0.001, integrator="Euler") == SOLE_GROUND.time_constant
+    assert effective_time_constant(LOOP_CLOSURE, 0.002, row="equality") == 0.002
+
+
+# --- bodies ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_mujoco_and_the_fit_agree_on_the_inertia_of_the_foot(name: str) -> None:
+    rotation = Rotation.random(rng=np.random.default_rng(1))
+    own = SoleGeometry(
+        "link", tuple(-rotation.apply([0.01, 0.004, 0.09])), tuple(rotation.as_quat()), 0.2, 0.1
+    )
+    stand = Stand(DESIGNS[name], "nothing", own=own)
+    model, data = stand.model, stand.data
+    link = data.body("link")
+    to_link = link.xmat.reshape(3, 3).T
+    mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    for i in range(model.body("link").id, model.nbody):
+        place = to_link @ (data.xipos[i] - link.xpos)
+        axes = to_link @ data.ximat[i].reshape(3, 3)
+        mass += model.body_mass[i]
+        moment += model.body_mass[i] * place
+        inertia += axes @ np.diag(model.body_inertia[i]) @ axes.T
+        inertia += model.body_mass[i] * (place @ place * np.eye(3) - np.outer(place, place))
+    added = stand.foot.fit.added_inertia
+    assert mass == pytest.approx(added.mass, abs=1e-12)
+    assert mass == pytest.approx(stand.foot.fit.mass, abs=1e-12)
+    np.testing.assert_allclose(moment, added.mass * added.lever, atol=1e-9)
+    lever = added.lever
+    about_link = added.inertia + added.mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+    np.testing.assert_allclose(inertia, about_link, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["flat", "rigid", "soft", "flaps"])
+def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
+    stand = Stand(DESIGNS[name], "nothing", drop=0.0)
+    sole = stand.foot.fit.sole
+    ids = [stand.model.geom(g).id for g in stand.foot.contact_geoms]
+    lowest = stand.data.geom_xpos[ids] - [0.0, 0.0, DESIGNS[name].contact.radius]
+    centre = stand.data.body(stand.foot.body).xpos
+    np.testing.assert_allclose(lowest[:, 2], 0.0, atol=1e-9)
+    np.testing.assert_allclose(centre, [sole.translation[0], 0.0, 0.0], atol=1e-9)
+    extent = lowest[:, :2] - centre[:2]
+    np.testing.assert_allclose(extent.max(axis=0), [sole.length / 2, sole.width / 2], atol=1e-9)
+    np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["soft", "no loop", "six phalanges", "flaps"])
+def test_the_loop_is_closed_in_the_rest_shape(name: str) -> None:
+    stand = Stand(DESIGNS[name], "nothing")
+    assert stand.probe.loop_gap(stand.data) < 1e-12
+    assert (stand.foot.loop_sites is None) == (name == "no loop")
+
+
+def test_two_feet_share_a_model() -> None:
+    spec = mujoco.MjSpec()
+    models = []
+    for side in ("left", "right"):
+        body = spec.worldbody.add_body(name=f"{side}_ankle", pos=[0, 0.1 if side == "left" else -0.1, 0.1])
+        own = SoleGeometry.under_ankle(0.093, 0.16, 0.076, ankle_link=f"{side}_ankle")
+        models.append(foot("soft", encoders=True).build(spec, body, side, own))
+    compiled = spec.compile()
+    assert not set(models[0].contact_geoms) & set(models[1].contact_geoms)
+    assert compiled.neq == 2 and compiled.nv == 22 and compiled.nsensor == 2 * (2 + 10)
+
+
+def test_names_of_a_foot_are_none_that_a_robot_would_use() -> None:
+    stand = Stand(foot("soft", encoders=True, transverse=TransverseBending("flaps")), "nothing")
+    kinds = mujoco.mjtObj
+    counts = {
+        kinds.mjOBJ_BODY: stand.model.nbody,
+        kinds.mjOBJ_JOINT: stand.model.njnt,
+        kinds.mjOBJ_GEOM: stand.model.ngeom,
+        kinds.mjOBJ_SITE: stand.model.nsite,
+        kinds.mjOBJ_SENSOR: stand.model.nsensor,
+        kinds.mjOBJ_EQUALITY: stand.model.neq,
+    }
+    rig = {"world", "carriage", "ankle", "forward", "left", "lift", "roll", "pitch"}
+    for kind, count in counts.items():
+        names = {mujoco.mj_id2name(stand.model, kind, i) for i in range(count)} - rig
+        assert all(name.startswith("left/") for name in names), names
+
+
+def test_a_foot_goes_under_its_own_ankle_only() -> None:
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="knee")
+    with pytest.raises(InputError, match="'ankle'.*'knee'"):
+        foot("flat").build(spec, body, "left", OWN)
+    with pytest.raises(InputError, match="middle"):
+        foot("flat").build(spec, body, "middle", OWN)
+
+
+# --- standing --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("ground", ["plane", "field"])
+def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str, ground: str) -> None:
+    if name == "no loop" or (name == "flaps" and ground == "field"):
+        pytest.skip(
+            "without the loop nothing carries the front of the foot; one ground is enough for the flaps"
+        )
+    stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field")
+    stand.settle(1.5)
+    contacts = stand.probe.contacts(stand.model, stand.data)
+    weight = float(stand.model.body_mass.sum()) * GRAVITY
+    assert contacts.force[2] == pytest.approx(weight, rel=0.001)
+    # The moment of gravity about the ankle is that of the foot's own mass alone.
+    own = stand.foot.fit.added_inertia
+    expected = [own.lever[0] * own.mass * GRAVITY / weight, 0.0]
+    ankle = stand.data.body("ankle").xpos
+    np.testing.assert_allclose(contacts.centre_of_pressure[:2] - ankle[:2], expected, atol=0.001)
+
+
+@pytest.mark.parametrize("name", ["flat", "rigid"])
+@pytest.mark.parametrize("ground", ["plane", "field"])
+def test_a_level_rigid_sole_presses_evenly(name: str, ground: str) -> None:
+    stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field", tilting=False)
+    stand.settle()
+    contacts = stand.probe.contacts(stand.model, stand.data)
+    centre = stand.data.body(stand.foot.body).xpos
+    np.testing.assert_allclose(contacts.centre_of_pressure[:2], centre[:2], atol=0.001)
+    assert len(np.unique(np.round(contacts.points[:, :2], 4), axis=0)) == len(stand.foot.contact_geoms)
+
+
+@pytest.mark.parametrize("name", ["flat", "rigid", "soft", "twist"])
+def test_the_force_sensor_reads_what_the_ground_does_about_the_sole_centre(name: str) -> None:
+    stand = Stand(DESIGNS[name], terrain("slope", 0.1), x=1.0, drop=0.1)
+    stand.settle(2.0)
+    contacts = stand.probe.contacts(stand.model, stand.data)
+    body = stand.data.body(stand.foot.body)
+    axes = body.xmat.reshape(3, 3)
+    force = contacts.force.copy()
+    moment = np.cross(contacts.points - body.xpos, contacts.forces).sum(axis=0)
+    # The sensor sees the weight of the foot below it as well.
+    for i in range(stand.model.body(stand.foot.body).id, stand.model.nbody):
+        pull = np.array([0.0, 0.0, -GRAVITY * stand.model.body_mass[i]])
+        force += pull
+        moment += np.cross(stand.data.xipos[i] - body.xpos, pull)
+    reading = WrenchSensor(stand.model, stand.foot).read(stand.data)
+    assert contacts.force[2] > 0.9 * LOAD
+    np.testing.assert_allclose(reading[:3], axes.T @ force, atol=0.05)
+    np.testing.assert_allclose(reading[3:], axes.T @ moment, atol=0.02)
+
+
+def test_encoders_read_the_shape_of_the_sole() -> None:
+    stand = Stand(foot("soft", encoders=True), terrain("stones", 0.03, 1), x=1.5, drop=0.1)
+    stand.settle()
+    angles = stand.probe.angles(stand.data)
+    assert np.abs(angles).max() > 0.02
+    mujoco.mj_forward(stand.model, stand.data)
+    np.testing.assert_array_equal([stand.data.sensor(name).data[0] for name in stand.foot.encoders], angles)
+
+
+# --- stiffness at run time -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("transverse", [None, TransverseBending("twist")])
+@pytest.mark.parametrize(("before", "after"), [(0.0, 42.0), (42.0, 0.0), (5.0, 80.0)])
+def test_a_stiffness_set_at_run_time_equals_one_compiled_in(
+    before: float, after: float, transverse: TransverseBending | None
+) -> None:
+    ground = terrain("stones", 0.03, 2)
+    compiled = Stand(foot("soft", stiffness=after, transverse=transverse), ground, x=1.5, drop=0.1)
+    changed = Stand(foot("soft", stiffness=before, transverse=transverse), ground, x=1.5, drop=0.1)
+    SoleStiffness(changed.model, changed.foot).step(after, 0.0)
+    for stand in (compiled, changed):
+        stand.settle(0.5)
+    assert np.abs(compiled.probe.angles(compiled.data)).max() > 0.01
+    np.testing.assert_array_equal(compiled.data.qpos, changed.data.qpos)
+    np.testing.assert_array_equal(compiled.data.qvel, changed.data.qvel)
+
+
+def test_stiffness_follows_its_actuator_and_is_reported() -> None:
+    stand = Stand(foot("variable", stiffness=10.0), "nothing")
+    actuator = StiffnessActuator(rate_limit=100.0, time_constant=0.05)
+    sole = SoleStiffness(stand.model, stand.foot, actuator)
+    assert sole.actual == 10.0
+    state = actuator.at_rest(10.0)
+    for _ in range(50):
+        state = actuator.advance(state, 70.0, 0.005)
+        assert sole.step(70.0, 0.005) == state.actual == sole.actual
+    assert 10.0 < sole.actual < 35.0 + 1e-9
+    ids = [stand.model.joint(name).id for name in stand.foot.sole_joints]
+    np.testing.assert_array_equal(stand.model.jnt_stiffness[ids], sole.actual)
+    assert stand.model.joint(stand.foot.arch_joint).stiffness[0] == 100.0
+    sole.reset()
+    assert sole.actual == 10.0
+    with pytest.raises(InputError, match=r"\[0, 80\]"):
+        sole.step(81.0, 0.005)
+
+
+def test_a_rigid_foot_has_no_stiffness_and_a_foreign_model_no_foot() -> None:
+    rigid, soft = Stand(foot("rigid"), "nothing"), Stand(foot("soft"), "nothing")
+    with pytest.raises(InputError, match="rigid"):
+        SoleStiffness(rigid.model, rigid.foot)
+    with pytest.raises(InputError, match="not compiled"):
+        SoleProbe(rigid.model, soft.foot)
+
+
+# --- range -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", ["stones", "random", "large_floor_tiles", "metal_sheets"])
+def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
+    ground = terrain(family, 0.02, seed=3)
+    stand = Stand(foot("soft"), ground)
+    finder = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP)
+    random = np.random.default_rng(0)
+    carriage = stand.model.body("carriage").id
+    offset = stand.data.site(stand.foot.range_site).xpos - stand.model.body_pos[carriage] - RANGE_OFFSET
+    field = ground.surface.field
+    around = 5e-5 * np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0])).reshape(2, -1)
+    overhangs = family == "large_floor_tiles"  # the sides of tilted tiles, which no height can describe
+    for i in range(750):
+        x, y = random.uniform(ground.start + 0.3, ground.stop - 0.3), random.uniform(-0.3, 0.3)
+        tilted = bool(i % 2) and not overhangs
+        if tilted:  # the other half is tilted, as a foot in its swing is
+            stand.data.joint("pitch").qpos[0], stand.data.joint("roll").qpos[0] = random.uniform(-0.4, 0.4, 2)
+        else:
+            stand.data.joint("pitch").qpos[0] = stand.data.joint("roll").qpos[0] = 0.0
+        if field is not None and i % 4 == 0:
+            # Exactly on a grid line, where rays are lost: only the site's own offset keeps it away.
+            x = field.x0 + random.integers(1, field.z.shape[1] - 1) * field.step[0]
+            y = field.y0 + random.integers(1, field.z.shape[0] - 1) * field.step[1] if i % 8 else y
+        stand.model.body_pos[carriage] = [x - offset[0], y - offset[1], random.uniform(0.2, 0.5)]
+        mujoco.mj_kinematics(stand.model, stand.data)
+        hit = finder.hit_point(stand.data, finder.distance(stand.model, stand.data))
+        # On the side of a stone the height jumps: the ray has hit between what is left and right of it.
+        near = ground.height(hit[0] + around[0], hit[1] + around[1])
+        assert near.min() - 1e-4 < hit[2] < near.max() + 1e-4
+        if not tilted:
+            assert hit[2] == pytest.approx(float(ground.height(hit[0], hit[1])), abs=1e-4)
+
+
+def test_range_looks_past_the_foot_along_the_tilted_sole() -> None:
+    stand = Stand(foot("rigid"), terrain("flat"))
+    stand.data.joint("pitch").qpos[0] = 0.3
+    stand.data.joint("lift").qpos[0] = 0.4
+    mujoco.mj_forward(stand.model, stand.data)
+    finder = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP)
+    site = stand.data.site(stand.foot.range_site).xpos
+    reading = finder.read(stand.model, stand.data)
+    assert reading == pytest.approx(site[2] / math.cos(0.3), abs=1e-6)
+    hit = finder.hit_point(stand.data, reading)
+    assert hit[2] == pytest.approx(0.0, abs=1e-6)
+    assert hit[0] == pytest.approx(site[0] - site[2] * math.tan(0.3), abs=1e-5)
+
+
+def test_range_errors_and_limits_act_on_the_ray() -> None:
+    stand = Stand(foot("soft"), terrain("flat"), drop=0.3)
+    near = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP, sensor=RangeSensor(greatest=0.2))
+    assert math.isnan(near.read(stand.model, stand.data))
+    noisy = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP, sensor=RangeSensor(noise=0.001))
+    true = noisy.distance(stand.model, stand.data)
+    assert 0.0 < abs(noisy.read(stand.model, stand.data) - true) < 0.006
+    with pytest.raises(InputError, match="group"):
+        RangeFinder(stand.model, stand.foot, ground_group=6)

@@ -1,0 +1,373 @@
+"""The roughness parameters against analytic profiles, SciPy's statistics and direct sums."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal, stats
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.feet.sensing.scan import resample
+from wbc.feet.soles.rigid import SOFT_LENGTH
+from wbc.feet.stiffness.roughness import (
+    AUTHORS_RATE,
+    PARAMETERS,
+    Roughness,
+    RoughnessSettings,
+    detrend,
+    low_pass,
+    profile_roughness,
+    roughness,
+)
+from wbc.sim.terrain import terrain, terrain_families
+
+STEP = 0.007
+PLAIN = RoughnessSettings(corner=None, detrend="mean")
+PAPER = RoughnessSettings(corner=None, detrend="mean", variant="paper")
+
+
+def grid(n: int) -> np.ndarray:
+    return STEP * np.arange(n)
+
+
+def rough(n: int = 200, seed: int = 0, count: int = 1) -> np.ndarray:
+    """Random walks, shape (count, n), m: ground with all wavelengths."""
+    return 1e-3 * np.random.default_rng(seed).normal(size=(count, n)).cumsum(axis=1)
+
+
+# --- analytic profiles ------------------------------------------------------------------------------------------------
+
+
+def test_a_sine() -> None:
+    """Whole periods of A sin: Sa = 2A/π, Sq = A/√2, Sku = 3/2, K = 1/2, and the differences of a sampled sine."""
+    n, periods, a = 4000, 5, 0.02
+    r = roughness(grid(n), a * np.sin(2 * math.pi * periods * np.arange(n) / n), PLAIN)
+    difference = 2 * a * math.sin(math.pi * periods / n)  # amplitude of z[i+1] − z[i]
+    expected = {
+        "Sa": 2 * a / math.pi,
+        "Sq": a / math.sqrt(2),
+        "Ssk": 0.0,
+        "Sku": 1.5,
+        "Sv": a,
+        "Sp": a,
+        "Sz": 2 * a,
+        "M": a**2 / 2,
+        "P": difference**2 / 2 / STEP**2,
+        "K": 0.5,
+    }
+    for name, value in expected.items():
+        assert r[name] == pytest.approx(value, rel=2e-3, abs=1e-9), name
+    assert r["K"] == pytest.approx(0.5, abs=1e-12)
+    assert r["M"] == pytest.approx(a**2 / 2, rel=1e-12)
+
+
+def test_a_ramp_is_a_slope_not_roughness() -> None:
+    z = 0.3 * grid(100) - 5.0
+    np.testing.assert_array_equal(roughness(grid(100), z).values, 0.0)
+    r = roughness(grid(100), z, PLAIN)
+    height = 0.3 * STEP * 99
+    assert r["Sa"] == pytest.approx(height / 4, rel=0.02)
+    assert r["Sq"] == pytest.approx(height / math.sqrt(12), rel=0.02)
+    assert r["Sku"] == pytest.approx(1.8, rel=1e-3)  # of a uniform distribution
+    assert r["Sv"] == pytest.approx(height / 2) and r["Sp"] == pytest.approx(height / 2)
+    assert r["P"] == pytest.approx(0.0, abs=1e-20), "the slope does not vary"
+
+
+def test_steps() -> None:
+    """A square wave of ±h, half up, half down: every height is h, the skewness 0 and the kurtosis 1."""
+    n, h = 64, 0.01
+    z = np.where(np.arange(n) % 16 < 8, h, -h)
+    r = roughness(grid(n), z, PLAIN)
+    for name, value in (("Sa", h), ("Sq", h), ("Ssk", 0.0), ("Sku", 1.0), ("Sv", h), ("Sp", h), ("M", h * h)):
+        assert r[name] == pytest.approx(value, abs=1e-15), name
+    jumps = 7  # differences of ∓2h, alternating, among n − 1
+    mean = -2 * h * 1 / (n - 1)
+    assert r["P"] == pytest.approx((jumps * 4 * h * h / (n - 1) - mean**2) / STEP**2)
+
+
+def test_a_rare_bump_is_skewed_upwards() -> None:
+    """One sample of height h in n: Ssk = (n − 2) / √(n − 1), Sku = (n² − 3n + 3) / (n − 1), a white spectrum."""
+    n, h = 50, 0.03
+    z = np.zeros(n)
+    z[20] = h
+    r = roughness(grid(n), z, PLAIN)
+    assert r["Ssk"] == pytest.approx((n - 2) / math.sqrt(n - 1))
+    assert r["Sku"] == pytest.approx((n * n - 3 * n + 3) / (n - 1))
+    assert r["K"] == pytest.approx(1 - 1 / (n - 1))
+    assert roughness(grid(n), -z, PLAIN)["Ssk"] == pytest.approx(-(n - 2) / math.sqrt(n - 1))
+
+
+def test_k_counts_lines() -> None:
+    n = 1000
+    x = 2 * math.pi * np.arange(n) / n
+    for count in (1, 2, 5, 10):
+        z = sum(np.cos(m * x + m) for m in range(3, 3 + count))
+        assert 1 / (1 - float(roughness(grid(n), 0.01 * z, PLAIN)["K"])) == pytest.approx(2 * count)
+
+
+# --- independent computations -----------------------------------------------------------------------------------------
+
+
+@given(seed=st.integers(0, 10_000), n=st.integers(8, 120))
+@settings(max_examples=40, deadline=None)
+def test_agrees_with_scipy_and_direct_sums(seed: int, n: int) -> None:
+    z = rough(n, seed)[0]
+    r, d = roughness(grid(n), z, PLAIN), z - z.mean()
+    assert r["Sa"] == pytest.approx(np.mean(np.abs(d)))
+    assert r["Sq"] == pytest.approx(np.std(z))
+    assert r["Ssk"] == pytest.approx(stats.skew(z), abs=1e-9)
+    assert r["Sku"] == pytest.approx(stats.kurtosis(z, fisher=False))
+    assert (r["Sv"], r["Sp"]) == (pytest.approx(-d.min()), pytest.approx(d.max()))
+    assert r["Sz"] == pytest.approx(np.ptp(z))
+    assert r["P"] == pytest.approx(np.var(np.diff(z) / STEP))
+    lines = np.array([abs(np.exp(-2j * math.pi * k * np.arange(n) / n) @ d / n) ** 2 for k in range(n)])
+    assert r["M"] == pytest.approx(lines[1:].sum()), "Parseval"
+    assert r["K"] == pytest.approx(1 - (lines[1:] ** 2).sum() / lines[1:].sum() ** 2)
+
+
+def test_m_is_the_integral_of_scipys_spectrum() -> None:
+    z = rough(256)[0]
+    frequency, density = signal.periodogram(z, fs=1 / STEP, detrend="constant")
+    assert roughness(grid(256), z, PLAIN)["M"] == pytest.approx(density.sum() * frequency[1])
+
+
+def test_the_corrected_slope_is_the_integral_of_the_spectrum_where_the_ground_is_smooth() -> None:
+    """P from differences against Σ (2π f)² |Z|² with symmetric harmonics, the form that the table should have had."""
+    n = 400
+    z = 0.01 * np.sin(2 * math.pi * 3 * np.arange(n) / n) + 0.004 * np.cos(2 * math.pi * 7 * np.arange(n) / n)
+    f = np.fft.fftfreq(n, STEP)
+    spectral = ((2 * math.pi * f) ** 2 * np.abs(np.fft.fft(z) / n) ** 2).sum()
+    assert roughness(grid(n), z, PLAIN)["P"] == pytest.approx(spectral, rel=0.01)
+
+
+# --- properties -------------------------------------------------------------------------------------------------------
+
+
+@given(
+    scale=st.floats(0.1, 10.0),
+    lift=st.floats(-50.0, 50.0),
+    slope=st.floats(-0.5, 0.5),
+    place=st.floats(-200, 200),
+)
+@settings(max_examples=40, deadline=None)
+def test_place_lift_and_slope_do_not_matter_and_scale_does_as_it_should(
+    scale: float, lift: float, slope: float, place: float
+) -> None:
+    x, z = grid(60), rough(60)[0]
+    a = roughness(x, z)
+    b = roughness(x + place, scale * z + lift + slope * x)
+    order = {"Ssk": 0, "Sku": 0, "K": 0, "M": 2, "P": 2}
+    for name in PARAMETERS:
+        assert b[name] == pytest.approx(float(a[name]) * scale ** order.get(name, 1), rel=1e-6), name
+
+
+def test_the_direction_of_travel_does_not_matter_except_as_printed() -> None:
+    z = rough(429, 5)[0]
+    x = grid(429)
+    np.testing.assert_allclose(roughness(x, z).values, roughness(x, z[::-1]).values, rtol=1e-9)
+    forward, backward = roughness(x, z, PAPER), roughness(x, z[::-1], PAPER)
+    assert abs(forward["Ssk"] - backward["Ssk"]) > 0.5
+
+
+def test_many_profiles_at_once_are_each_of_them() -> None:
+    z = rough(80, count=12).reshape(3, 4, 80)
+    for given_settings in (RoughnessSettings(), PAPER, RoughnessSettings.authors()):
+        many = roughness(grid(80), z, given_settings)
+        assert many.values.shape == (3, 4, 10)
+        for i in np.ndindex(3, 4):
+            np.testing.assert_allclose(
+                many.values[i], roughness(grid(80), z[i], given_settings).values, rtol=1e-9
+            )
+
+
+@pytest.mark.parametrize("variant", ["corrected", "paper", "authors"])
+def test_level_ground_has_no_roughness_at_all(variant: str) -> None:
+    for level in (0.0, 0.1, -123.4):
+        r = roughness(grid(43), np.full((2, 43), level), RoughnessSettings(variant=variant))  # type: ignore[arg-type]
+        np.testing.assert_array_equal(r.values, 0.0)
+    mixed = roughness(grid(43), np.stack([np.full(43, 7.0), rough(43)[0]]))
+    np.testing.assert_array_equal(mixed.values[0], 0.0)
+    np.testing.assert_allclose(mixed.values[1], roughness(grid(43), rough(43)[0]).values, rtol=1e-12)
+    profile = terrain("flat").profile(0.0, 0.3)
+    assert set(roughness(*profile).as_dict().values()) == {0.0}
+
+
+def test_rougher_ground_is_rougher() -> None:
+    """Every family, seven lanes at once: finite, and more of it at twice the amplitude."""
+    lanes = np.linspace(-0.3, 0.3, 7)[:, None]
+    for name in terrain_families():
+        if name in ("flat", "slope", "image", "steps"):
+            continue
+        high = terrain(name, seed=1)
+        low = terrain(name, amplitude=high.amplitude / 2, seed=1)
+        x = high.profile()[0]
+        a, b = roughness(x, low.height(x, lanes)), roughness(x, high.height(x, lanes))
+        assert np.isfinite(b.values).all(), name
+        for parameter in ("Sa", "Sq", "Sz", "P"):
+            assert b[parameter].mean() > 1.3 * a[parameter].mean() > 0.0, name
+
+
+# --- the table as printed, and the authors' code ----------------------------------------------------------------------
+
+
+def test_the_paper_variant_is_the_table_as_printed() -> None:
+    n = 60
+    z = rough(n, 3)[0]
+    d = z - z.mean()
+    i = np.arange(1, n + 1)
+    r, right = roughness(grid(n), z, PAPER), roughness(grid(n), z, PLAIN)
+    sq = math.sqrt((d**2).mean())
+    assert r["Ssk"] == pytest.approx((d**3 / (i + 1)).sum() / sq**3)
+    assert r["Sku"] == pytest.approx((d**4 / (i + 1)).sum() / sq**4)
+    f0, lines = 1 / (n * STEP), np.abs(np.fft.fft(d) / n) ** 2
+    assert r["P"] == pytest.approx(sum(f0**2 * k**2 * lines[k] for k in range(n)))
+    for name in PARAMETERS:
+        if name in ("Ssk", "Sku", "P"):
+            assert abs(r[name] / right[name] - 1) > 0.1, name
+        else:
+            assert r[name] == pytest.approx(float(right[name])), name
+
+
+def test_the_authors_variant_is_their_code() -> None:
+    """Their filter coefficients, their differences at 200 Hz; P × (dt/dx)² is the variance of the slope."""
+    z = rough(429, 4)[0]
+    b, a = [0.08254, 0.08254], [1.0, -0.83492]
+    mirrored = np.pad(z - z.mean(), 429, mode="symmetric")  # the ends are where the two filters differ
+    theirs = signal.filtfilt(b, a, mirrored)[429:-429]
+    own = RoughnessSettings.authors(STEP)
+    assert own.corner == pytest.approx(4.08, abs=0.01)
+    r = roughness(grid(429), z, own)
+    filtered = RoughnessSettings(own.corner, "mean", "corrected")
+    assert r["P"] == pytest.approx(np.var(np.diff(theirs) * AUTHORS_RATE), rel=1e-3)
+    assert float(r["P"]) * (1 / AUTHORS_RATE / STEP) ** 2 == pytest.approx(
+        float(roughness(grid(429), z, filtered)["P"])
+    )
+    assert r["Sq"] == pytest.approx(np.std(theirs), rel=1e-3)
+
+
+# --- filter -----------------------------------------------------------------------------------------------------------
+
+
+def gain(frequency: float, corner: float, n: int = 6000) -> tuple[float, float]:
+    """Amplitude gain and phase of the filter for a wave, away from the ends."""
+    x, middle = grid(n), slice(n // 3, 2 * n // 3)
+    wave = np.exp(2j * math.pi * frequency * x)
+    response = complex(
+        np.vdot(wave[middle], low_pass(wave.real, STEP, corner)[middle])
+        / np.vdot(wave[middle], wave.real[middle])
+    )
+    return abs(response), float(np.angle(response))
+
+
+def test_a_wave_as_long_as_the_foot_keeps_half_of_its_height() -> None:
+    corner = RoughnessSettings().corner
+    assert corner == pytest.approx(1 / SOFT_LENGTH)
+    for ratio, expected in ((1.0, 0.5), (0.6436, 1 / math.sqrt(2)), (0.1, 1 / 1.01)):
+        size, phase = gain(ratio * corner, corner)
+        assert size == pytest.approx(expected, rel=0.01)
+        assert phase == pytest.approx(0.0, abs=1e-3), "zero phase"
+    # Short waves: below the analogue filter's 1 / (1 + r²), as the bilinear transform makes it.
+    assert gain(10 * corner, corner)[0] < 1 / 101
+
+
+@given(a=st.floats(-1.0, 1.0), b=st.floats(-1.0, 1.0), n=st.integers(8, 100))
+@settings(max_examples=30, deadline=None)
+def test_the_filter_keeps_level_ground_and_is_linear_and_blind_to_direction(
+    a: float, b: float, n: int
+) -> None:
+    constant = np.full(n, a)
+    np.testing.assert_allclose(low_pass(constant, STEP, 3.6), constant, atol=1e-12)
+    z = rough(n, count=2)
+    y = low_pass(z, STEP, 3.6)
+    np.testing.assert_allclose(low_pass(a * z[0] + b * z[1], STEP, 3.6), a * y[0] + b * y[1], atol=1e-12)
+    np.testing.assert_allclose(low_pass(z[:, ::-1], STEP, 3.6)[:, ::-1], y, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [8, 41, 429])
+@pytest.mark.parametrize("corner", [0.5, 3.6, 4.08, 40.0])
+def test_the_filter_is_scipys_on_ground_that_goes_on_as_its_mirror_image(n: int, corner: float) -> None:
+    z = rough(n, 2)[0]
+    again = 3000 // n + 1
+    b, a = signal.butter(1, corner, fs=1 / STEP)
+    theirs = signal.filtfilt(b, a, np.pad(z, again * n, mode="symmetric"))
+    np.testing.assert_allclose(low_pass(z, STEP, corner), theirs[again * n : (again + 1) * n], atol=1e-9)
+
+
+def test_filtering_takes_roughness_away() -> None:
+    z = rough(100, count=5)
+    raw, filtered = roughness(grid(100), z, RoughnessSettings(corner=None)), roughness(grid(100), z)
+    for name in ("Sq", "P", "K"):
+        assert (filtered[name] < raw[name]).all(), name
+    above_nyquist = roughness(grid(100), z, RoughnessSettings(corner=0.5 / STEP))
+    np.testing.assert_allclose(above_nyquist.values, raw.values)
+
+
+def test_detrending_leaves_nothing_that_a_line_explains() -> None:
+    z = rough(50, count=3)
+    t = np.arange(50)
+    for row, line in zip(detrend(z), z, strict=True):
+        np.testing.assert_allclose(row, line - np.polyval(np.polyfit(t, line, 1), t), atol=1e-14)
+
+
+def test_roughness_is_that_of_the_filtered_profile_about_its_line() -> None:
+    z = rough(60, 9)[0] + 0.2 * grid(60)
+    t = np.arange(60)
+
+    def about_its_line(heights: np.ndarray) -> np.ndarray:
+        return heights - np.polyval(np.polyfit(t, heights, 1), t)
+
+    y = about_its_line(low_pass(about_its_line(z), STEP, 1 / SOFT_LENGTH))
+    r = roughness(grid(60), z)
+    assert (r["Sq"], r["Sz"]) == (pytest.approx(np.sqrt((y**2).mean())), pytest.approx(np.ptp(y)))
+
+
+def test_a_scanned_profile_has_the_roughness_of_its_points() -> None:
+    ground = terrain("cobble_stones", seed=3)
+    x, z = ground.profile(1.0, 1.35, step=0.0005)
+    scanned = profile_roughness(resample(x, z))
+    direct = roughness(*ground.profile(1.0, 1.35))
+    for name in ("Sa", "Sq", "Sz"):
+        assert scanned[name] == pytest.approx(float(direct[name]), rel=0.15)
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "message"),
+    [
+        (grid(7), np.zeros(7), "at least 8 samples, got 7"),
+        (grid(20), np.r_[np.zeros(19), math.nan], "heights .* finite"),
+        (np.r_[grid(19), math.inf], np.zeros(20), "places .* finite"),
+        (grid(20)[::-1], np.zeros(20), r"must ascend, got x\[1\]"),
+        (np.r_[grid(10), grid(10)], np.zeros(20), r"must ascend, got x\[10\]"),
+        (grid(20) ** 2 + grid(20), np.zeros(20), "evenly spaced"),
+        (grid(20), np.zeros(19), "shape"),
+        (np.zeros((2, 20)), np.zeros(20), "shape"),
+        (grid(20), np.float64(3.0), "shape"),
+        (["a"] * 20, np.zeros(20), "must be numbers"),
+    ],
+)
+def test_profiles_that_cannot_be_used_are_refused(x: np.ndarray, z: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        roughness(x, z)
+
+
+def test_settings_are_checked() -> None:
+    for options, message in (
+        ({"corner": 0.0}, "corner"),
+        ({"corner": math.nan}, "corner"),
+        ({"detrend": "quadratic"}, "way to detrend 'quadratic'"),
+        ({"variant": "papers"}, "did you mean 'paper'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            RoughnessSettings(**options)  # type: ignore[arg-type]
+    r = Roughness(np.zeros((2, 10)))
+    with pytest.raises(UnknownNameError, match="roughness parameter 'Sx'"):
+        r["Sx"]
+    with pytest.raises(InputError, match="single profile"):
+        r.as_dict()

@@ -1,0 +1,146 @@
+"""The pages of the documentation do what they say: programs run, commands and names exist, links lead somewhere."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import pytest
+
+from wbc.app.cli import make_app
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
+ELSEWHERE = ("feet.md", "grounds.md")
+"""Pages whose programs `test_feet_docs.py` runs and looks at more closely."""
+
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+OUTPUT = re.compile(r"\s*^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SLOW = re.compile(r"<!-- slow -->\s*\Z")
+CODE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
+LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
+
+REGISTERS = (
+    ("wbc.robots.registry", "_FACTORIES"),
+    ("wbc.feet.soles.catalog", "_FEET"),
+    ("wbc.sim.terrain.families.base", "_FAMILIES"),
+    ("wbc.tasks.scheduling.policies", "_POLICIES"),
+    ("wbc.sim.studies.trials", "_KINDS"),
+)
+"""What pages add something to, which other tests must not see."""
+
+
+def text_of(page: Path) -> str:
+    text = page.read_text(encoding="utf-8")
+    assert not re.search(r"^ +```", text, re.MULTILINE), f"{page.name}: an indented program would not be run"
+    return text
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return [code for kind, code in FENCE.findall(text_of(page)) if kind == language]
+
+
+def programs(page: Path, *, slow: bool = True) -> list[tuple[int, str, str | None]]:
+    """Line, program and the output that stands right behind it, for each program of a page.
+
+    Those behind `<!-- slow -->` are left out unless they are wanted.
+    """
+    text = text_of(page)
+    found = []
+    for match in FENCE.finditer(text):
+        if match[1] == "python" and (slow or not SLOW.search(text, 0, match.start())):
+            output = OUTPUT.match(text, match.end())
+            found.append((text.count("\n", 0, match.start(2)), match[2], output and output[1]))
+    return found
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the examples in it, and registers that nobody else sees."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    matplotlib.use("Agg")
+    for module, name in REGISTERS:
+        place = importlib.import_module(module)
+        monkeypatch.setattr(place, name, dict(getattr(place, name)))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if p.name not in ELSEWHERE and programs(p)], ids=lambda page: page.stem
+)
+def test_programs_of_a_page_run_one_after_the_other(page: Path, workplace: Path) -> None:
+    run(page, slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if len(programs(p)) > len(programs(p, slow=False))], ids=lambda page: page.stem
+)
+def test_slow_programs_of_a_page_run_too(page: Path, workplace: Path) -> None:
+    run(page, slow=True)
+
+
+def run(page: Path, *, slow: bool) -> None:
+    names: dict[str, Any] = {"__name__": "page"}
+    for line, program, expected in programs(page, slow=slow):
+        code = compile("\n" * line + program, str(page), "exec")  # with the lines of the page in a traceback
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(code, names)
+        if expected is not None:
+            assert printed.getvalue().rstrip() == expected.rstrip(), (
+                f"{page.name}:{line + 1} prints otherwise"
+            )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_are_understood(page: Path) -> None:
+    for line in "".join(blocks(page, "bash")).replace("\\\n", " ").splitlines():
+        words = shlex.split(line.rpartition("&&")[2].partition(" > ")[0], comments=True)
+        if words and Path(words[0]).name == "wbc":
+            command, bound, _ = make_app(words[1]).parse_args(
+                words[1:], exit_on_error=False, print_error=False
+            )
+            assert callable(command) and bound is not None, line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_names_in_the_text_exist(page: Path) -> None:
+    for code in CODE.findall(FENCE.sub("", text_of(page))):
+        name = code.partition("(")[0]
+        if re.fullmatch(r"wbc(\.\w+)+", name):
+            assert exists(name), f"{page.name}: there is no {name}"
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name is that of a module, or of something in one."""
+    parts = name.split(".")
+    for cut in range(len(parts), 0, -1):
+        try:
+            found: Any = importlib.import_module(".".join(parts[:cut]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[cut:]:
+            if not hasattr(found, part) and part not in getattr(found, "__dataclass_fields__", {}):
+                return False
+            found = getattr(found, part, None)
+        return True
+    return False
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_and_pictures_lead_somewhere(page: Path) -> None:
+    for target in LINK.findall(FENCE.sub("", text_of(page))):
+        if "://" not in target:
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_a_name_that_does_not_exist_is_noticed() -> None:
+    assert exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_p") and exists("wbc.Plant")
+    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.walk")

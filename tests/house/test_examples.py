@@ -1,0 +1,218 @@
+"""The examples do what they say, and end by themselves."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+
+FOLDER = Path(__file__).parents[2] / "examples"
+STANDING = ("own_robot", "own_task", "push_recovery", "reach", "squat", "stand")
+WALKING = ("walk", "walk_push", "walk_soles", "walk_stairs", "walk_stones", "walk_tune", "walk_velocity")
+NAMES = (*STANDING, *WALKING)
+
+Load = Callable[[str], ModuleType]
+
+
+@pytest.fixture
+def load() -> Iterator[Load]:
+    """Import examples by name, as Python does for a script that is run from its folder."""
+    sys.path.insert(0, str(FOLDER))
+    before = set(sys.modules)
+    try:
+        yield importlib.import_module
+    finally:
+        sys.path.remove(str(FOLDER))
+        for name in {*NAMES, "_common"} & (set(sys.modules) - before):
+            del sys.modules[name]
+
+
+def run(module: ModuleType, *arguments: str, seconds: float = 2.0) -> dict[str, Any]:
+    result: dict[str, Any] = module.main(["--seconds", str(seconds), *arguments])
+    assert result["upright"]
+    return result
+
+
+def test_every_example_is_tested_indexed_and_takes_the_common_options(
+    load: Load, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = {path.stem for path in FOLDER.glob("*.py")} - {"_common"}
+    assert found == set(NAMES)
+    index = (FOLDER / "README.md").read_text(encoding="utf-8")
+    for name in NAMES:
+        assert f"({name}.py)" in index
+        module = load(name)
+        with pytest.raises(SystemExit, match="0"):
+            module.main(["--help"])
+        text = capsys.readouterr().out
+        assert "--view" in text and "--host" in text and ("--seconds" in text or name in WALKING)
+        assert (module.__doc__ or "").splitlines()[0] in text
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_stand_keeps_the_centre_of_mass(load: Load, mode: str) -> None:
+    assert run(load("stand"), "--mode", mode, seconds=1.0)["com_error_mm"] < 0.2
+
+
+def test_stand_takes_every_robot(load: Load) -> None:
+    for robot in wbc.robots.names():
+        # Talos' centre of mass is 13 mm from the middle of its soles, and ankle torque has a price.
+        assert run(load("stand"), "--robot", robot, seconds=0.5)["com_error_mm"] < 3.0
+
+
+def test_squat_goes_as_deep_as_asked(load: Load) -> None:
+    module = load("squat")
+    result = run(module, seconds=module.PERIOD / 2)  # at its lowest point
+    assert result["lowered_mm"] == pytest.approx(1e3 * module.DEPTH, abs=2.0)
+    assert result["largest_error_mm"] < 2.0
+
+
+def test_reach_arrives(load: Load) -> None:
+    module = load("reach")
+    assert np.linalg.norm(module.REACH) > 0.3
+    assert run(module)["distance_mm"] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "direction"), [("position", "forward"), ("torque", "back"), ("torque", "left")]
+)
+def test_push_is_felt_and_recovered_from(load: Load, mode: str, direction: str) -> None:
+    result = run(load("push_recovery"), "--mode", mode, "--direction", direction)
+    assert result["farthest_mm"] > 5.0
+    assert result["at_the_end_mm"] < 2.0
+
+
+def test_own_task_looks_at_the_place(load: Load) -> None:
+    module = load("own_task")
+    assert run(module)["gaze_error_deg"] < 1.0
+    # The robot looks elsewhere when nobody asks: the task did it.
+    head = wbc.load_robot("hrp4_class").robot().placement("head")
+    y, z = head.actInv(np.array([1.5, 0.4, 1.0]))[1:]
+    assert np.hypot(y, z) > 0.3
+
+
+def test_own_task_is_short(load: Load) -> None:
+    module = load("own_task")
+    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+    task = next(node for node in tree.body if isinstance(node, ast.ClassDef))
+    for node in ast.walk(task):
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    assert len(ast.unparse(task).replace("\n\n", "\n").splitlines()) < 20
+
+
+def test_own_task_says_the_truth_about_its_rows(load: Load) -> None:
+    task = load("own_task").GazeTask("head", (1.5, 0.4, 1.0))
+    robot = wbc.load_robot("hrp4_class").robot()
+    task.bind(robot)
+    rng, h = np.random.default_rng(0), 1e-5
+    q = pin.integrate(robot.model, robot.q, 0.3 * rng.normal(size=robot.nv))
+    v = rng.normal(size=robot.nv)
+
+    def rows(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        robot.update(pin.integrate(robot.model, q, t * v), v)
+        jacobian, error, drift = np.zeros((2, robot.nv)), np.zeros(2), np.zeros(2)
+        task.evaluate(jacobian, error, drift)
+        return jacobian, error, drift
+
+    jacobian, _, drift = rows(0.0)
+    velocity = -(rows(h)[1] - rows(-h)[1]) / (2.0 * h)
+    assert jacobian @ v == pytest.approx(velocity, abs=1e-7)
+    acceleration = (rows(h)[0] @ v - rows(-h)[0] @ v) / (2.0 * h)  # at constant v: the drift alone
+    assert drift == pytest.approx(acceleration, abs=1e-5)
+
+
+def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run(load("own_robot"))
+    assert result["moved_mm"] < 1.0
+    assert "half-sitting of the legs solved for" in capsys.readouterr().out
+
+
+def test_an_example_gives_the_same_result_with_a_view(
+    load: Load, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = load("push_recovery")
+    monkeypatch.setattr(sys.modules["_common"], "BROWSER_TIME", 0.0)
+    plain = run(module, seconds=0.7)
+    assert run(module, "--view", "--port", "0", seconds=0.7) == plain
+    assert "http://127.0.0.1:" in capsys.readouterr().err
+
+
+# ---- walks ----------------------------------------------------------------------------------------------------------
+
+
+def walk(module: ModuleType, *arguments: str) -> dict[str, Any]:
+    result: dict[str, Any] = module.main(list(arguments))
+    assert result["upright"]
+    return result
+
+
+def test_walk_arrives(load: Load) -> None:
+    result = walk(load("walk"), "--distance", "0.2")
+    assert result["distance_m"] == pytest.approx(0.2, abs=0.03)
+    assert result["steps"] == 3  # two, and one to close up
+
+
+def test_walk_goes_where_its_velocity_says_and_stops_when_told_to(load: Load) -> None:
+    result = walk(
+        load("walk_velocity"), "--seconds", "2", "--forward", "0", "--left", "0.05", "--turn", "0.15"
+    )
+    assert result["stands"]
+    assert abs(result["forward_m"]) < 0.04 < result["left_m"] and result["turned_deg"] > 5.0
+
+
+def test_walk_on_stones_feels_them(load: Load) -> None:
+    result = walk(load("walk_stones"), "--distance", "0.2", "--amplitude", "0.015")
+    assert result["outcome"] == "completed"
+    assert result["early_landings"] + result["late_landings"] > 0  # nobody knew of the stones
+
+
+def test_walk_sets_its_soles(load: Load) -> None:
+    module = load("walk_soles")
+    own = walk(module, "--distance", "0.35")
+    assert own["policy"] == "SofterWhereItIsRough" and own["decided"] > 0
+    assert 2.0 <= own["softest_nm_per_rad"] <= own["stiffest_nm_per_rad"] <= 60.0
+    assert walk(module, "--distance", "0.35", "--policy", "fixed")["stiffest_nm_per_rad"] == 5.0
+
+
+def test_walk_climbs(load: Load) -> None:
+    result = walk(load("walk_stairs"), "--stairs", "1", "--rise", "0.04")
+    assert result["climbed_mm"] == pytest.approx(40.0, abs=8.0)
+
+
+def test_walk_steps_aside_when_pushed(load: Load) -> None:
+    module = load("walk_push")
+    pushed = walk(module, "--distance", "0.2", "--impulse", "0.15")
+    alone = walk(module, "--distance", "0.2", "--impulse", "0")
+    assert pushed["dcm_off_mm"] > alone["dcm_off_mm"] + 10.0
+    assert pushed["landed_left_mm"] < alone["landed_left_mm"] - 10.0  # to the right
+
+
+def test_walk_with_other_gains_differs_as_it_should(load: Load) -> None:
+    result = walk(load("walk_tune"), "--distance", "0.2", "--dcm_p", "1")
+    assert result["tuned_dcm_error_mm"] > 1.1 * result["default_dcm_error_mm"]  # a slower pole takes longer
+
+
+def test_a_walk_gives_the_same_result_with_a_view(
+    load: Load, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = load("walk_stones")
+    common = sys.modules["_common"]
+    monkeypatch.setattr(common, "BROWSER_TIME", 0.0)
+    monkeypatch.setattr(
+        common, "WatchWalk", partial(common.WatchWalk, speed=None)
+    )  # it need not take its time
+    plain = walk(module, "--distance", "0.05")
+    assert walk(module, "--distance", "0.05", "--view", "--port", "0") == plain
+    assert "http://127.0.0.1:" in capsys.readouterr().err

@@ -1,0 +1,167 @@
+"""Who imports whom: floors without an arrow up, one copy of every module, no simulator below the simulator."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = {
+    "wbc.core": ROOT / "wbc" / "core",
+    "wbc.robots": ROOT / "robots",
+    "wbc.feet": ROOT / "feet",
+    "wbc.tasks": ROOT / "tasks",
+    "wbc.walking": ROOT / "wbc" / "walking",
+    "wbc.sim": ROOT / "sim",
+    "wbc.app": ROOT / "wbc" / "app",
+}
+FLOORS = (
+    ("wbc.core",),
+    ("wbc.robots", "wbc.feet"),
+    ("wbc.tasks",),
+    ("wbc.walking",),
+    ("wbc.sim",),
+    ("wbc.app",),
+)
+"""Lowest first; neighbours on a floor do not import each other."""
+
+FLOOR = {package: height for height, floor in enumerate(FLOORS) for package in floor}
+
+
+def sources(folder: Path) -> Iterator[Path]:
+    return (file for file in folder.rglob("*.py") if "__pycache__" not in file.parts)
+
+
+def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[str, int]]:
+    """Modules that a piece of code names in imports, with their lines; types alone are not looked at."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import):
+            yield from ((alias.name, child.lineno) for alias in child.names)
+        elif isinstance(child, ast.ImportFrom):
+            assert child.level == 0, f"relative import in line {child.lineno}"
+            yield from ((f"{child.module}.{alias.name}", child.lineno) for alias in child.names)
+        else:
+            types_alone = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+            later = at_import_time and isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+            if not (types_alone or later):
+                yield from imports(child, at_import_time=at_import_time)
+
+
+IN_PREFIX = {"pinocchio": "pin", "coal": "pin", "proxsuite": "proxsuite"}
+"""Modules where their distributions do not list them; coal is released together with pin, which asks for it."""
+
+
+@pytest.mark.parametrize("at_import_time", [True, False])
+def test_what_is_imported_is_declared(at_import_time: bool) -> None:
+    """Modules come from dependencies; those of an extra are imported inside functions alone."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = [] if at_import_time else [*project["optional-dependencies"].values()]
+    lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
+    declared = {canonical(re.split(r"[\[<>=!~; ]", line, maxsplit=1)[0]) for line in lines}
+    offered = packages_distributions()
+    unknown: dict[str, str] = {}
+    for folder in FOLDERS.values():
+        for file in sources(folder):
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            for module, line in imports(tree, at_import_time=at_import_time):
+                top = module.split(".")[0]
+                if top == "wbc" or top in sys.stdlib_module_names:
+                    continue
+                names = [IN_PREFIX[top]] if top in IN_PREFIX else offered.get(top, [top])
+                if not declared & {canonical(name) for name in names}:
+                    unknown.setdefault(top, f"{file.relative_to(ROOT)}:{line}")
+    assert not unknown, f"imported, but not among the dependencies: {unknown}"
+
+
+def canonical(distribution: str) -> str:
+    return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def package_of(module: str) -> str | None:
+    return next((package for package in FLOOR if f"{module}.".startswith(f"{package}.")), None)
+
+
+@pytest.mark.parametrize("package", FOLDERS)
+def test_no_import_goes_up_or_sideways(package: str) -> None:
+    files = list(sources(FOLDERS[package]))
+    assert files, f"{FOLDERS[package]} holds no module"
+    wrong = []
+    for file in files:
+        for module, line in imports(ast.parse(file.read_text(encoding="utf-8"))):
+            other = package_of(module)
+            if other not in (None, package) and FLOOR[other] >= FLOOR[package]:  # type: ignore[index]
+                wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
+            # `wbc` itself imports almost everything: a module that asks it for a name goes round in a circle.
+            if module.startswith("wbc.") and other is None and not module.startswith("wbc._version"):
+                wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_nothing_below_the_simulator_imports_mujoco_when_imported() -> None:
+    wrong = []
+    for package, folder in FOLDERS.items():
+        if FLOOR[package] >= FLOOR["wbc.sim"]:
+            continue
+        for file in sources(folder):
+            if package == "wbc.feet" and file.stem.endswith("_mjcf"):
+                continue
+            for module, line in imports(ast.parse(file.read_text(encoding="utf-8")), at_import_time=True):
+                if module.split(".")[0] == "mujoco" or (
+                    module.startswith("wbc.feet.") and module.split(".")[2].endswith("_mjcf")
+                ):
+                    wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_folders_beside_wbc_are_imported_through_it() -> None:
+    wrong = []
+    for top in (*FOLDERS.values(), ROOT / "tests", ROOT / "examples", ROOT / "wbc"):
+        for file in sources(top):
+            for module, line in imports(ast.parse(file.read_text(encoding="utf-8"))):
+                if module.split(".")[0] in ("robots", "feet", "tasks", "sim"):
+                    wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("name", ["robots", "feet", "tasks", "sim"])
+def test_links_lead_to_the_folders_beside(name: str) -> None:
+    link = ROOT / "wbc" / name
+    assert link.is_symlink() and link.readlink() == Path("..") / name
+    assert link.resolve() == ROOT / name
+
+
+def test_a_controller_needs_no_simulator() -> None:
+    """Importing everything below the simulator and solving a tick loads no MuJoCo: a real robot has none."""
+    program = """
+import importlib, pkgutil, sys, wbc
+for name in ("core", "robots", "feet", "tasks", "walking"):
+    package = importlib.import_module(f"wbc.{name}")
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not module.name.endswith("_mjcf"):
+            importlib.import_module(module.name)
+controller = wbc.Controller(wbc.load_robot("hrp4_class").robot(), 0.005)
+controller.add(wbc.CoMTask(), wbc.PostureTask(), wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+assert controller.solve().ok
+assert "mujoco" not in sys.modules, "something imported mujoco"
+assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "something imported a viewer"
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_first_names_of_the_package_exist() -> None:
+    import wbc  # noqa: PLC0415 - the test is about this import
+
+    assert len(wbc.__all__) == len(set(wbc.__all__))
+    for name in wbc.__all__:
+        assert getattr(wbc, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'Plnt'"):
+        _ = wbc.Plnt

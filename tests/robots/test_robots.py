@@ -1,0 +1,342 @@
+"""Built-in robots: what they are, and that Pinocchio and MuJoCo see the same machine."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core import conventions
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.robot import GRAVITY
+from wbc.robots import RobotDescription, load, names, register, registry
+from wbc.robots.derivation.servo import ServoRule
+from wbc.robots.models import hrp4_class
+from wbc.robots.urdf import without_geometry
+
+BUILT_IN = ("hrp4_class", "talos", "g1")
+
+
+def mujoco_model(description: RobotDescription) -> mujoco.MjModel:
+    spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
+    spec.worldbody.first_body().add_freejoint()
+    for name, armature in description.armature.items():
+        spec.joint(name).armature = armature
+    spec.option.gravity = [0.0, 0.0, -GRAVITY]
+    return spec.compile()
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_pinocchio_and_mujoco_agree(name: str) -> None:
+    """Mass, centre of mass, M(q), gravity and bias over random states."""
+    description = load(name)
+    ours = description.pinocchio_model()
+    data = ours.createData()
+    theirs = mujoco_model(description)
+    state = mujoco.MjData(theirs)
+    ids = [theirs.joint(joint).id for joint in description.joint_names]
+    qpos_index, dof = theirs.jnt_qposadr[ids], theirs.jnt_dofadr[ids]
+    assert theirs.nv == ours.nv
+    assert theirs.body_mass.sum() == pytest.approx(pin.computeTotalMass(ours), abs=1e-9)
+
+    rng = np.random.default_rng(1)
+    low, high = description.position_limits
+    for _ in range(20):
+        quaternion = rng.normal(size=4)
+        q = np.concatenate(
+            [rng.normal(size=3), quaternion / np.linalg.norm(quaternion), rng.uniform(low, high)]
+        )
+        v = rng.normal(size=ours.nv)
+
+        def bias(velocity: np.ndarray, q: np.ndarray = q) -> np.ndarray:
+            """M(q) v̇ + h at v̇ = 0 from MuJoCo, whose acceleration is then R (ω × v)."""
+            state.qpos[:] = conventions.configuration_to_mujoco(q, qpos_index)
+            state.qvel[:] = conventions.velocity_to_mujoco(q, velocity, dof)
+            mujoco.mj_forward(theirs, state)
+            drift = conventions.acceleration_to_mujoco(q, velocity, np.zeros(ours.nv), dof)
+            product = np.zeros(ours.nv)
+            mujoco.mj_mulM(theirs, state, product, drift)
+            return conventions.force_from_mujoco(q, state.qfrc_bias + product, dof)
+
+        np.testing.assert_allclose(bias(v), pin.nonLinearEffects(ours, data, q, v), atol=1e-6)
+        gravity = pin.computeGeneralizedGravity(ours, data, q)
+        np.testing.assert_allclose(bias(np.zeros(ours.nv)), gravity, atol=1e-6)
+        full = np.zeros((theirs.nv, theirs.nv))
+        mujoco.mj_fullM(theirs, state, full)
+        expected = pin.crba(ours, data, q)
+        np.testing.assert_allclose(conventions.mass_matrix_from_mujoco(q, full, dof), expected, atol=1e-6)
+        np.testing.assert_allclose(state.subtree_com[0], pin.centerOfMass(ours, data, q), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_frames_sit_where_the_attachment_says(name: str) -> None:
+    """The link of an attachment survives in MuJoCo, and both libraries put the frame in the same place."""
+    description = load(name)
+    theirs = mujoco_model(description)
+    state = mujoco.MjData(theirs)
+    robot = description.robot()
+    ids = [theirs.joint(joint).id for joint in description.joint_names]
+    rng = np.random.default_rng(2)
+    q = pin.integrate(robot.model, robot.half_sitting, rng.normal(size=robot.nv))
+    robot.update(q, np.zeros(robot.nv))
+    state.qpos[:] = conventions.configuration_to_mujoco(q, theirs.jnt_qposadr[ids])
+    mujoco.mj_forward(theirs, state)
+    for frame in (*(sole.frame for sole in description.soles), description.imu.frame, description.torso):
+        link, placement = description.attachment(frame)
+        body = state.body(link)
+        world = pin.SE3(body.xmat.reshape(3, 3), body.xpos) * placement
+        assert world.isApprox(robot.placement(frame), 1e-9)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_half_sitting_stands(name: str) -> None:
+    """Soles flat on z = 0, base upright, centre of mass above the soles, knees bent, inside all limits."""
+    description = load(name)
+    robot = description.robot()
+    assert robot.name == name
+    np.testing.assert_array_equal(robot.q, robot.half_sitting)
+    np.testing.assert_allclose(robot.model.gravity.linear, [0, 0, -GRAVITY])
+    np.testing.assert_allclose(robot.half_sitting[3:7], [0, 0, 0, 1])
+    left, right = (robot.placement(sole.frame) for sole in robot.soles)
+    np.testing.assert_allclose(0.5 * (left.translation + right.translation), 0.0, atol=1e-6)
+    for placement in (left, right):
+        np.testing.assert_allclose(placement.rotation, np.eye(3), atol=1e-5)
+        assert abs(placement.translation[2]) < 1e-6
+    assert left.translation[1] > 0.05 > -0.05 > right.translation[1]
+    assert np.abs(robot.com[:2]).max() < 0.02
+    joints = robot.half_sitting[7:]
+    assert (joints >= robot.position_lower).all()
+    assert (joints <= robot.position_upper).all()
+    # Both legs are bent: the pelvis is lower than with straight legs by more than 1 % of its height.
+    straight = dict.fromkeys(robot.joint_names, 0.0)
+    assert robot.half_sitting[2] < 0.99 * robot.configuration(straight)[2]
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_servos_hold_the_robot(name: str) -> None:
+    """Each joint has the frequency that was asked for on the inertia that M(q) shows, legs at least that."""
+    description = load(name)
+    robot = description.robot()
+    omega = 2 * np.pi * description.servo.frequency
+    swing = np.diag(robot.mass_matrix)[6:]
+    np.testing.assert_allclose(description.armature_array, robot.model.armature[6:])
+    assert (description.armature_array > 0.01).all()
+    assert (description.kp >= (1 - 1e-9) * omega**2 * swing).all()
+    np.testing.assert_allclose(description.kd, 2 * description.kp / omega)
+    legs = {joint for leg in description.legs for joint in leg}
+    for i, joint in enumerate(robot.joint_names):
+        if joint not in legs:
+            assert description.kp[i] == pytest.approx(omega**2 * swing[i])
+    # A standing ankle balances half the body above it like an inverted pendulum of length h.
+    ankle = robot.joint_index(description.legs[0][4])
+    height = robot.com[2] - description.ankle("left_foot")[2]
+    assert description.effective_inertia[ankle] > 0.5 * 0.8 * robot.mass * height**2
+    assert description.effective_inertia[ankle] < 0.5 * 1.5 * robot.mass * height**2
+
+
+def test_hrp4_class_is_what_it_says() -> None:
+    """Figures of HRP-4 (IROS 2011) and HRP-4C, measured on the finished model."""
+    description = load("hrp4_class")
+    robot = description.robot()
+    assert robot.mass == pytest.approx(39.0, abs=1e-6)
+    assert robot.na == 34
+    arms = [
+        name for name in robot.joint_names if name.startswith("left_") and name not in description.legs[0]
+    ]
+    assert len(arms) == 7 + 2
+    assert [name.removeprefix("left_") for name in description.legs[0]] == [
+        "hip_yaw", "hip_roll", "hip_pitch", "knee_pitch", "ankle_pitch", "ankle_roll",
+    ]  # fmt: skip
+    q = pin.neutral(robot.model)
+    geometry = pin.buildGeomFromUrdfString(robot.model, description.urdf, pin.GeometryType.VISUAL)
+    data = geometry.createData()
+    pin.updateGeometryPlacements(robot.model, robot.model.createData(), geometry, data, q)
+    corners = []
+    for shape, placement in zip(geometry.geometryObjects, data.oMg, strict=True):
+        shape.geometry.computeLocalAABB()
+        box = shape.geometry.aabb_local
+        if type(shape.geometry).__name__ == "Sphere":
+            radius = shape.geometry.radius
+            corners += [placement.translation + [0, 0, radius], placement.translation - [0, 0, radius]]
+            continue
+        for pick in np.ndindex(2, 2, 2):
+            corner = np.where(pick, box.max_, box.min_)
+            corners.append(placement.act(corner))
+    corners = np.array(corners)
+    assert np.ptp(corners[:, 2]) == pytest.approx(1.51, abs=1e-6)
+    robot.update(q, np.zeros(robot.nv))
+    left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
+    np.testing.assert_allclose(left - right, [0, 0.175, 0], atol=1e-9)
+    assert corners[:, 2].min() == pytest.approx(left[2], abs=1e-9)
+    np.testing.assert_allclose(description.ankle("left_foot"), [-0.020, 0.0, 0.093], atol=1e-9)
+    assert all((sole.length, sole.width) == (0.160, 0.076) for sole in robot.soles)
+    assert "<mesh" not in description.urdf
+
+
+def test_hrp4_class_inertias_are_those_of_its_shapes() -> None:
+    """Each link weighs and turns as its drawn solids do at one density; coal integrates them."""
+    robot = load("hrp4_class").robot()
+    shapes = pin.buildGeomFromUrdfString(robot.model, hrp4_class.urdf(), pin.GeometryType.COLLISION)
+    for joint in range(1, robot.model.njoints):
+        total = pin.Inertia.Zero()
+        for shape in shapes.geometryObjects:
+            if shape.parentJoint == joint:
+                solid = shape.geometry
+                inertia = pin.Inertia(
+                    solid.computeVolume(), solid.computeCOM(), solid.computeMomentofInertia()
+                )
+                total += shape.placement.act(inertia)
+        body = robot.model.inertias[joint]
+        np.testing.assert_allclose(body.lever, total.lever, atol=1e-8)
+        np.testing.assert_allclose(body.inertia / body.mass, total.inertia / total.mass, atol=1e-8)
+
+
+def test_hrp4_class_is_its_own_mirror_image() -> None:
+    """The mass matrix seen along the right limbs equals that along the left with y reversed."""
+    description = load("hrp4_class")
+    robot = description.robot()
+    mirror = np.zeros((robot.nv, robot.nv))
+    mirror[:6, :6] = np.diag([1, -1, 1, -1, 1, -1])
+    axes = {"yaw": -1, "roll": -1, "pitch": 1, "fingers_joint": -1, "thumb_joint": 1}
+    other = {"left": "right", "right": "left"}
+    for i, name in enumerate(robot.joint_names):
+        side, _, rest = name.partition("_")
+        twin = f"{other[side]}_{rest}" if side in other else name
+        sign = next(sign for axis, sign in axes.items() if name.endswith(axis))
+        mirror[6 + robot.joint_index(twin), 6 + i] = sign
+    np.testing.assert_allclose(mirror @ robot.mass_matrix @ mirror.T, robot.mass_matrix, atol=1e-9)
+    np.testing.assert_allclose(robot.position_upper, np.maximum(*(
+        mirror[6:, 6:] @ limit for limit in (robot.position_lower, robot.position_upper)
+    )))  # fmt: skip
+    np.testing.assert_allclose(np.abs(mirror[6:, 6:]) @ robot.torque_limit, robot.torque_limit)
+
+
+def test_hrp4_class_torque_limits_keep_their_reasons() -> None:
+    """The document says what the limits were chosen for; the model must still fit that."""
+    description = load("hrp4_class")
+    robot = description.robot()
+    talos = load("talos").robot()
+    ratio = robot.mass * robot.com[2] / (talos.mass * talos.com[2])
+    for ours, theirs in zip(description.legs[0], load("talos").legs[0], strict=True):
+        scaled = ratio * talos.torque_limit[talos.joint_index(theirs)]
+        assert robot.torque_limit[robot.joint_index(ours)] == pytest.approx(scaled, abs=3.5)
+    arm_out = robot.configuration({"left_shoulder_roll": np.radians(89), "left_elbow_pitch": 0.0})
+    pin.computeGeneralizedGravity(robot.model, robot.data, arm_out)
+    shoulder = 6 + robot.joint_index("left_shoulder_roll")
+    assert robot.torque_limit[shoulder - 6] > 2 * abs(robot.data.g[shoulder])
+    waist = robot.joint_index("waist_pitch")
+    bent = robot.configuration({"waist_pitch": np.radians(30)})
+    bent[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0, np.radians(60), 0)).coeffs()
+    pin.computeGeneralizedGravity(robot.model, robot.data, bent)
+    assert 0.5 < abs(robot.data.g[6 + waist]) / robot.torque_limit[waist] < 0.75
+
+
+def test_the_published_figures_of_the_others() -> None:
+    """Masses and joints of the example robots, so that another release of the data shows."""
+    assert load("talos").robot().mass == pytest.approx(90.27, abs=0.01)
+    assert load("talos").robot().na == 32
+    assert load("g1").robot().mass == pytest.approx(33.34, abs=0.01)
+    assert load("g1").robot().na == 29
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_geometry_alone_is_stripped(name: str) -> None:
+    description = load(name)
+    bare = description.urdf_without_geometry()
+    assert "<mesh" not in bare
+    assert "<visual" not in bare
+    one, other = (pin.buildModelFromXML(xml, pin.JointModelFreeFlyer()) for xml in (description.urdf, bare))
+    assert one == other
+    assert without_geometry(bare) == bare
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_the_summary_is_json_and_the_report_readable(name: str) -> None:
+    description = load(name)
+    facts = json.loads(json.dumps(description.summary()))
+    assert facts["mass_kg"] == pytest.approx(description.robot().mass)
+    assert set(facts["joints"]) == set(description.joint_names)
+    report = description.report()
+    for line in (*description.derived, *description.joint_names, description.licence):
+        assert line in report
+    assert max(map(len, report.splitlines()[:12])) < 160
+
+
+@pytest.mark.parametrize("name", names())
+def test_kinematics_alone_are_those_of_the_whole_update(name: str) -> None:
+    """To the last bit, but for the centre of mass, which is summed up in another order."""
+    whole = load(name).robot()
+    part, rng = whole.clone(), np.random.default_rng(0)
+    for _ in range(10):
+        q = pin.integrate(whole.model, whole.half_sitting, 0.3 * rng.standard_normal(whole.nv))
+        v = rng.standard_normal(whole.nv)
+        whole.update(q, v)
+        part.update_kinematics(q, v)
+        for what in ("q", "v"):
+            np.testing.assert_array_equal(getattr(part, what), getattr(whole, what), err_msg=what)
+        for what in ("com", "com_velocity"):
+            np.testing.assert_allclose(
+                getattr(part, what), getattr(whole, what), rtol=0.0, atol=1e-13, err_msg=what
+            )
+        for i, (one, other) in enumerate(zip(part.data.oMf, whole.data.oMf, strict=True)):
+            np.testing.assert_array_equal(one.homogeneous, other.homogeneous)
+            rates = (pin.getFrameVelocity(r.model, r.data, i, pin.LOCAL).vector for r in (part, whole))
+            np.testing.assert_array_equal(*rates)
+
+
+def test_models_are_copies() -> None:
+    """What one caller does to its model or robot does not reach another."""
+    description = load("hrp4_class")
+    model = description.pinocchio_model()
+    model.inertias[1] = pin.Inertia.Zero()
+    assert pin.computeTotalMass(description.pinocchio_model()) == pytest.approx(39.0)
+    one, other = description.robot(), description.robot()
+    one.update(pin.integrate(one.model, one.q, np.ones(one.nv)), np.ones(one.nv))
+    np.testing.assert_array_equal(other.q, other.half_sitting)
+    with pytest.raises(ValueError, match="read-only"):
+        description.kp[0] = 0.0
+    with pytest.raises(TypeError):
+        description.half_sitting["waist_yaw"] = 1.0  # type: ignore[index]
+
+
+def test_the_generator_is_deterministic() -> None:
+    assert hrp4_class.urdf() == hrp4_class.urdf()
+
+
+def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
+    assert names()[:3] == BUILT_IN
+    assert load("talos") is load("talos")
+    with pytest.raises(UnknownNameError, match="did you mean 'talos'"):
+        load("taols")
+    made = []
+
+    def factory() -> RobotDescription:
+        made.append(1)
+        return load("hrp4_class")
+
+    register("test_twin", factory)
+    assert load("test_twin") is load("test_twin") is load("hrp4_class")
+    assert made == [1]
+    with pytest.raises(InputError, match="registered already"):
+        register("test_twin", factory)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_legs_are_softer_than_the_floor(name: str) -> None:
+    """Ankles hold at least twice what tips the robot over and stay below the bound of foot admittance, A K dt < 1."""
+    description = load(name)
+    robot = description.robot()
+    tipping = robot.mass * GRAVITY * robot.com[2]
+    for leg in description.legs:
+        stiffness = description.kp[[robot.joint_index(joint) for joint in leg]] / tipping
+        assert (stiffness <= 13.0 + 1e-6).all()
+        assert (stiffness[-2:] <= 6.5 + 1e-6).all()
+        assert (2.0 * stiffness[-2:] > 2.0).all()
+    free = dataclasses.replace(description, servo=ServoRule(leg_stiffness=1e6, ankle_stiffness=1e6))
+    ankle = robot.joint_index(description.legs[0][-1])
+    assert free.kp[ankle] > 5.0 * description.kp[ankle]

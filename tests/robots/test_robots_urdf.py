@@ -1,0 +1,588 @@
+"""Robots never seen: what is derived from a bare URDF, and what is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescription
+from wbc.robots.derivation.inertia import second_moments
+
+THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
+LIMITS = 'lower="{low}" upper="{high}" effort="80" velocity="8"'
+
+
+def biped(
+    *,
+    geometry: str = "",
+    limits: str = LIMITS,
+    kind: str = "revolute",
+    root: str = "trunk",
+    before: str = "",
+    after: str = "",
+    shin: str = '<mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.002" ixy="0" ixz="0" iyz="0"/>',
+) -> str:
+    """A small biped of 12 leg joints and two arms of 3; nothing in it but links, inertias and joints."""
+    joints, links = [], []
+
+    def link(name: str, inertial: str, shape: str = "") -> None:
+        links.append(f'<link name="{name}"><inertial>{inertial}</inertial>{shape}</link>')
+
+    def joint(name: str, parent: str, child: str, xyz: str, axis: str, low: float, high: float) -> None:
+        span = f"<limit {limits.format(low=low, high=high)}/>" if limits else ""
+        joints.append(
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{span}</joint>'
+        )
+
+    small = '<mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
+    link(
+        root,
+        '<origin xyz="0.01 0 0.2"/><mass value="15"/><inertia ixx=".3" iyy=".3" izz=".2" ixy="0" ixz="0" iyz="0"/>',
+    )
+    for side, s in (("l", 1), ("r", -1)):
+        chain = [
+            ("hip_yaw", f"0 {0.1 * s} 0", "0 0 1", -1, 1, small),
+            ("hip_roll", "0 0 0", "1 0 0", -0.6, 0.6, small),
+            ("hip_pitch", "0 0 0", "0 1 0", -2, 1, f'<origin xyz="0 0 {-THIGH / 2}"/>{shin}'),
+            ("knee", f"0 0 {-THIGH}", "0 1 0", 0, 2.5, f'<origin xyz="0 0 {-SHIN / 2}"/>{shin}'),
+            ("ankle_pitch", f"0 0 {-SHIN}", "0 1 0", -1.2, 0.8, small),
+            ("ankle_roll", "0 0 0", "1 0 0", -0.5, 0.5, small),
+        ]
+        parent = root
+        for name, xyz, axis, low, high, inertial in chain:
+            child = f"{side}_{name}_link"
+            link(child, inertial, geometry if name == "ankle_roll" else "")
+            joint(f"{side}_{name}", parent, child, xyz, axis, low, high)
+            parent = child
+        parent = root
+        for name, xyz, axis in (
+            ("shoulder", f"0 {0.2 * s} 0.4", "0 1 0"),
+            ("roll", "0 0 0", "1 0 0"),
+            ("elbow", "0 0 -0.2", "0 1 0"),
+        ):
+            child = f"{side}_{name}_link"
+            link(child, f'<origin xyz="0 0 -0.1"/>{small}')
+            joint(f"{side}_{name}", parent, child, xyz, axis, -1.5, 1.5)
+            parent = child
+    return f'<robot name="biped">{before}{"".join(links)}{"".join(joints)}{after}</robot>'  # fmt: skip
+
+
+FOOT_BOX = (
+    '<collision><origin xyz="0.03 0 -0.05"/><geometry><box size="0.20 0.09 0.02"/></geometry></collision>'
+)
+FEET = {"left_sole": "l_ankle_roll_link", "right_sole": "r_ankle_roll_link"}
+
+
+def mujoco_mass_matrix(description: RobotDescription) -> np.ndarray:
+    """M at half-sitting from MuJoCo, joints in our order, base turned the same way as the world."""
+    spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
+    spec.worldbody.first_body().add_freejoint()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    ids = [model.joint(name).id for name in description.joint_names]
+    data.qpos[model.jnt_qposadr[ids]] = [description.half_sitting[name] for name in description.joint_names]
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    places = np.concatenate([np.arange(6), model.jnt_dofadr[ids]])
+    return full[np.ix_(places, places)] + np.diag([0.0] * 6 + description.armature_array.tolist())
+
+
+def test_urdf_and_sole_links_are_enough(tmp_path: Path) -> None:
+    path = tmp_path / "biped.urdf"
+    path.write_text(biped(geometry=FOOT_BOX))
+    description = RobotDescription.from_urdf(path, **FEET)
+    robot = description.robot()
+    assert description.name == "biped"
+    assert description.source == str(path)
+    assert (robot.soles[0].length, robot.soles[0].width) == pytest.approx((0.20, 0.09))
+    np.testing.assert_allclose(description.ankle("right_foot"), [-0.03, 0.0, 0.06], atol=1e-12)
+    left, right = (robot.placement(sole.frame) for sole in robot.soles)
+    for placement in (left, right):
+        np.testing.assert_allclose(placement.rotation, np.eye(3), atol=1e-6)
+        assert abs(placement.translation[2]) < 1e-6
+    np.testing.assert_allclose(robot.com[:2], 0.0, atol=1e-6)
+    knee = description.half_sitting["l_knee"]
+    assert (
+        knee == pytest.approx(description.half_sitting["r_knee"]) == pytest.approx(np.radians(40), abs=1e-6)
+    )
+    assert left.translation[1] - right.translation[1] == pytest.approx(0.2, abs=1e-6)
+    np.testing.assert_array_equal(description.torque_limit, 80.0)
+    np.testing.assert_allclose(mujoco_mass_matrix(description), robot.mass_matrix, atol=1e-9)
+    said = "\n".join(description.derived)
+    for word in ("200 x 90 mm", "half-sitting", "armature", "torso", "IMU"):
+        assert word in said
+
+
+def test_xml_and_file_are_the_same_robot(tmp_path: Path) -> None:
+    path = tmp_path / "biped.urdf"
+    path.write_text(biped(geometry=FOOT_BOX))
+    one, other = (
+        RobotDescription.from_urdf(source, **FEET) for source in (str(path), biped(geometry=FOOT_BOX))
+    )
+    assert one.urdf == other.urdf
+    assert dict(one.half_sitting) == dict(other.half_sitting)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        FOOT_BOX.replace("collision", "visual"),
+        '<collision><origin xyz="0.03 0 -0.05" rpy="0 1.5707963267948966 0"/>'
+        '<geometry><box size="0.02 0.09 0.20"/></geometry></collision>',
+        "".join(
+            f'<collision><origin xyz="{x} {y} -0.05"/><geometry><sphere radius="0.01"/></geometry></collision>'
+            for x in (-0.07, 0.13)
+            for y in (-0.045, 0.045)
+        ),
+        '<collision><origin xyz="0.03 0 -0.05"/><geometry><cylinder radius="0.09" length="0.02"/></geometry>'
+        "</collision>" + FOOT_BOX,
+        FOOT_BOX + '<collision><geometry><box size="0.30 0.30 0.10"/></geometry></collision>',
+    ],
+    ids=["visual", "turned box", "four spheres", "cylinder around a box", "wide shape above"],
+)  # fmt: skip
+def test_sole_rectangle_from_any_shape(shape: str) -> None:
+    description = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
+    sole = description.soles[0]
+    assert sole.length == pytest.approx(0.20)
+    assert sole.width == pytest.approx(0.18 if "cylinder" in shape else 0.09)
+    np.testing.assert_allclose(description.ankle("left_foot"), [-0.03, 0.0, 0.06], atol=1e-9)
+
+
+def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
+    corners = np.array([[x, y, z] for x in (-0.05, 0.15) for y in (-0.04, 0.04) for z in (-0.06, -0.02)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners * 1000] + [
+        f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces
+    ]
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "foot.obj").write_text("\n".join(lines))
+    mesh = '<mesh filename="package://parts/foot.obj" scale="0.001 0.001 0.001"/>'
+    shape = f"<collision><geometry>{mesh}</geometry></collision>"
+    description = RobotDescription.from_urdf(biped(geometry=shape), **FEET, package_dirs=(tmp_path,))
+    assert (description.soles[0].length, description.soles[0].width) == pytest.approx((0.20, 0.08))
+    np.testing.assert_allclose(description.ankle("left_foot"), [-0.05, 0.0, 0.06], atol=1e-9)
+    # Geometry is optional: without the file the ratio to the hip height steps in.
+    lost = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
+    assert lost.soles[0].length == pytest.approx(0.152 / 0.530 * (THIGH + SHIN))
+    assert "no usable geometry" in "\n".join(lost.derived)
+
+
+def test_a_turned_sole_link_gets_a_straight_sole_frame() -> None:
+    """Some URDFs give the foot axes of its own; the sole must still look forward and up."""
+    turned = "".join(
+        f'<link name="{s}_foot"/><joint name="{s}_foot_fix" type="fixed"><parent link="{s}_ankle_roll_link"/>'
+        f'<child link="{s}_foot"/><origin xyz="0.01 0 -{ANKLE}" rpy="0 1.5707963267948966 0.3"/></joint>'
+        for s in "lr"
+    )
+    description = RobotDescription.from_urdf(
+        biped(after=turned), left_sole="l_foot", right_sole="r_foot", sole_size=(0.18, 0.08)
+    )
+    robot = description.robot()
+    for sole in robot.soles:
+        np.testing.assert_allclose(robot.placement(sole.frame).rotation, np.eye(3), atol=1e-6)
+    np.testing.assert_allclose(description.ankle("left_foot"), [-0.01, 0.0, ANKLE], atol=1e-9)
+    assert "are not those of the base" in "\n".join(description.derived)
+
+
+def test_soles_given_as_link_and_placement() -> None:
+    soles = [
+        SoleDescription(
+            f"{side}_sole", f"{side}_ankle_roll_link", (0.02, 0.0, -ANKLE), name=name, length=0.18, width=0.08
+        )
+        for side, name in (("l", "left_foot"), ("r", "right_foot"))
+    ]  # fmt: skip
+    description = RobotDescription.from_urdf(biped(), left_sole=soles[0], right_sole=soles[1])
+    assert description.soles == tuple(soles)
+    frames = [FrameDescription(sole.frame, sole.link, sole.translation) for sole in soles]
+    other = RobotDescription.from_urdf(
+        biped(), left_sole=frames[0], right_sole=frames[1], sole_size=(0.18, 0.08)
+    )
+    assert other.soles == description.soles
+    assert dict(other.half_sitting) == dict(description.half_sitting)
+
+
+@pytest.mark.parametrize(("root", "kind"), [("world", "fixed"), ("odom", "floating"), ("footprint", "fixed")])
+def test_any_root(root: str, kind: str) -> None:
+    """A root that stands for the world, or that carries nothing, makes no difference to either library."""
+    before = f'<link name="{root}"/>'
+    after = f'<joint name="fix" type="{kind}"><parent link="{root}"/><child link="trunk"/></joint>'
+    plain = RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET)
+    other = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, before=before, after=after), **FEET)
+    assert other.robot().nv == plain.robot().nv
+    np.testing.assert_allclose(mujoco_mass_matrix(other), plain.robot().mass_matrix, atol=1e-9)
+    np.testing.assert_allclose(other.kp, plain.kp)
+    renamed = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, root="anything"), **FEET)
+    assert renamed.torso == "anything"
+    np.testing.assert_allclose(renamed.kp, plain.kp)
+
+
+def test_continuous_and_mimic_joints_become_ordinary_ones() -> None:
+    xml = biped(geometry=FOOT_BOX)
+    xml = xml.replace('<joint name="l_elbow" type="revolute">', '<joint name="l_elbow" type="continuous">')
+    xml = xml.replace(
+        '<joint name="r_elbow" type="revolute">',
+        '<joint name="r_elbow" type="revolute"><mimic joint="l_elbow"/>',
+    )
+    description = RobotDescription.from_urdf(xml, **FEET)
+    robot = description.robot()
+    elbow = robot.joint_index("l_elbow")
+    assert (robot.position_lower[elbow], robot.position_upper[elbow]) == pytest.approx((-np.pi, np.pi))
+    assert robot.nq == robot.nv + 1
+    np.testing.assert_allclose(mujoco_mass_matrix(description), robot.mass_matrix, atol=1e-9)
+    said = "\n".join(description.derived)
+    assert "'l_elbow': continuous" in said
+    assert "'r_elbow': mimic" in said
+
+
+def test_friction_of_the_urdf_does_not_reach_mujoco_alone() -> None:
+    xml = biped(geometry=FOOT_BOX).replace("<limit", '<dynamics damping="1.5" friction="0.5"/><limit')
+    description = RobotDescription.from_urdf(xml, **FEET)
+    spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
+    spec.worldbody.first_body().add_freejoint()
+    model = spec.compile()
+    assert not model.dof_damping.any()
+    assert not model.dof_frictionloss.any()
+    assert "friction that the URDF gives 18 joints" in "\n".join(description.derived)
+
+
+def test_missing_limits_come_from_mass_and_size() -> None:
+    """Ranges of half a turn, speeds of 6 rad/s, torques that can carry the robot."""
+    without = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, limits=""), **FEET)
+    robot = without.robot()
+    np.testing.assert_allclose(robot.position_upper, np.pi)
+    np.testing.assert_allclose(robot.velocity_limit, 6.0)
+    moment = robot.mass * 9.80665 * robot.com[2]
+    legs = [robot.joint_index(name) for leg in without.legs for name in leg]
+    np.testing.assert_allclose(robot.torque_limit[legs], 0.25 * moment, rtol=1e-9)
+    others = np.delete(np.arange(robot.na), legs)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        q = np.array(robot.half_sitting)
+        q[7:] = rng.uniform(-np.pi, np.pi, robot.na)
+        gravity = np.abs(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6:])
+        assert (robot.torque_limit[others] >= gravity[others]).all()
+    assert "torque limits not given" in "\n".join(without.derived)
+    # An arm that hangs straight, turned about every way: a third of its limit holds it at worst.
+    shoulder, worst = robot.joint_index("l_shoulder"), 0.0
+    for _ in range(300):
+        q = np.array(robot.half_sitting)
+        quaternion = rng.normal(size=4)
+        q[3:7] = quaternion / np.linalg.norm(quaternion)
+        worst = max(worst, abs(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6 + shoulder]))
+    assert robot.torque_limit[shoulder] == pytest.approx(3.0 * worst, rel=0.05)
+    # MuJoCo is fed the same limits.
+    assert without.urdf.count('effort="0"') == 0
+
+
+def test_what_is_given_is_taken() -> None:
+    description = RobotDescription.from_urdf(
+        biped(geometry=FOOT_BOX),
+        **FEET,
+        name="mine",
+        sole_size=(0.15, 0.07),
+        half_sitting={"l_elbow": -0.5},
+        torso="l_roll_link",
+        imu=FrameDescription("gyro", "trunk", (0.0, 0.0, 0.3)),
+        hands={"left_hand": "l_elbow_link"},
+        armature={"l_knee": 0.2},
+        servo=ServoRule(frequency=5.0),
+        gains={"r_knee": (1000.0, 50.0)},
+        position_limits={"l_elbow": (-1.0, 0.5)},
+        velocity_limits={"l_elbow": 3.0},
+        torque_limits={"l_elbow": 7.0},
+        height=1.2,
+        licence="MIT",
+    )
+    robot = description.robot()
+    elbow, knee = robot.joint_index("l_elbow"), robot.joint_index("r_knee")
+    assert robot.name == "mine"
+    assert robot.half_sitting[7 + elbow] == -0.5
+    assert (robot.position_lower[elbow], robot.position_upper[elbow]) == (-1.0, 0.5)
+    assert (robot.velocity_limit[elbow], robot.torque_limit[elbow]) == (3.0, 7.0)
+    assert (description.kp[knee], description.kd[knee]) == (1000.0, 50.0)
+    assert description.armature["l_knee"] == 0.2 != description.armature["r_knee"]
+    np.testing.assert_allclose(
+        description.kp[elbow], (10 * np.pi) ** 2 * description.effective_inertia[elbow]
+    )
+    assert (robot.soles[0].length, robot.soles[0].width) == (0.15, 0.07)
+    trunk = robot.placement("trunk")
+    np.testing.assert_allclose(
+        (trunk.inverse() * robot.placement("gyro")).translation, [0, 0, 0.3], atol=1e-12
+    )
+    assert robot.torso_frame == "l_roll_link"
+    assert robot.frames == {"left_hand": "l_elbow_link"}
+    assert (description.height, description.licence) == (1.2, "MIT")
+
+
+FLAT = '<mass value="2"/><inertia ixx="0.001" iyy="0.001" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
+
+
+@pytest.mark.parametrize(
+    ("inertial", "said"),
+    [
+        (FLAT, "violate A + B > C"),
+        (
+            '<mass value="2"/><inertia ixx="-0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>',
+            "must be positive",
+        ),
+        (
+            '<mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0.05" ixz="0" iyz="0"/>',
+            "must be positive",
+        ),
+        (
+            '<mass value="2"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>',
+            "no rotational inertia",
+        ),
+        ('<mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>', "has no mass"),
+        (
+            '<mass value="-1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>',
+            "negative mass",
+        ),
+    ],
+)
+def test_unphysical_inertias_are_refused_and_can_be_repaired(inertial: str, said: str) -> None:
+    xml = biped(geometry=FOOT_BOX, shin=inertial)
+    with pytest.raises(ModelError) as refusal:
+        RobotDescription.from_urdf(xml, **FEET)
+    assert said in str(refusal.value)
+    for link in ("l_knee_link", "r_knee_link", "l_hip_pitch_link", "r_hip_pitch_link"):
+        assert link in str(refusal.value)
+    assert "trunk" not in str(refusal.value)
+    assert "repair=True" in str(refusal.value)
+    repaired = RobotDescription.from_urdf(xml, **FEET, repair=True)
+    assert "l_knee_link" in "\n".join(repaired.derived)
+    for body in list(repaired.pinocchio_model().inertias)[1:]:
+        assert body.mass > 0.0
+        assert np.linalg.eigvalsh(second_moments(body.inertia)).min() > 0.0
+    np.testing.assert_allclose(mujoco_mass_matrix(repaired), repaired.robot().mass_matrix, atol=1e-9)
+
+
+def test_repair_changes_nothing_that_is_sound() -> None:
+    sound = RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET)
+    assert RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET, repair=True).urdf == sound.urdf
+    half = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, shin=FLAT), **FEET, repair=True)
+    ours, theirs = half.pinocchio_model(), sound.pinocchio_model()
+    for name, one, other in zip(ours.names, ours.inertias, theirs.inertias, strict=True):
+        assert ("knee" in name or "hip_pitch" in name) != (one == other)
+        assert one.mass == other.mass
+
+
+def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:
+    """What we accept MuJoCo compiles; what we repair it compiles, too."""
+    rng = np.random.default_rng(3)
+    accepted = 0
+    for _ in range(40):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        inertia = axes @ np.diag(rng.uniform(0.001, 0.02, 3)) @ axes.T
+        numbers = " ".join(
+            f'i{"xyz"[i]}{"xyz"[j]}="{inertia[i, j]!r}"' for i in range(3) for j in range(i, 3)
+        )
+        xml = biped(
+            geometry=FOOT_BOX,
+            shin=f'<mass value="2"/><inertia {numbers}/>'.replace("np.float64(", "").replace(")", ""),
+        )
+        fine = np.linalg.eigvalsh(second_moments(inertia)).min() > 0.0
+        accepted += fine
+        if not fine:
+            with pytest.raises(ModelError, match="A \\+ B > C"):
+                RobotDescription.from_urdf(xml, **FEET)
+        mujoco_mass_matrix(RobotDescription.from_urdf(xml, **FEET, repair=not fine))
+    assert 10 < accepted < 30
+
+
+REFUSED: dict[str, tuple[Callable[[], object], type[Exception], str]] = {
+    "missing file": (lambda: make("nowhere/robot.urdf"), InputError, "no URDF file"),
+    "broken XML": (lambda: make(biped()[:-20]), ModelError, "well-formed"),
+    "not a URDF": (lambda: make("<mujoco><worldbody/></mujoco>"), ModelError, "<robot>"),
+    "no links": (lambda: make('<robot name="r"/>'), ModelError, "no links"),
+    "two roots": (lambda: make(biped(before='<link name="stray"/>')), ModelError, "2 roots"),
+    "dangling joint": (
+        lambda: make(biped().replace('<child link="l_knee_link"/>', '<child link="gone"/>')),
+        ModelError,
+        "'gone', which does not exist",
+    ),
+    "doubled link": (
+        lambda: make(biped().replace('<link name="r_elbow_link">', '<link name="l_elbow_link">')),
+        ModelError,
+        "l_elbow_link",
+    ),
+    "planar joint": (
+        lambda: make(biped().replace('name="l_knee" type="revolute"', 'name="l_knee" type="planar"')),
+        ModelError,
+        "'l_knee' is of type 'planar'",
+    ),
+    "empty range": (
+        lambda: make(biped(limits='lower="1" upper="1" effort="1" velocity="1"')),
+        ModelError,
+        "empty",
+    ),
+    "mass not a number": (
+        lambda: make(biped(shin='<mass value="heavy"/><inertia ixx="1"/>')),
+        ModelError,
+        "l_hip_pitch_link",
+    ),
+    "unknown sole": (
+        lambda: make(biped(), left_sole="l_ankle_rol_link"),
+        UnknownNameError,
+        "did you mean 'l_ankle_roll_link'",
+    ),
+    "unknown sole link": (
+        lambda: make(biped(), left_sole=FrameDescription("sole", "l_foot")),
+        UnknownNameError,
+        "no link 'l_foot'",
+    ),
+    "swapped soles": (
+        lambda: make(biped(), left_sole="r_ankle_roll_link", right_sole="l_ankle_roll_link"),
+        ModelError,
+        "swapped",
+    ),
+    "one foot twice": (lambda: make(biped(), right_sole="l_ankle_roll_link"), ModelError, "same leg"),
+    "sole on the root": (lambda: make(biped(), left_sole="trunk"), ModelError, "fixed to the root"),
+    "sole in the air": (
+        lambda: make(biped(), left_sole="l_elbow_link", right_sole="r_elbow_link"),
+        ModelError,
+        "above the centre of mass|no knee|no half-sitting",
+    ),
+    "frame taken": (
+        lambda: make(
+            biped(),
+            left_sole=SoleDescription("trunk", "l_ankle_roll_link", name="left_foot", length=0.1, width=0.1),
+        ),
+        InputError,
+        "exists already",
+    ),
+    "sole of the other side": (
+        lambda: make(
+            biped(),
+            left_sole=SoleDescription("s", "l_ankle_roll_link", name="right_foot", length=0.1, width=0.1),
+        ),
+        InputError,
+        "is called 'right_foot'",
+    ),
+    "sole without width": (
+        lambda: SoleDescription("s", "l", name="left_foot", length=0.1, width=0.0),
+        InputError,
+        "width",
+    ),
+    "sole of three feet": (
+        lambda: SoleDescription("s", "l", name="middle_foot", length=0.1, width=0.1),
+        UnknownNameError,
+        "middle_foot",
+    ),
+    "placement of wrong shape": (lambda: FrameDescription("f", "l", (0.0, 0.0)), InputError, "shape"),  # type: ignore[arg-type]
+    "placement NaN": (lambda: FrameDescription("f", "l", (0.0, 0.0, np.nan)), InputError, "finite"),
+    "sole size": (lambda: make(biped(), sole_size=(0.2, -0.1)), InputError, "width"),
+    "posture of an unknown joint": (
+        lambda: make(biped(), half_sitting={"l_kne": 0.1}),
+        UnknownNameError,
+        "did you mean 'l_knee'",
+    ),
+    "posture outside": (
+        lambda: make(biped(), half_sitting={"l_knee": 3.0}),
+        InputError,
+        r"l_knee.*\[0, 2.5\]",
+    ),
+    "posture NaN": (lambda: make(biped(), half_sitting={"l_knee": np.nan}), InputError, "finite"),
+    "posture tilted": (
+        lambda: make(biped(), half_sitting=legs(hip_pitch=-0.4, knee=0.8, ankle_pitch=-0.2)),
+        InputError,
+        "tilts sole",
+    ),
+    "posture uneven": (
+        lambda: make(
+            biped(),
+            half_sitting=legs() | {"l_hip_pitch": -0.4, "l_knee": 0.8, "l_ankle_pitch": -0.4},
+        ),
+        InputError,
+        "above the other",
+    ),
+    "posture falling": (
+        lambda: make(biped(), half_sitting=legs(hip_pitch=0.5, knee=0.3, ankle_pitch=-0.8)),
+        InputError,
+        "outside the soles",
+    ),
+    "posture impossible": (
+        lambda: make(biped(), position_limits={"l_ankle_pitch": (0.5, 0.8)}),
+        ModelError,
+        "no half-sitting",
+    ),
+    "torso": (lambda: make(biped(), torso="chest"), UnknownNameError, "no link 'chest'"),
+    "imu": (lambda: make(biped(), imu="imu_link"), UnknownNameError, "no frame 'imu_link'"),
+    "hand": (lambda: make(biped(), hands={"left_hand": "l_hand"}), UnknownNameError, "no frame 'l_hand'"),
+    "armature joint": (lambda: make(biped(), armature={"knee": 0.1}), UnknownNameError, "no joint 'knee'"),
+    "armature negative": (lambda: make(biped(), armature=-0.1), InputError, "armature"),
+    "armature of a joint": (lambda: make(biped(), armature={"l_knee": np.nan}), InputError, "l_knee"),
+    "gain joint": (lambda: make(biped(), gains={"knee": (1.0, 1.0)}), UnknownNameError, "no joint 'knee'"),
+    "gain negative": (
+        lambda: make(biped(), gains={"l_knee": (1.0, -1.0)}),
+        InputError,
+        "kd of joint 'l_knee'",
+    ),
+    "torque joint": (lambda: make(biped(), torque_limits={"knee": 1.0}), UnknownNameError, "no joint 'knee'"),
+    "torque zero": (lambda: make(biped(), torque_limits={"l_knee": 0.0}), InputError, "torque limit"),
+    "speed infinite": (
+        lambda: make(biped(), velocity_limits={"l_knee": np.inf}),
+        InputError,
+        "velocity limit",
+    ),
+    "range turned": (
+        lambda: make(biped(), position_limits={"l_knee": (1.0, 0.0)}),
+        InputError,
+        "lower < upper",
+    ),
+    "servo": (lambda: ServoRule(frequency=0.0), InputError, "frequency"),
+    "height": (lambda: make(biped(), height=-1.0), InputError, "height"),
+}
+
+
+def make(source: str, **options: object) -> RobotDescription:
+    return RobotDescription.from_urdf(source, **{**FEET, **options})  # type: ignore[arg-type]
+
+
+def legs(**angles: float) -> dict[str, float]:
+    """A posture of all leg joints, the same on both sides."""
+    rest = dict.fromkeys(("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll"), 0.0)
+    return {f"{side}_{name}": value for side in "lr" for name, value in (rest | angles).items()}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_is_refused_by_name(case: str) -> None:
+    build, error, said = REFUSED[case]
+    with pytest.raises(error) as refusal:
+        build()
+    assert re.search(said, str(refusal.value)), str(refusal.value)
+
+
+def test_a_description_built_by_hand_is_checked_too() -> None:
+    fine = RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET)
+    parts = {
+        name: getattr(fine, name)
+        for name in ("name", "urdf", "soles", "half_sitting", "armature", "imu", "torso")
+    }
+    assert np.array_equal(RobotDescription(**parts).kp, fine.kp)
+    short = dict(fine.half_sitting)
+    del short["l_knee"]
+    with pytest.raises(InputError, match="missing: l_knee"):
+        RobotDescription(**{**parts, "half_sitting": short})
+    with pytest.raises(InputError, match="half-sitting of joint 'l_knee'"):
+        RobotDescription(**{**parts, "half_sitting": {**fine.half_sitting, "l_knee": 9.0}})
+    with pytest.raises(UnknownNameError, match="no joint 'tail'"):
+        RobotDescription(**{**parts, "half_sitting": {**fine.half_sitting, "tail": 0.0}})
+    with pytest.raises(InputError, match="soles must be"):
+        RobotDescription(**{**parts, "soles": fine.soles[::-1]})
+    with pytest.raises(ModelError, match="from_urdf"):
+        RobotDescription(**{**parts, "urdf": biped(limits="")})
+    with pytest.raises(ModelError, match="A \\+ B > C"):
+        RobotDescription(**{**parts, "urdf": biped(shin=FLAT)})
+    with pytest.raises(UnknownNameError, match="no frame 'nose'"):
+        RobotDescription(**{**parts, "torso": "nose"})

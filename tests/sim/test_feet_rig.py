@@ -1,0 +1,300 @@
+"""The test rig: force balance, impact, support polygon, friction, pitch, curves, pictures."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.feet import ConstraintLaw, Foot, SoleContact, foot
+from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.rig import (
+    FootTest,
+    bumps,
+    drop,
+    force_deflection,
+    pitch,
+    plot_curves,
+    plot_press,
+    press,
+    slide,
+    stability,
+    stability_table,
+    stiffness_curves,
+    to_json,
+)
+from wbc.sim.rig.fixture import Rig
+from wbc.sim.rig.results import hull
+from wbc.sim.terrain import Terrain, terrain
+
+FLAT = terrain("flat")
+STONES = terrain("stones", amplitude=0.03, seed=1)
+SOFT_ON_STONES = FootTest(foot("soft", stiffness=5.0), STONES)
+
+
+def bar(test: FootTest) -> FootTest:
+    """The same test over a 30 mm bar that lies across under the middle of the arch."""
+    ground = terrain("cylinder_obstacles", amplitude=0.03, seed=0, yaw=0.0)
+    highest = max(ground.shapes, key=lambda shape: float(shape.peak[2])).peak
+    return replace(test, ground=ground, x=float(highest[0]) - (ground.start + ground.stop) / 2.0 + 0.01)
+
+
+# --- press -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize(
+    "design", [foot("flat"), foot("rigid"), *(foot("soft", stiffness=k) for k in (0.0, 5.0, 80.0))]
+)
+@pytest.mark.parametrize("ground", [FLAT, STONES, terrain("random", 0.03, 1)])
+def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terrain, timestep: float) -> None:
+    test = FootTest(design, ground, physics=PhysicsSettings(timestep=timestep))
+    result = press(test, support=False)
+    hold = result.hold
+    assert not result.diverged and hold is not None
+    assert hold.weight == pytest.approx(200.0 + design.fit(test.own_sole).mass * test.physics.gravity)
+    assert abs(hold.balance_error) < (0.02 if timestep == 0.001 else 0.05)
+    assert hold.force_std < 5.0  # the medians over many grounds are far lower: see the slow test
+    assert hold.loop_gap < 0.001
+    assert hold.penetration < 0.0005
+
+
+def test_a_test_is_a_pure_function() -> None:
+    assert press(SOFT_ON_STONES) == press(SOFT_ON_STONES)
+
+
+def test_a_press_turns_with_the_foot_on_flat_ground() -> None:
+    a, b = (press(FootTest(foot("soft"), FLAT, yaw=yaw), support=False) for yaw in (0.0, 2.0))
+    assert a.hold is not None and b.hold is not None and a.impact is not None and b.impact is not None
+    np.testing.assert_allclose(a.hold.centre_of_pressure, b.hold.centre_of_pressure, atol=1e-4)
+    np.testing.assert_allclose(a.hold.sole_angles, b.hold.sole_angles, atol=1e-5)
+    assert a.impact.speed == pytest.approx(b.impact.speed, rel=1e-6)
+
+
+def test_results_are_json() -> None:
+    text = json.dumps(to_json(press(SOFT_ON_STONES)), allow_nan=False)
+    back = json.loads(text)
+    assert set(back) == {"diverged", "impact", "hold", "support"}
+    assert len(back["hold"]["sole_angles"]) == 10
+    assert back["hold"]["contacts"] == len(back["hold"]["contact_points"])
+    assert to_json({"a": math.nan, "b": (1, "x")}) == {"a": None, "b": [1, "x"]}
+
+
+def test_a_test_says_what_it_is() -> None:
+    test = FootTest(foot("variable", stiffness=7.0), STONES, load=300.0)
+    said = json.loads(json.dumps(test.describe(), allow_nan=False))
+    assert (said["foot"], said["terrain"], said["seed"], said["load_n"]) == ("variable", "stones", 1, 300.0)
+    assert said["foot_parameters"]["stiffness"] == 7.0
+    assert said["added_mass_kg"] == pytest.approx(0.34)
+    assert said["height_change_m"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_sole_touches_the_ground_where_it_says() -> None:
+    hold = press(SOFT_ON_STONES, support=False).hold
+    assert hold is not None
+    points = np.array(hold.contact_points)
+    line = np.array(hold.sole_line)
+    # Plan coordinates start at the sole centre under the ankle; the foot is not turned, so x and y are the world's.
+    ankle = SOFT_ON_STONES.foot.fit(SOFT_ON_STONES.own_sole).sole.ankle
+    world = points[:, :2] - ankle[:2] + hold.ankle_place
+    np.testing.assert_allclose(points[:, 2], STONES.height(world[:, 0], world[:, 1]), atol=5e-4)
+    radius = SOFT_ON_STONES.foot.contact.radius
+    centres = line + [0.0, 0.0, radius]
+    distance = np.linalg.norm(points[:, None, :] - centres[None, :, :], axis=2).min(axis=1)
+    np.testing.assert_allclose(distance, radius, atol=5e-4)
+
+
+# --- impact ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+@pytest.mark.parametrize("height", [0.01, 0.05])
+def test_a_dropped_foot_obeys_free_fall_and_loses_no_energy_to_nowhere(name: str, height: float) -> None:
+    test = FootTest(foot(name), FLAT)
+    impact = drop(test, height=height).impact
+    assert impact is not None
+    weight = test.load + 0.34 * test.physics.gravity
+    # The rig sees the speed at the step before the touch, 1 ms or 10 mm/s early at most.
+    assert impact.speed == pytest.approx(math.sqrt(2.0 * test.physics.gravity * height), abs=0.011)
+    assert impact.drop_energy == pytest.approx(weight * height, rel=0.01)
+    accounted = impact.sole_energy + impact.arch_energy + impact.spring_energy
+    assert 0.0 <= accounted <= impact.drop_energy
+    assert impact.absorbed == pytest.approx(1.0 - impact.rebound_energy / impact.drop_energy)
+    assert 0.0 < impact.absorbed <= 1.0
+    assert (name == "rigid") == (accounted == 0.0)
+
+
+def test_a_springy_contact_gives_energy_back() -> None:
+    springy = SoleContact(law=ConstraintLaw(0.1, damping_ratio=0.1, impedance=(0.9, 0.9)))
+    bouncing, dead = (
+        drop(FootTest(foot("flat", contact=c), FLAT), height=0.02).impact for c in (springy, SoleContact())
+    )
+    assert bouncing is not None and dead is not None
+    assert bouncing.absorbed < 0.6
+    assert dead.absorbed > 0.9
+    assert bouncing.rebound_energy < bouncing.drop_energy
+
+
+def test_a_soft_sole_lands_softer_on_stones_than_a_rigid_one() -> None:
+    soft, rigid = (drop(FootTest(foot(name), STONES)).impact for name in ("soft", "rigid"))
+    assert soft is not None and rigid is not None
+    assert soft.peak_force < 0.5 * rigid.peak_force
+    assert soft.sole_energy > 0.1 * soft.drop_energy
+
+
+# --- support ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["flat", "rigid"])
+def test_a_rigid_sole_on_flat_ground_is_supported_by_its_rectangle(name: str) -> None:
+    test = FootTest(foot(name), FLAT)
+    sole = test.foot.fit(test.own_sole).sole
+    result = press(test)
+    assert result.support is not None and result.hold is not None
+    assert result.hold.contact_area == pytest.approx(sole.length * sole.width, rel=1e-3)
+    assert result.support.area == pytest.approx(sole.length * sole.width, rel=0.02)
+    assert result.support.forward == pytest.approx(sole.length / 2.0, abs=0.001)
+    assert result.support.right == pytest.approx(-sole.width / 2.0, abs=0.001)
+
+
+def test_a_soft_sole_on_flat_ground_is_a_truss_between_heel_hinge_and_loop() -> None:
+    test = FootTest(foot("soft", stiffness=0.5), FLAT)
+    design = foot("soft")
+    layout = design.layout(design.fit(test.own_sole).sole)  # type: ignore[attr-defined]
+    support = press(test).support
+    assert support is not None
+    half = layout.pitch / 2.0
+    assert support.backward == pytest.approx(layout.hinges[-1][0], abs=half)
+    assert support.forward == pytest.approx(layout.loop_point[0], abs=half)
+
+
+def test_hulls() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
+    corners, area = hull(square)
+    assert area == pytest.approx(1.0) and len(corners) == 4
+    line = np.array([[0.0, 0.0], [1.0, 1.0], [0.4, 0.4]])
+    ends, nothing = hull(line)
+    assert nothing == 0.0
+    np.testing.assert_allclose(sorted(ends.tolist()), [[0.0, 0.0], [1.0, 1.0]])
+    assert hull(np.zeros((0, 2)))[1] == hull(np.array([[1.0, 2.0]]))[1] == 0.0
+
+
+# --- slide and pitch -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+@pytest.mark.parametrize("friction", [0.4, 0.8])
+def test_a_pushed_foot_creeps_little_and_slides_at_its_friction(name: str, friction: float) -> None:
+    result = slide(FootTest(foot(name, contact=SoleContact(friction=friction)), FLAT))
+    assert not result.diverged
+    assert abs(result.creep) * 1.5 < 1e-4  # m in a stance of 1.5 s
+    assert result.slip_share == pytest.approx(friction, rel=0.02)
+
+
+def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
+    result = pitch(FootTest(foot("rigid"), FLAT))
+    angle, centre = np.array(result.pitch), np.array(result.centre_of_pressure)
+    moment = np.array(result.moment)
+    assert not result.diverged and angle.max() > 0.05 and angle.min() < -0.05
+    assert np.nanmedian(centre[angle > 0.02]) == pytest.approx(0.139, abs=0.005)
+    assert np.nanmedian(centre[angle < -0.02]) == pytest.approx(-0.139, abs=0.005)
+    # A force ahead of the ankle turns the toe up, about -y.
+    assert np.nanmedian(moment[angle > 0.02]) < 0.0 < np.nanmedian(moment[angle < -0.02])
+
+
+# --- curves ----------------------------------------------------------------------------------------------------------
+
+
+def test_an_extra_load_arrives_at_the_ground() -> None:
+    rig = Rig(FootTest(foot("rigid"), FLAT, load=100.0))
+    rig.set_extra_load(250.0)
+    rig.step(1000)
+    assert rig.vertical_force == pytest.approx(350.0 + 0.34 * rig.test.physics.gravity, rel=1e-3)
+
+
+def test_softer_soles_sink_further_over_a_bar() -> None:
+    down = []
+    for design in (*(foot("soft", stiffness=k) for k in (1.0, 10.0, 40.0)), foot("rigid")):
+        curve = force_deflection(bar(FootTest(design, FLAT, load=100.0)), loads=(200.0, 400.0))
+        assert not curve.diverged
+        assert list(curve.deflection) == sorted(curve.deflection)
+        down.append(curve.deflection[-1])
+    assert down == sorted(down, reverse=True)
+    assert down[0] > 0.018 and down[-1] < 0.001  # of 30 mm
+
+
+def test_curves_cover_every_ground_and_stiffness_and_can_be_drawn(tmp_path: Path) -> None:
+    grounds = bumps(seeds=(0,))
+    rows = list(stiffness_curves(FootTest(foot("soft")), stiffnesses=(0.0, 20.0), grounds=grounds))
+    rows += list(stiffness_curves(FootTest(foot("rigid")), grounds=grounds))
+    assert [(row.ground, row.stiffness) for row in rows[:4]] == [
+        ("random", 0.0),
+        ("random", 20.0),
+        ("stones", 0.0),
+        ("stones", 20.0),
+    ]
+    assert [row.stiffness for row in rows[4:]] == [math.inf, math.inf]
+    curve = force_deflection(FootTest(foot("soft"), STONES), loads=(300.0,), settle=0.1)
+    plot_curves(rows, [curve], tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["flat", "soft"])
+def test_a_press_can_be_drawn(name: str, tmp_path: Path) -> None:
+    test = FootTest(foot(name), STONES, yaw=0.3)
+    plot_press(test, press(test), tmp_path / "press.png")
+    assert (tmp_path / "press.png").stat().st_size > 10_000
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"load": 0.0}, "load"),
+        ({"load": math.inf}, "finite"),
+        ({"drop": -0.01}, "drop"),
+        ({"settle": 0.0}, "settling"),
+        ({"hold": 1e-5}, "at least one physics step"),
+        ({"ankle_stiffness": -1.0}, "ankle"),
+        ({"x": math.nan}, "finite"),
+        ({"foot": "soft"}, "foot"),
+        ({"foot": foot("soft", ankle_height=0.01)}, "does not fit"),
+    ],
+)
+def test_impossible_tests_are_refused(parameters: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        FootTest(**parameters)  # type: ignore[arg-type]
+
+
+def test_impossible_actions_are_refused() -> None:
+    with pytest.raises(InputError, match="servo"):
+        pitch(FootTest(ankle_stiffness=0.0))
+    with pytest.raises(InputError, match="rise"):
+        force_deflection(FootTest(load=100.0), loads=(90.0,))
+    with pytest.raises(InputError, match="no stiffness"):
+        stability(FootTest(foot("rigid")))
+    with pytest.raises(InputError, match="height"):
+        drop(FootTest(), height=0.0)
+
+
+# --- the whole study -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_soft_soles_are_stable_over_stiffness_ground_and_step() -> None:
+    rows = list(stability(FootTest(foot("soft"))))
+    assert len(rows) == 6 * 5 * 2 * 2
+    assert not any(row.diverged for row in rows)
+    for timestep, limit in ((0.001, 0.02), (0.002, 0.05)):
+        mine = [row for row in rows if row.timestep == timestep]
+        assert max(abs(row.balance_error) for row in mine) < limit
+        assert np.median([row.force_std for row in mine]) < 1.0
+        assert max(row.loop_gap for row in mine) < 0.001
+    assert stability_table(rows).count("\n") == 1 + 12

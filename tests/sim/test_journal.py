@@ -1,0 +1,185 @@
+"""The journal: nothing that was written is lost or mixed up, and nothing that was not is made up."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.sim.studies.journal import (
+    Entry,
+    Journal,
+    JournalError,
+    canonical,
+    check_journal_path,
+    read_journal,
+    trial_key,
+)
+from wbc.sim.studies.provenance import code_version, provenance
+
+VERSION = {"wbc": "1", "code": "abc"}
+
+
+def entry(number: int, status: str = "done") -> Entry:
+    result = {"steps": number, "x": 0.1 * number} if status in ("done", "diverged") else None
+    return Entry({"kind": "walk", "seed": number}, status, result, {"wall_s": 1.5}, None, VERSION)
+
+
+def written(path: Path, count: int) -> list[Entry]:
+    entries = [entry(number) for number in range(count)]
+    with Journal(path) as journal:
+        for one in entries:
+            journal.add(one)
+    return entries
+
+
+def test_gives_back_what_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "folder" / "journal.jsonl"
+    entries = written(path, 3)
+    assert list(read_journal(path).values()) == entries
+    with Journal(path) as journal:
+        assert len(journal) == 3 and entries[1].key in journal
+    assert [json.loads(line)["result"]["steps"] for line in path.read_text().splitlines()] == [0, 1, 2]
+
+
+def test_only_appends(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    written(path, 2)
+    before = path.read_bytes()
+    with Journal(path) as journal:
+        journal.add(entry(7))
+    assert path.read_bytes().startswith(before)
+
+
+def test_a_later_line_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal(path) as journal:
+        journal.add(entry(1, "timeout"))
+        journal.add(entry(1))
+        assert len(journal) == 1
+    (only,) = read_journal(path).values()
+    assert only.status == "done"
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_a_torn_last_line_is_cut_off_wherever_it_is_torn(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.mktemp("torn") / "journal.jsonl"
+    whole = [entry(number) for number in range(data.draw(st.integers(0, 3)))]
+    torn = entry(99).line()
+    kept = data.draw(st.integers(0, len(torn) - 1))
+    content = b"".join(one.line() for one in whole)
+    path.write_bytes(content + torn[:kept])
+    assert list(read_journal(path).values()) == whole
+    with Journal(path) as journal:
+        assert list(journal.entries.values()) == whole
+        journal.add(entry(5))
+    assert path.read_bytes() == content + journal.entries[entry(5).key].line()
+
+
+def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "journal.jsonl"
+    written(path, 3)
+    path.write_text(path.read_text().replace('"steps":1', '"steps":2', 1))
+    with caplog.at_level(logging.WARNING):
+        left = read_journal(path)
+    assert sorted(one.spec["seed"] for one in left.values()) == [0, 2]
+    assert "line 2" in caplog.text
+
+
+def test_one_writes_at_a_time_and_all_may_read(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal(path) as journal:
+        journal.add(entry(1))
+        with pytest.raises(JournalError, match="another program"):
+            Journal(path)
+        code = f"from wbc.sim.studies.journal import Journal; Journal({str(path)!r})"
+        other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        assert "being written by another program" in other.stderr
+        assert len(read_journal(path)) == 1
+    with Journal(path) as journal:
+        assert len(journal) == 1
+
+
+@pytest.mark.parametrize("content", ["hello\nworld\n", '{"robot": "talos"}\n', "hello"])
+def test_leaves_other_files_alone(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text(content)
+    with pytest.raises(JournalError, match="no journal"):
+        Journal(path)
+    assert path.read_text() == content
+
+
+def test_a_full_disk_leaves_no_part_of_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal(path) as journal:
+        journal.add(entry(1))
+        before = path.read_bytes()
+        write = os.write
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "write", lambda file, line: write(file, line[:20]))
+            with pytest.raises(JournalError, match="20 of"):
+                journal.add(entry(2))
+        assert path.read_bytes() == before
+        journal.add(entry(2))
+    assert len(read_journal(path)) == 2
+
+
+@pytest.mark.parametrize(("sync", "times"), [("always", 4), ("second", 2), ("never", 0)])
+def test_writes_to_the_disk_as_often_as_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sync: str, times: int
+) -> None:
+    calls: list[int] = []
+    monkeypatch.setattr(os, "fsync", calls.append)
+    with Journal(tmp_path / "journal.jsonl", sync=sync) as journal:
+        for number in range(3):
+            journal.add(entry(number))
+    assert len(calls) == times
+
+
+def test_keys_name_spec_and_code() -> None:
+    spec = {"kind": "walk", "seed": 1, "gains": {"b": 2.0, "a": 1.0}}
+    same = {"gains": {"a": 1.0, "b": 2.0}, "seed": 1, "kind": "walk"}
+    assert trial_key(spec, VERSION) == trial_key(same, VERSION)
+    assert trial_key(spec, VERSION) != trial_key(spec | {"seed": 2}, VERSION)
+    assert trial_key(spec, VERSION) != trial_key(spec, VERSION | {"code": "abd"})
+    assert trial_key(spec) == trial_key(spec, provenance())
+    assert len(code_version()) == 12 and {"mujoco", "pin"} <= set(provenance()["libraries"])
+
+
+@given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(), st.lists))
+def test_canonical_json_is_json(value: object) -> None:
+    text = canonical(value)
+    assert canonical(json.loads(text)) == text
+
+
+def test_what_is_no_number_is_null() -> None:
+    assert canonical({"x": math.nan, "y": [math.inf, 1.0]}) == '{"x":null,"y":[null,1.0]}'
+
+
+def test_refuses(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="second"):
+        Journal(tmp_path / "a", sync="minute")
+    with pytest.raises(InputError, match="folder"):
+        check_journal_path(tmp_path)
+    with pytest.raises(JournalError, match="cannot be written"):
+        Journal(tmp_path)
+    with pytest.raises(JournalError, match="cannot be read"):
+        read_journal(tmp_path)
+    with pytest.raises(UnknownNameError, match="crashed"):
+        entry(1, "crash")
+    journal = Journal(tmp_path / "b")
+    journal.close()
+    with pytest.raises(JournalError, match="closed"):
+        journal.add(entry(1))

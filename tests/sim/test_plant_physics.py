@@ -1,0 +1,286 @@
+"""The plant against theory and against Pinocchio: drives, clamps, contacts, pushes, time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import Array
+from wbc.core.signals import Command
+from wbc.feet import FlatFoot, SoleContact
+from wbc.robots import load
+from wbc.sim import PhysicsSettings, Plant, real_time_factor
+from wbc.sim.terrain import terrain, terrain_families
+
+ROBOTS = ("hrp4_class", "talos", "g1")
+FEW_SPHERES = FlatFoot(SoleContact(row_spacing=0.1))
+IN_SPACE = PhysicsSettings(gravity=0.0)
+
+
+def state_in_the_air(plant: Plant, rng: np.random.Generator, speed: float) -> tuple[Array, Array]:
+    """A random configuration away from the ground and from the joint limits, and a velocity."""
+    robot = plant.robot
+    q = np.array(robot.half_sitting)
+    share = rng.uniform(0.2, 0.8, robot.na)
+    q[:3] = [1.0, -2.0, 5.0]
+    q[3:7] = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
+    q[7:] = robot.position_lower + share * (robot.position_upper - robot.position_lower)
+    return q, speed * rng.normal(size=robot.nv)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_masses_and_clamps_are_those_of_the_description(name: str) -> None:
+    plant = Plant(load(name), foot="rigid")
+    model = plant.model
+    feet = sum(foot.fit.mass for foot in plant.feet)
+    assert model.body_mass.sum() == pytest.approx(plant.robot.mass + feet, rel=1e-12)
+    joint = model.actuator_trnid[:, 0]
+    limit = np.stack([-plant.robot.torque_limit, plant.robot.torque_limit], axis=1)
+    np.testing.assert_array_equal(model.actuator_forcerange, limit)
+    np.testing.assert_array_equal(model.jnt_actfrcrange[joint], limit)
+    assert model.jnt_actfrclimited[joint].all() and model.actuator_forcelimited.all()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("times_limit", [0.5, 10.0])
+def test_torque_control_moves_as_pinocchio_says(name: str, times_limit: float) -> None:
+    """Pinocchio's inverse dynamics of the motion give back the torque, cut off at the limit, and no base wrench."""
+    plant = Plant(load(name), control_period=1e-5, timestep=1e-5, foot=FEW_SPHERES)
+    robot, rng = plant.robot, np.random.default_rng(1)
+    data = robot.model.createData()
+    for _ in range(3):
+        q, v = state_in_the_air(plant, rng, 0.5)
+        plant.reset(q, velocity=v)
+        torque = times_limit * robot.torque_limit * rng.uniform(-1.0, 1.0, robot.na)
+        plant.step(Command(torque))
+        applied = np.clip(torque, -robot.torque_limit, robot.torque_limit)
+        assert (np.abs(torque) > robot.torque_limit).any() == (times_limit > 1.0)
+        np.testing.assert_allclose(plant.joint_torque, applied, rtol=1e-12)
+        acceleration = (plant.truth().v - v) / plant.timestep
+        force = pin.rnea(robot.model, data, q, v, acceleration)
+        np.testing.assert_allclose(force[:6], 0.0, atol=1e-3 * robot.mass * plant.physics.gravity)
+        np.testing.assert_allclose(force[6:], applied, atol=1e-3 * robot.torque_limit.max())
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
+    plant = Plant(load(name), control_period=0.001, physics=IN_SPACE, foot=FEW_SPHERES)
+    robot, description, rng = plant.robot, plant.description, np.random.default_rng(2)
+    limited = 0
+    for error in (1e-4, 1e-2, 0.3):
+        q, v = state_in_the_air(plant, rng, 0.2)
+        plant.reset(q, velocity=v)
+        position = q[7:] + error * rng.normal(size=robot.na)
+        velocity = v[6:] + rng.normal(size=robot.na)
+        torque = rng.normal(size=robot.na)
+        plant.step(Command(torque, position, velocity))
+        law = description.kp * (position - q[7:]) + description.kd * (velocity - v[6:]) + torque
+        limited += int((np.abs(law) > robot.torque_limit).sum())
+        expected = np.clip(law, -robot.torque_limit, robot.torque_limit)
+        np.testing.assert_allclose(plant.joint_torque, expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_array_equal(plant.truth().joint_torque, plant.joint_torque)
+    assert 0 < limited < 3 * robot.na
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_stands_on_its_servos(name: str) -> None:
+    """Upright after three seconds, the ground carries the weight, and the centre of pressure is at rest.
+
+    Soft ankles let the robot sink into its balance with a time constant of a third of a second.
+    """
+    plant = Plant(load(name))
+    command, weight = plant.hold(), plant.robot.mass * plant.physics.gravity
+    zmp, height = [], plant.truth().com[2]
+    for tick in range(700):
+        plant.step(command)
+        if tick >= 600:
+            wrench = plant.measure().sole_wrench
+            assert wrench[:, 2].sum() == pytest.approx(weight, rel=1e-3)
+            zmp.append(np.array([-wrench[:, 4], wrench[:, 3]]).sum(axis=1) / wrench[:, 2].sum())
+    truth = plant.truth()
+    assert truth.com[2] == pytest.approx(height, abs=0.02)
+    assert pin.Quaternion(truth.q[3:7]).toRotationMatrix()[2, 2] > 0.999
+    assert np.ptp(zmp, axis=0).max() < 1e-4
+    assert np.abs(truth.v).max() < 1e-2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("timestep", [0.0005, 0.001])
+@pytest.mark.parametrize("foot", ["flat", "rigid", "soft"])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_stands_for_ten_seconds_on_every_foot(name: str, foot: str, timestep: float) -> None:
+    """A rigid sole is at rest; a soft one may creep on, points of contact come and go, but nothing chatters."""
+    plant = Plant(load(name), foot=foot, timestep=timestep)
+    command, zmp = plant.hold(), []
+    for tick in range(2000):
+        plant.step(command)
+        if tick >= 1000:
+            wrench = plant.measure().sole_wrench
+            zmp.append(np.array([-wrench[:, 4], wrench[:, 3]]).sum(axis=1) / wrench[:, 2].sum())
+    assert pin.Quaternion(plant.truth().q[3:7]).toRotationMatrix()[2, 2] > 0.999
+    assert np.median(np.abs(np.diff(zmp, axis=0))) < 1e-6
+    assert np.ptp(zmp, axis=0).max() < (1e-3 if foot == "soft" else 1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", sorted(set(terrain_families()) - {"image"}))
+def test_stands_on_the_flat_start_of_every_terrain(family: str) -> None:
+    """The robot stands before the rough part as it stands on the plane, and the pieces of the ground do no harm."""
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, terrain=terrain(family))
+    for _ in range(100):
+        plant.step(plant.hold())
+    truth = plant.truth()
+    assert plant.diverged is None
+    assert truth.contact_force[:, 2].sum() == pytest.approx(
+        plant.robot.mass * plant.physics.gravity, rel=0.01
+    )
+    assert np.abs(truth.v).max() < 0.05
+
+
+def test_contacts_carry_what_moves_the_centre_of_mass() -> None:
+    """Mass times (dv/dt + g) is the sum of the contact forces in every physics step of a landing."""
+    plant = Plant(load("hrp4_class"), control_period=0.001, foot=FEW_SPHERES)
+    q = plant.on_ground(plant.robot.half_sitting)
+    q[2] += 0.01
+    plant.reset(q)
+    command, mass = plant.hold(), plant.robot.mass
+    before, impact = plant.truth().com_velocity, 0.0
+    for _ in range(150):
+        plant.step(command)
+        truth = plant.truth()
+        force = truth.contact_force.sum(axis=0)
+        momentum = mass * (truth.com_velocity - before) / plant.timestep
+        expected = momentum + [0.0, 0.0, mass * plant.physics.gravity]
+        impact = max(impact, float(np.linalg.norm(force)))
+        np.testing.assert_allclose(force, expected, atol=1e-3 * max(np.linalg.norm(force), 1.0) + 0.05)
+        before = truth.com_velocity
+    assert impact > 1.5 * mass * plant.physics.gravity
+
+
+def test_reset_puts_the_soles_on_rough_ground() -> None:
+    ground = terrain("stones", amplitude=0.03, seed=3, start=-1.0)
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, terrain=ground)
+    rng = np.random.default_rng(0)
+    gaps = []
+    for i, foot in enumerate(plant.feet):
+        sole = foot.fit.sole
+        pin.framesForwardKinematics(plant.robot.model, plant.robot.data, plant.truth().q)
+        placement = plant.robot.placement(plant.robot.soles[i].frame)
+        local = rng.uniform(-0.5, 0.5, (2000, 3)) * [sole.length, sole.width, 0.0]
+        points = local @ placement.rotation.T + placement.translation
+        gaps.append(points[:, 2] - ground.height(points[:, 0], points[:, 1]))
+    assert -2e-3 < min(gap.min() for gap in gaps) < 2e-3
+
+
+@pytest.mark.parametrize("duration", [0.02, 0.0123, 0.0004])
+def test_a_push_gives_its_impulse(duration: float) -> None:
+    """Floating in space, the momentum after pushes is their impulse, for any duration and several at a time."""
+    plant = Plant(load("hrp4_class"), physics=IN_SPACE, foot=FEW_SPHERES)
+    q, _ = state_in_the_air(plant, np.random.default_rng(3), 0.0)
+    plant.reset(q)
+    force, other = np.array([30.0, -20.0, 10.0]), np.array([0.0, 40.0, 5.0])
+    plant.push("torso", 0.25 * force, duration)
+    plant.push("torso", 0.75 * force, duration)
+    plant.push(plant.robot.base_frame, other, 2.0 * duration, at=[0.1, 0.0, 0.05])
+    for _ in range(20):
+        plant.step(plant.hold(q))
+    momentum = plant.robot.mass * plant.truth().com_velocity
+    # 1e-4: moving joints exchange momentum with an error of the first order in the physics step.
+    np.testing.assert_allclose(momentum, (force + 2.0 * other) * duration, rtol=1e-4)
+
+
+def test_a_push_acts_where_it_is_told() -> None:
+    """About the point of attack the angular momentum stays zero; about the centre of mass it is r × F t."""
+    plant = Plant(load("hrp4_class"), physics=IN_SPACE, timestep=1e-4, control_period=1e-4, foot=FEW_SPHERES)
+    robot = plant.robot
+    frame, at, force = robot.soles[0].frame, np.array([0.05, 0.02, 0.0]), np.array([5.0, 7.0, -3.0])
+    q, _ = state_in_the_air(plant, np.random.default_rng(4), 0.0)
+    plant.reset(q)
+    pin.framesForwardKinematics(robot.model, robot.data, q)
+    point = robot.placement(frame).act(at)
+    com = plant.truth().com
+    plant.push(frame, force, 1e-3, at=at)
+    for _ in range(10):
+        plant.step(Command(np.zeros(robot.na)))
+    truth = plant.truth()
+    momentum = pin.computeCentroidalMomentum(robot.model, robot.model.createData(), truth.q, truth.v)
+    np.testing.assert_allclose(momentum.linear, force * 1e-3, rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(momentum.angular, np.cross(point - com, force) * 1e-3, rtol=2e-3, atol=1e-6)
+
+
+def test_control_period_changes_nothing_but_the_rhythm() -> None:
+    """The same command, held: five ticks of one step are one tick of five steps, bit for bit."""
+    fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES)
+    slow = Plant(load("g1"), control_period=0.005, foot=FEW_SPHERES, averaging=False)
+    assert (fast.steps, slow.steps) == (1, 5)
+    for tick in range(1, 101):
+        fast.step(fast.hold())
+        if tick % 5 == 0:
+            slow.step(slow.hold())
+            assert slow.time == pytest.approx(fast.time, abs=1e-12)
+            np.testing.assert_array_equal(slow.data.qpos, fast.data.qpos)
+            np.testing.assert_array_equal(slow.measure().sole_wrench, fast.measure().sole_wrench)
+
+
+def test_linear_interpolation_reaches_the_command_at_the_end_of_the_tick() -> None:
+    """It is the held command of a plant five times as fast that is fed the points of the line."""
+    line = Plant(load("g1"), control_period=0.005, interpolation="linear", foot=FEW_SPHERES)
+    fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES)
+    rng, last = np.random.default_rng(5), line.hold()
+    na = line.robot.na
+    for _ in range(10):
+        position = line.robot.half_sitting[7:] + 0.01 * rng.normal(size=na)
+        velocity, torque = 0.1 * rng.normal(size=na), rng.normal(size=na)
+        line.step(Command(torque, position, velocity))
+        assert last.joint_position is not None and last.joint_velocity is not None
+        for i in range(1, 6):
+            s = i / 5
+            fast.step(
+                Command(
+                    (1 - s) * last.joint_torque + s * torque,
+                    (1 - s) * last.joint_position + s * position,
+                    (1 - s) * last.joint_velocity + s * velocity,
+                )
+            )
+        last = Command(torque, position, velocity)
+        np.testing.assert_allclose(line.data.qpos, fast.data.qpos, atol=1e-9)
+
+
+def test_switching_to_torque_control_and_back() -> None:
+    """Falling in torque control with no torque, caught again by the servos."""
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    for _ in range(20):
+        plant.step(plant.hold())
+    plant.step(Command(np.zeros(plant.robot.na)))
+    np.testing.assert_array_equal(plant.joint_torque, 0.0)
+    for _ in range(4):
+        plant.step(Command(np.zeros(plant.robot.na)))
+    assert plant.truth().com_velocity[2] < -0.02
+    for _ in range(200):
+        plant.step(plant.hold())
+    assert np.abs(plant.joint_torque).max() > 1.0
+    np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=0.05)
+
+
+def test_starts_and_restarts_where_it_is_told() -> None:
+    """The initial configuration is that of every reset without one, and what `hold` holds."""
+    description = load("hrp4_class")
+    q = np.array(description.robot().half_sitting)
+    q[:2] = [0.3, -0.2]
+    q[7:] += 0.01 * np.sign(description.position_limits[1] + description.position_limits[0])
+    plant = Plant(description, initial_configuration=q, foot=FEW_SPHERES)
+    np.testing.assert_array_equal(plant.truth().q, q)
+    for _ in range(10):
+        plant.step(plant.hold())
+    np.testing.assert_allclose(plant.truth().q[7:], q[7:], atol=0.02)
+    plant.reset(plant.on_ground(plant.robot.half_sitting))
+    np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=1e-15)
+    plant.reset()
+    np.testing.assert_array_equal(plant.truth().q, q)
+
+
+def test_real_time_factor_runs_the_plant_for_the_time_it_is_given() -> None:
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    assert real_time_factor(plant, 0.05) > 0.0
+    assert plant.time == pytest.approx(0.05)

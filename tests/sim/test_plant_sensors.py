@@ -1,0 +1,318 @@
+"""What the plant measures: frames and signs against Pinocchio, forces against contacts, noise, latency, repetition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import Array
+from wbc.core.signals import Command, Measurement
+from wbc.feet import FlatFoot, RangeSensor, SoleContact, StiffnessActuator, VariableStiffnessFoot
+from wbc.robots import load
+from wbc.sim import PhysicsSettings, Plant, SensorNoise, SignalNoise
+from wbc.sim.plant.sensors import REALISTIC, SensorChain
+
+ROBOTS = ("hrp4_class", "talos", "g1")
+FEW_SPHERES = FlatFoot(SoleContact(row_spacing=0.1))
+IN_SPACE = PhysicsSettings(gravity=0.0)
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+
+
+def flat(measurement: Measurement) -> Array:
+    return np.concatenate([getattr(measurement, name).ravel() for name in SIGNALS])
+
+
+def swaying(plant: Plant, tick: int) -> Command:
+    """A posture that keeps moving: all joints a little, at different frequencies."""
+    command = plant.hold()
+    assert command.joint_position is not None
+    phase = np.arange(plant.robot.na)
+    position = command.joint_position + 0.02 * np.sin(0.05 * tick * (1.0 + 0.1 * phase) + phase)
+    return Command(command.joint_torque, position, command.joint_velocity)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("gravity", [0.0, 9.80665])
+def test_imu_and_encoders_agree_with_pinocchio(name: str, gravity: float) -> None:
+    """In free flight at a random state, with random torques, against frame velocity and acceleration."""
+    plant = Plant(
+        load(name),
+        timestep=1e-6,
+        control_period=1e-6,
+        foot=FEW_SPHERES,
+        physics=PhysicsSettings(gravity=gravity),
+    )
+    robot, rng = plant.robot, np.random.default_rng(0)
+    model, data = robot.model, robot.model.createData()
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    imu = robot.frame_id(robot.imu_frame)
+    q = np.array(robot.half_sitting)
+    q[2] += 3.0
+    q[3:7] = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
+    v = rng.normal(size=robot.nv)
+    torque = 0.2 * robot.torque_limit * rng.uniform(-1.0, 1.0, robot.na)
+    plant.reset(q, velocity=v)
+    plant.step(Command(torque))
+    measured = plant.measure()
+    a = pin.aba(model, data, q, v, np.concatenate([np.zeros(6), torque]))
+    pin.forwardKinematics(model, data, q, v, a)
+    pin.updateFramePlacements(model, data)
+    rotation = data.oMf[imu].rotation
+    omega = pin.getFrameVelocity(model, data, imu, pin.LOCAL).angular
+    acceleration = pin.getFrameClassicalAcceleration(model, data, imu, pin.LOCAL).linear
+    force = acceleration - rotation.T @ model.gravity.linear
+    size = max(1.0, float(np.abs(force).max()))
+    np.testing.assert_allclose(measured.angular_velocity, omega, atol=1e-2)
+    np.testing.assert_allclose(measured.specific_force, force, atol=1e-4 * size)
+    np.testing.assert_allclose(measured.joint_position, q[7:], atol=1e-5)
+    np.testing.assert_allclose(measured.joint_velocity, v[6:] + plant.timestep * a[6:], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_at_rest_the_accelerometer_points_up(name: str) -> None:
+    plant = Plant(load(name), foot=FEW_SPHERES)
+    for _ in range(300):
+        plant.step(plant.hold())
+    robot, measured = plant.robot, plant.measure()
+    pin.framesForwardKinematics(robot.model, robot.data, plant.truth().q)
+    up = robot.placement(robot.imu_frame).rotation @ measured.specific_force
+    np.testing.assert_allclose(up, [0.0, 0.0, 9.80665], atol=0.03)
+    np.testing.assert_allclose(measured.angular_velocity, 0.0, atol=5e-3)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
+    """The force sensor (internal forces of the tree) against the sum over contact points, while swaying."""
+    plant = Plant(load(name), foot=FEW_SPHERES, averaging=False)
+    loads = []
+    for tick in range(100):
+        plant.step(swaying(plant, tick))
+        measured, truth = plant.measure().sole_wrench, plant.truth()
+        np.testing.assert_allclose(measured, truth.sole_wrench, atol=1e-6 * np.abs(measured).max())
+        loads.append(measured[:, 2])
+    assert np.ptp(loads, axis=0).min() > 5.0
+
+
+def test_forces_are_means_over_the_control_period() -> None:
+    """A plant that samples five times as often, averaged; and impulse is change of momentum with nothing missing."""
+    slow = Plant(load("g1"), foot=FEW_SPHERES)
+    fast = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    for tick in range(20):
+        command, wrenches, accelerations = swaying(slow, tick), [], []
+        slow.step(command)
+        for _ in range(5):
+            fast.step(command)
+            wrenches.append(fast.measure().sole_wrench)
+            accelerations.append(fast.measure().specific_force)
+        np.testing.assert_allclose(
+            slow.measure().sole_wrench, np.mean(wrenches, axis=0), rtol=1e-12, atol=1e-9
+        )
+        np.testing.assert_allclose(slow.measure().specific_force, np.mean(accelerations, axis=0), rtol=1e-12)
+        assert np.ptp(wrenches, axis=0).max() > 1e-3  # there is something to average
+
+
+def test_centre_of_pressure_is_where_the_contacts_press() -> None:
+    """(−n_y, n_x) / f_z in the sole frame against the contact points weighted by their forces."""
+    plant = Plant(load("hrp4_class"), averaging=False)
+    ankles = [i for i, name in enumerate(plant.robot.joint_names) if "ankle_pitch" in name.lower()]
+    centres = []
+    for lean in (0.004, -0.004):
+        plant.reset()
+        command = plant.hold()
+        assert command.joint_position is not None
+        command.joint_position[ankles] += lean
+        for _ in range(100):
+            plant.step(command)
+        measured, truth = plant.measure().sole_wrench, plant.truth()
+        pin.framesForwardKinematics(plant.robot.model, plant.robot.data, truth.q)
+        for i, sole in enumerate(plant.robot.soles):
+            cop = np.array([-measured[i, 4], measured[i, 3]]) / measured[i, 2]
+            mine = truth.contact_sole == i
+            load_of_points = truth.contact_force[mine, 2]
+            point = load_of_points @ truth.contact_position[mine] / load_of_points.sum()
+            local = plant.robot.placement(sole.frame).actInv(point)
+            np.testing.assert_allclose(cop, local[:2], atol=2e-5)
+            assert (np.abs(cop) < [sole.length / 2, sole.width / 2]).all()
+            centres.append(cop[0])
+    assert abs(centres[0] - centres[2]) > 0.005
+
+
+def test_a_foot_of_its_own_mass_is_missing_from_its_sensor() -> None:
+    plant = Plant(load("hrp4_class"), foot="rigid")
+    for _ in range(300):
+        plant.step(plant.hold())
+    difference = plant.truth().sole_wrench[:, 2] - plant.measure().sole_wrench[:, 2]
+    np.testing.assert_allclose(difference, 9.80665 * plant.feet[0].fit.mass, rtol=1e-3)
+
+
+def run(plant: Plant, ticks: int, *, look: bool = False) -> Array:
+    """A run in which the measurements act on the motion; all of it in one array."""
+    rows = []
+    for tick in range(ticks):
+        measured = plant.measure()
+        if look:
+            plant.truth()
+            assert plant.measure() is measured
+        command = swaying(plant, tick)
+        feedback = 1e-3 * measured.angular_velocity[1] + 1e-6 * measured.sole_wrench[0, 2]
+        if tick == 10:
+            plant.push("torso", [20.0, 5.0, 0.0], 0.0333)
+        assert command.joint_position is not None
+        plant.step(Command(command.joint_torque, command.joint_position + feedback, command.joint_velocity))
+        rows.append(np.concatenate([plant.data.qpos, plant.data.qvel, flat(measured)]))
+    return np.array(rows)
+
+
+def test_one_seed_repeats_everything_bit_for_bit() -> None:
+    first = Plant(load("hrp4_class"), noise="realistic", seed=7)
+    once = run(first, 40)
+    again = run(Plant(load("hrp4_class"), noise="realistic", seed=7), 40, look=True)
+    assert once.tobytes() == again.tobytes()
+    first.reset()
+    assert once.tobytes() == run(first, 40).tobytes()
+    first.reset(seed=8)
+    other = run(first, 40)
+    assert not np.array_equal(once[0, -30:], other[0, -30:])
+    first.reset(seed=7)
+    assert once.tobytes() == run(first, 40).tobytes()
+
+
+def test_noise_has_the_statistics_it_was_given() -> None:
+    noise = SensorNoise(
+        joint_position=SignalNoise(quantum=0.01),
+        joint_velocity=SignalNoise(std=0.2, bias_std=1.0),
+        angular_velocity=SignalNoise(bias_std=0.5),
+        sole_force=SignalNoise(std=3.0),
+    )
+    chain = SensorChain(noise, joints=50, soles=2, timestep=0.001)
+    truth = np.random.default_rng(0).normal(size=chain.size)
+    chain.reset(truth, seed=1)
+    error = np.array([chain.read(truth) for _ in range(2000)]) - truth
+    position, velocity = error[:, :50], error[:, 50:100]
+    gyro, accelerometer, wrench = error[:, 100:103], error[:, 103:106], error[:, 106:].reshape(-1, 2, 6)
+    assert np.abs(position).max() <= 0.005 + 1e-12 and np.ptp(position, axis=0).max() == 0.0
+    np.testing.assert_allclose(np.remainder(truth[:50] + position[0] + 1e-9, 0.01), 0.0, atol=1e-8)
+    assert velocity.std(axis=0) == pytest.approx(np.full(50, 0.2), rel=0.1)
+    assert velocity.mean(axis=0).std() == pytest.approx(1.0, rel=0.4)
+    assert np.ptp(gyro, axis=0).max() < 1e-12 and np.abs(gyro[0]).min() > 1e-3
+    np.testing.assert_array_equal(accelerometer, 0.0)
+    assert wrench[:, :, :3].std(axis=0) == pytest.approx(np.full((2, 3), 3.0), rel=0.1)
+    np.testing.assert_array_equal(wrench[:, :, 3:], 0.0)
+    # White: one reading says nothing of the next, one channel nothing of another.
+    white = velocity - velocity.mean(axis=0)
+    assert abs((white[1:] * white[:-1]).mean()) < 0.02 * 0.2**2 * 5
+    assert abs((white[:, 0] * white[:, 1]).mean()) < 0.1 * 0.2**2
+
+
+@pytest.mark.parametrize(("latency", "steps"), [(0.003, 3), (0.0021, 3), (0.0, 0), (0.012, 12)])
+def test_latency_shows_the_past(latency: float, steps: int) -> None:
+    """A slow plant with latency against a fast one whose history is kept; other signals stay fresh."""
+    noise = SensorNoise(joint_position=SignalNoise(latency=latency), sole_force=SignalNoise(latency=latency))
+    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise, averaging=False)
+    fresh = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    past = [fresh.measure()]
+    for tick in range(8):
+        command = swaying(late, 10 * tick)
+        late.step(command)
+        for _ in range(5):
+            fresh.step(command)
+            past.append(fresh.measure())
+        measured, then = late.measure(), past[max(0, len(past) - 1 - steps)]
+        np.testing.assert_array_equal(measured.joint_position, then.joint_position)
+        np.testing.assert_array_equal(measured.sole_wrench[:, :3], then.sole_wrench[:, :3])
+        np.testing.assert_array_equal(measured.sole_wrench[:, 3:], past[-1].sole_wrench[:, 3:])
+        np.testing.assert_array_equal(measured.joint_velocity, past[-1].joint_velocity)
+        assert measured.time == pytest.approx(0.005 * (tick + 1))
+
+
+@pytest.mark.parametrize("slowest", [4, 7])  # within a control period of 5 steps, and beyond it
+def test_latencies_of_all_signals(slowest: int) -> None:
+    """No signal is fresh: the youngest ones are not even sampled, and each has its own age."""
+    ages = {"joint_position": 2, "joint_velocity": slowest, "angular_velocity": 3, "specific_force": 1}
+    late_by = {name: SignalNoise(latency=0.001 * age) for name, age in ages.items()}
+    wrench = SignalNoise(latency=0.002)
+    noise = SensorNoise(**late_by, sole_force=wrench, sole_moment=wrench)
+    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise, averaging=False)
+    fresh = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    past = [fresh.measure()]
+    for tick in range(6):
+        if tick == 3:
+            for plant in (late, fresh):
+                plant.push("torso", (40.0, 0.0, 0.0), 0.007)
+        command = swaying(late, 10 * tick)
+        late.step(command)
+        for _ in range(5):
+            fresh.step(command)
+            past.append(fresh.measure())
+        measured = late.measure()
+        for name, age in (ages | {"sole_wrench": 2}).items():
+            then = past[max(0, len(past) - 1 - age)]
+            np.testing.assert_array_equal(getattr(measured, name), getattr(then, name), err_msg=name)
+
+
+def test_realistic_noise_is_small_against_the_signals() -> None:
+    plant = Plant(load("hrp4_class"), noise=REALISTIC, seed=3)
+    perfect = Plant(load("hrp4_class"))
+    for _ in range(100):
+        plant.step(plant.hold())
+        perfect.step(perfect.hold())
+    noisy, clean = plant.measure(), perfect.measure()
+    np.testing.assert_array_equal(plant.data.qpos, perfect.data.qpos)
+    assert 0.0 < np.abs(noisy.joint_position - clean.joint_position).max() < 0.006
+    assert 0.0 < np.abs(noisy.sole_wrench[:, 2] - clean.sole_wrench[:, 2]).max() < 12.0
+    assert 0.0 < np.abs(noisy.specific_force - clean.specific_force).max() < 0.4
+
+
+def test_stiffness_follows_its_command() -> None:
+    foot = VariableStiffnessFoot(
+        stiffness=5.0, actuator=StiffnessActuator(rate_limit=100.0, time_constant=0.0)
+    )
+    plant = Plant(load("hrp4_class"), foot=foot)
+    zero = np.zeros(plant.robot.na)
+    half = plant.hold().joint_position
+    np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
+    for tick in range(1, 11):  # the command is given once and kept
+        plant.step(Command(zero, half, zero, np.array([7.0, 5.0]) if tick == 1 else None))
+        expected = min(7.0, 5.0 + 100.0 * 0.005 * tick)
+        np.testing.assert_allclose(plant.measure().sole_stiffness, [expected, 5.0])
+    plant.reset()
+    np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
+
+
+def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
+    """From one bent state: a plant told to be stiff against a plant that was built stiff."""
+    actuator = StiffnessActuator.instantaneous()
+    told = Plant(load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=5.0, actuator=actuator))
+    built = Plant(load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=60.0, actuator=actuator))
+    for tick in range(30):
+        told.step(swaying(told, tick))
+    for name in ("qpos", "qvel", "qacc_warmstart"):
+        getattr(built.data, name)[:] = getattr(told.data, name)
+    mujoco.mj_step1(built.model, built.data)
+    soft = built.data.qpos.copy()
+    command = swaying(told, 30)
+    told.step(replace(command, sole_stiffness=np.array([60.0, 60.0])))
+    built.step(command)
+    np.testing.assert_allclose(told.data.qpos, built.data.qpos, atol=1e-13)
+    np.testing.assert_allclose(told.measure().sole_wrench, built.measure().sole_wrench, atol=1e-9)
+    assert np.abs(built.data.qpos - soft).max() > 1e-6
+
+
+def test_stiffness_of_feet_that_have_none_or_a_fixed_one() -> None:
+    assert np.isnan(Plant(load("g1")).measure().sole_stiffness).all()
+    np.testing.assert_array_equal(Plant(load("hrp4_class"), foot="soft").measure().sole_stiffness, [5.0, 5.0])
+
+
+def test_range_sensor_sees_the_ground_and_nothing_without_one() -> None:
+    assert np.isnan(Plant(load("hrp4_class")).measure().sole_range).all()
+    plant = Plant(load("hrp4_class"), range_sensor=RangeSensor())
+    height = plant.feet[0].range_height
+    np.testing.assert_allclose(plant.measure().sole_range, height, atol=1e-4)
+    q = plant.on_ground(plant.robot.half_sitting)
+    q[2] += 0.25
+    plant.reset(q)
+    np.testing.assert_allclose(plant.measure().sole_range, height + 0.25, atol=1e-4)

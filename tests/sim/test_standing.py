@@ -1,0 +1,157 @@
+"""Standing and being pushed: the balance controller against the plant, and the studies made of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.feet import foot
+from wbc.robots import load, names
+from wbc.sim.balance import push_recovery
+from wbc.sim.balance.falls import LARGEST_TILT, LOWEST_BASE, FallDetector
+from wbc.sim.balance.push_recovery import (
+    PushCell,
+    PushResult,
+    PushSpec,
+    format_push_table,
+    largest_push,
+    push,
+)
+from wbc.sim.balance.standing import MODES, Mode, Stand, StandOptions, StandResult, centre_of_pressure, stand
+from wbc.sim.plant import Plant
+from wbc.sim.plant.shod import shod
+
+
+def without_clock(result: StandResult) -> dict[str, Any]:
+    return {k: v for k, v in result.to_json().items() if k not in ("real_time_factor", "tick_us")}
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("robot", names())
+def test_every_robot_stands_still_in_both_modes(robot: str, mode: Mode) -> None:
+    result = stand(StandOptions(robot=robot, mode=mode, seconds=1.0))
+    assert result.upright and result.failures == 0
+    assert result.seconds == pytest.approx(1.0)
+    assert result.com_error_mm < 3.0
+    assert result.zmp_noise_mm < 0.5
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        StandOptions(mode="torque", noise="realistic", seconds=1.5),
+        StandOptions(mode="position", feedback="closed", noise="realistic", seconds=1.5),
+    ],
+)
+def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: StandOptions) -> None:
+    first, second = stand(options), stand(options)
+    assert first.upright and first.failures == 0 and first.com_error_mm < 30.0
+    assert without_clock(first) == without_clock(second)
+    other = stand(replace(options, seed=1))
+    assert other.upright and without_clock(other) != without_clock(first) | {"seed": 1}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["none", "realistic"])
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("robot", names())
+def test_every_robot_stands_for_long(robot: str, mode: Mode, noise: str) -> None:
+    result = stand(StandOptions(robot=robot, mode=mode, noise=noise, seconds=10.0))
+    assert result.upright and result.failures == 0
+    if mode == "position":
+        closed = stand(StandOptions(robot=robot, noise=noise, feedback="closed", seconds=10.0))
+        assert closed.upright and closed.failures == 0
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
+    other = foot(name)
+    description = shod(load("hrp4_class"), other)
+    assert shod(description, other) == description
+    plant = Plant(description, foot=other)
+    robot = description.robot()
+    robot.update(plant.truth().q, np.zeros(robot.nv))
+    for sole, built in zip(robot.soles, plant.feet, strict=True):
+        site = plant.data.site(built.wrench_site)
+        np.testing.assert_allclose(robot.placement(sole.frame).translation, site.xpos, atol=1e-9)
+        np.testing.assert_allclose(robot.placement(sole.frame).rotation.ravel(), site.xmat, atol=1e-9)
+        assert (sole.length, sole.width) == (built.fit.sole.length, built.fit.sole.width)
+
+
+def test_a_robots_own_soles_are_left_alone() -> None:
+    for robot in names():
+        assert shod(load(robot), foot("flat")) is load(robot)
+
+
+def test_stands_on_soft_feet() -> None:
+    result = stand(StandOptions(foot="soft", seconds=1.5))
+    assert result.upright and result.com_error_mm < 5.0
+
+
+def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
+    stage = Stand(StandOptions(robot="g1", seconds=1.0))
+    *_, truth = stage.run(1.0)
+    np.testing.assert_allclose(centre_of_pressure(truth), truth.com[:2], atol=1e-4)
+    flying = replace(truth, contact_force=np.zeros((0, 3)), contact_position=np.zeros((0, 3)))
+    assert np.isnan(centre_of_pressure(flying)).all()
+
+
+def turned(q: np.ndarray[Any, Any], angle: float, axis: list[float]) -> np.ndarray[Any, Any]:
+    out = np.array(q)
+    turn = pin.Quaternion(pin.AngleAxis(angle, np.array(axis) / np.linalg.norm(axis)))
+    out[3:7] = (turn * pin.Quaternion(q[3:7])).coeffs()
+    return out
+
+
+@pytest.mark.parametrize("robot", names())
+def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: str) -> None:
+    model = load(robot).robot()
+    detector, q = FallDetector(model), np.array(model.half_sitting)
+    for heading in (0.0, 2.0):
+        there = turned(q, heading, [0, 0, 1])
+        there[:2] += 100.0
+        assert not detector.fallen(there)
+        for axis in ([1, 0, 0], [0, 1, 0], [1, -1, 0]):
+            assert not detector.fallen(turned(there, 0.98 * LARGEST_TILT, list(axis)))
+            assert detector.fallen(turned(there, 1.02 * LARGEST_TILT, list(axis)))
+        for height, fallen in ((1.02, False), (0.98, True)):
+            there[2] = height * LOWEST_BASE * q[2]
+            assert detector.fallen(there) is fallen
+    for place in (2, 4):
+        lost = np.array(q)
+        lost[place] = np.nan
+        assert detector.fallen(lost)
+
+
+def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
+    weak = push(PushSpec(impulse=0.2, after=2.5))
+    assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
+    strong = push(PushSpec(impulse=0.8, after=2.5))
+    assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
+
+
+def test_pushes_to_the_left_and_to_the_right_are_mirror_images() -> None:
+    left, right = (push(PushSpec(impulse=0.15, direction=d, after=1.0)) for d in (math.pi / 2, -math.pi / 2))
+    assert left.com_offset == pytest.approx(right.com_offset, rel=0.02)
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.123, 0.5, 0.999, 2.0])
+def test_bisection_finds_any_threshold(monkeypatch: pytest.MonkeyPatch, threshold: float) -> None:
+    monkeypatch.setattr(
+        push_recovery, "push", lambda spec: PushResult(spec.impulse <= threshold, None, 0.0, 0)
+    )
+    found = largest_push(PushSpec(), highest=1.0, resolution=0.01)
+    assert found <= threshold and found >= min(threshold, 1.0) - 0.01
+
+
+def test_table_has_a_line_for_each_robot_and_mode_and_the_least_of_each() -> None:
+    cells = [PushCell(r, m, d, i) for r, m, d, i in [("a", "torque", 0.0, 0.3), ("a", "torque", 90.0, 0.4)]]
+    cells += [PushCell("a", "position", 0.0, 0.2), PushCell("a", "position", 90.0, 0.1)]
+    lines = format_push_table(cells).splitlines()
+    assert lines[0] == "| robot | mode | 0° | 90° | least |"
+    assert lines[2:] == ["| a | torque | 0.30 | 0.40 | 0.30 |", "| a | position | 0.20 | 0.10 | 0.10 |"]

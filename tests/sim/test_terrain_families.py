@@ -1,0 +1,295 @@
+"""Grounds: amplitude, seeds, strips, normals and what each family promises."""
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import Array
+from wbc.sim.terrain import FieldFamily, Site, Terrain, family, param, terrain, terrain_families
+from wbc.sim.terrain.families.fields import low_pass
+
+NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
+SOLID = [n for n in NAMES if not isinstance(terrain(n).parameters, FieldFamily)]
+
+
+def _inside(t: Terrain, count: int, seed: int = 0) -> tuple[Array, Array]:
+    """Draw random points of the rough part."""
+    rng = np.random.default_rng(seed)
+    half = t.width / 2
+    return rng.uniform(t.start, t.stop, count), rng.uniform(-half, half, count)
+
+
+def _peaks(t: Terrain) -> Array:
+    """Points just inside the footprint, below the highest points of all solids; or the nodes of the map."""
+    field = t.surface.field
+    if field is not None:
+        xs, ys = (
+            np.linspace(field.x0, field.x1, field.z.shape[1]),
+            np.linspace(field.y0, field.y1, field.z.shape[0]),
+        )
+        return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    peaks = np.array([s.peak[:2] for s in t.shapes])
+    middles = np.array([[(s.box[0] + s.box[1]) / 2, (s.box[2] + s.box[3]) / 2] for s in t.shapes])
+    return peaks + 1e-9 * (middles - peaks)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**40), share=st.floats(0.05, 1.0))
+def test_amplitude_is_highest_minus_lowest_point(name: str, seed: int, share: float) -> None:
+    t = terrain(name, amplitude=share * terrain(name).amplitude, seed=seed)
+    x, y = _inside(t, 4000)
+    # The stop strip of a climb meets the rough part's end; the very edge belongs to the rough part.
+    x = np.append(np.append(x, _peaks(t)[:, 0]), t.stop - 1e-12)
+    y = np.append(np.append(y, _peaks(t)[:, 1]), 0.0)
+    z = t.height(x, y)
+    assert z.max() - z.min() == pytest.approx(t.amplitude, abs=1e-7)
+    floor = t.surface.floor if t.surface.field is None else float(t.surface.field.z.min())
+    assert z.max() <= floor + t.amplitude + 1e-12
+    assert z.min() >= floor - 1e-12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_layout_does_not_depend_on_the_amplitude(name: str) -> None:
+    high = terrain(name, seed=3)
+    low = replace(high, amplitude=high.amplitude / 3)
+    if name == "steps":  # more climb is more risers
+        return
+    places = _peaks(high)
+    x, y = places[:: len(places) // 200 + 1].T
+    tall = high.height(x, y) - high.surface.floor
+    small = low.height(x, y) - low.surface.floor
+    if high.surface.field is not None:  # their floor lies a fixed gap below the lowest point
+        tall, small = high.height(x, y), low.height(x, y)
+    # Tilted plates move by a fraction of a millimetre; a different layout would miss by the height of its stones.
+    assert np.median(np.abs(3 * small - tall)) < 0.02 * high.amplitude
+
+
+@pytest.mark.parametrize("name", [*NAMES, "flat"])
+def test_starts_and_stops_on_flat_strips(name: str) -> None:
+    t = terrain(name, seed=2)
+    y = np.linspace(-t.width / 2, t.width / 2, 9)[:, None]
+    before = t.height(np.linspace(t.start - t.strip, t.start - 1e-9, 50), y)
+    after = t.height(np.linspace(t.stop + 1e-9, t.stop + t.strip, 50), y)
+    np.testing.assert_allclose(before, 0.0, atol=1e-12)
+    np.testing.assert_allclose(after, after[0, 0], atol=1e-12)
+    np.testing.assert_allclose(t.normal(t.start - 0.1, 0.0), [0, 0, 1])
+    assert t.start > 0.2  # the robot's toes, 0.17 m ahead of its ankles, are on the strip at x = 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_normals_are_those_of_the_surface(name: str) -> None:
+    t = terrain(name, seed=1)
+    x, y = _inside(t, 400)
+    h = 1e-6
+    ahead = (t.height(x + h, y) - t.height(x, y)) / h, (t.height(x, y + h) - t.height(x, y)) / h
+    behind = (t.height(x, y) - t.height(x - h, y)) / h, (t.height(x, y) - t.height(x, y - h)) / h
+    smooth = (np.abs(ahead[0] - behind[0]) < 1e-2) & (np.abs(ahead[1] - behind[1]) < 1e-2)
+    assert smooth.mean() > 0.9
+    n = t.normal(x, y)
+    np.testing.assert_allclose(np.linalg.norm(n, axis=-1), 1.0, atol=1e-12)
+    slope = np.stack([(ahead[0] + behind[0]) / 2, (ahead[1] + behind[1]) / 2], axis=-1)
+    np.testing.assert_allclose(-n[smooth, :2] / n[smooth, 2:], slope[smooth], atol=6e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_only_unidirectional_grounds_are_the_same_across(name: str) -> None:
+    t = terrain(name, seed=1)
+    x = np.linspace(t.start + 0.01, t.stop - 0.01, 500)
+    z = t.height(x, np.linspace(-0.4, 0.4, 7)[:, None])
+    across = np.ptp(z, axis=0).max()
+    assert (across < 1e-12) if t.parameters.unidirectional else (across > 1e-4)
+
+
+# Rounded heights of every family with its defaults and seed 1: they must never change, on any machine.
+FINGERPRINTS = {
+    "boards": "dbd01ad07499f1d4",
+    "cobble_stones": "2665900b82df74a4",
+    "cylinder_obstacles": "71a7024214de6779",
+    "ellipsoids": "894531627cad5cb7",
+    "flat": "946cc2661d32ad83",
+    "floor_tiles": "47351d17e8f39d04",
+    "iso8608": "1a31904f83fe4182",
+    "large_floor_tiles": "b8b82741b4b7cdb6",
+    "metal_sheets": "894eed90cfe47d04",
+    "pyramidal_stones": "132d22f303406235",
+    "random": "4ce06078e2043858",
+    "roof_tiles": "6bf00b572b17d017",
+    "slats": "47a37824e418fd42",
+    "slope": "c73a9a59d1ecad3e",
+    "small_stones": "2f59a8ce89da6ae1",
+    "steps": "a81e03a762c3be6e",
+    "sticks": "a328ae22f3ddc448",
+    "stone_bricks": "6dce182b60977730",
+    "stones": "0e50ebe348439962",
+}
+
+
+@pytest.mark.parametrize("name", [*NAMES, "flat"])
+def test_the_ground_is_the_same_on_every_machine(name: str) -> None:
+    assert terrain(name, seed=1).fingerprint() == FINGERPRINTS[name]
+
+
+def test_equal_terrains_are_one_key_and_survive_a_pickle() -> None:
+    a, b = terrain("stones", 0.03, 5, density=70.0), terrain("stones", 0.03, 5, density=70.0)
+    assert a == b and hash(a) == hash(b) and len({a, b, terrain("stones", 0.03, 6)}) == 2
+    a.height(1.0, 0.0)
+    sent = pickle.dumps(a)
+    assert len(sent) < 1000
+    back = pickle.loads(sent)
+    assert back == a and back.height(1.0, 0.1) == a.height(1.0, 0.1)
+
+
+def test_seeds_give_different_grounds() -> None:
+    for name in set(NAMES) - {"steps", "slope"}:
+        assert len({terrain(name, seed=s).fingerprint(0.05) for s in range(4)}) == 4, name
+
+
+def test_zero_amplitude_is_flat() -> None:
+    for name in NAMES:
+        t = terrain(name, 0.0)
+        assert not t.height(*_inside(t, 100)).any(), name
+
+
+def test_a_track_can_have_any_length_and_width() -> None:
+    t = terrain("cobble_stones", 0.02, length=7.5, width=0.6, start=1.0, strip=0.4)
+    assert t.extent == (0.6, 8.9, -0.3, 0.3)
+    assert t.height(np.linspace(8.0, 8.4, 200), 0.0).max() > 0.005
+    assert not t.height(np.linspace(8.5, 9.5, 100), 0.0).any()
+
+
+def test_profile_samples_the_ground() -> None:
+    t = terrain("random", 0.03, 1)
+    x, z = t.profile()
+    assert x.size == 429 and x[0] == t.start  # as the authors' public profiles: 429 samples on 3 m
+    np.testing.assert_array_equal(z, t.height(x, 0.0))
+    x, _ = t.profile(0.5, 0.8, y=0.1, step=0.1)
+    np.testing.assert_allclose(x, [0.5, 0.6, 0.7, 0.8])
+
+
+@pytest.mark.parametrize("cutoff", [1e-3, 0.02, 0.1, 0.5])
+def test_low_pass_has_half_power_at_its_cutoff(cutoff: float) -> None:
+    impulse = np.zeros(1 << 15)
+    impulse[0] = 1.0
+    gain = np.abs(np.fft.rfft(low_pass(impulse, cutoff)))
+    share = np.linspace(0.0, 1.0, gain.size)
+    assert gain[0] == pytest.approx(1.0, abs=1e-9)
+    assert np.interp(cutoff, share, gain) == pytest.approx(math.sqrt(0.5), abs=1e-3)
+    assert gain[-1] < 1e-3
+
+
+def test_random_ground_reports_its_spatial_cutoff() -> None:
+    facts = terrain("random", cutoff=0.1, length=3.5).describe()
+    assert facts["cutoff_cycles_per_m"] == pytest.approx(0.1 / (2 * 0.007))
+    assert facts["cutoff_wavelength_m"] == pytest.approx(0.14)
+
+
+def test_iso_ground_has_the_spectrum_it_reports() -> None:
+    low, high, ratios, spectra = 0.5, 8.0, [], []
+    for seed in range(60):
+        t = terrain("iso8608", 0.03, seed, low=low, high=high, length=10.0)
+        gd = t.describe()["gd_n0_m3"]
+        _, z = t.profile(step=0.01)
+        ratios.append(
+            z.var() / (gd * 0.01 * (1 / low - 1 / high))
+        )  # variance: integral of Gd(n0) (n0/n)^2 dn
+        spectra.append(np.abs(np.fft.rfft((z - z.mean()) * np.hanning(z.size))) ** 2)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
+    power, n = np.mean(spectra, axis=0), np.fft.rfftfreq(z.size, 0.01)
+    band = (n > 0.8) & (n < 7.0)
+    assert np.polyfit(np.log(n[band]), np.log(power[band]), 1)[0] == pytest.approx(-2.0, abs=0.2)
+    assert power[n > 10.0].max() < 1e-3 * power[band].max()
+
+
+def test_iso_frequencies_truly_vary() -> None:
+    def crossings(factor: float) -> float:
+        total = 0
+        for seed in range(10):
+            _, z = terrain("iso8608", 0.03, seed, low=0.5 * factor, high=2.0 * factor).profile()
+            total += np.count_nonzero(np.diff(np.sign(z - z.mean())))
+        return total
+
+    assert crossings(4.0) / crossings(1.0) == pytest.approx(4.0, rel=0.2)
+
+
+def test_isotropic_iso_ground_varies_both_ways_alike() -> None:
+    t = terrain("iso8608", 0.03, 2, isotropic=True, high=6.0, length=3.0, width=3.0)
+    x, y = np.linspace(0.8, 2.8, 300), np.linspace(-1.0, 1.0, 300)
+    z = t.height(x[None, :], y[:, None])
+    assert np.diff(z, axis=1).std() / np.diff(z, axis=0).std() == pytest.approx(1.0, abs=0.35)
+
+
+def test_stairs_have_equal_risers() -> None:
+    t = terrain("steps", 0.1, riser=0.03, tread=0.25)
+    facts = t.describe()
+    assert facts["risers"] == 4 and facts["riser_m"] == pytest.approx(0.025)
+    _, z = t.profile(step=0.001)
+    jumps = np.diff(z)[np.abs(np.diff(z)) > 1e-9]
+    np.testing.assert_allclose(jumps, [0.025] * 4 + [-0.025] * 4, atol=1e-12)
+
+
+@pytest.mark.parametrize(("direction", "end"), [("up", 1.0), ("down", -1.0), ("up_down", 0.0)])
+@pytest.mark.parametrize("name", ["steps", "slope"])
+def test_climbs_end_where_they_say(name: str, direction: str, end: float) -> None:
+    t = terrain(name, 0.08, direction=direction)
+    assert float(t.height(t.stop + 0.3, 0.0)) == pytest.approx(end * 0.08, abs=1e-12)
+    if name == "slope":
+        angle = t.describe()["angle_rad"]
+        assert math.acos(t.normal(t.start + 0.2, 0.1)[2]) == pytest.approx(angle, abs=1e-9)
+
+
+def test_slats_leave_gaps_to_the_floor_of_the_pit() -> None:
+    t = terrain("slats", 0.05, 1)
+    _, z = t.profile(step=0.001)
+    open_ = np.isclose(z, -0.05, atol=1e-12)
+    assert 0.5 < open_.mean() < 0.9 and z[~open_].min() > -0.05 * 0.3 - 0.02 * 0.55  # sag and tilt
+    widths = [s.half_size[0] * 2 for s in t.shapes]  # type: ignore[attr-defined]
+    assert min(widths) >= 0.02 and max(widths) <= 0.035
+
+
+@pytest.mark.parametrize("name", ["floor_tiles", "large_floor_tiles", "stone_bricks"])
+def test_high_plates_do_not_lean_out_of_the_track(name: str) -> None:
+    for seed in range(20):
+        assert terrain(name, 0.1, seed).shapes  # the ground is checked as it is built
+
+
+def test_height_field_of_solids_lies_on_the_solids() -> None:
+    for name in SOLID:
+        solid = terrain(name, seed=4)
+        drawn = replace(solid, rendering="height_field")
+        field = drawn.surface.field
+        assert field is not None
+        x = np.linspace(field.x0, field.x1, field.z.shape[1])[1:-1]
+        y = np.linspace(field.y0, field.y1, field.z.shape[0])[1:-1]
+        np.testing.assert_allclose(
+            drawn.height(x[::7], y[::7, None]), solid.height(x[::7], y[::7, None]), atol=1e-9, err_msg=name
+        )
+
+
+def test_a_family_of_ones_own_takes_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.sim.terrain.families.base._FAMILIES", terrain_families())
+
+    @family("test_waves")
+    class Waves(FieldFamily):
+        """Sine waves along the track."""
+
+        wavelength: float = param(0.3, "m", "Crest to crest", open_low=True)
+
+        @property
+        def smallest_feature(self) -> float:
+            return self.wavelength / 2.0
+
+        def heights(self, site: Site, x: Array, y: Array) -> Array:
+            return np.asarray(np.sin(2.0 * np.pi * (x - site.x0) / self.wavelength))
+
+    t = terrain("test_waves", amplitude=0.02, wavelength=0.5)
+    _, z = t.profile(step=0.001)
+    assert np.ptp(z) == pytest.approx(0.02, rel=1e-3)
+    assert float(t.height(t.start + 0.125, 0.2)) == pytest.approx(0.01, rel=1e-3)
+    assert t.describe()["parameters"] == {"wavelength": 0.5}
+    assert Waves.summary() == "Sine waves along the track."

@@ -1,0 +1,234 @@
+"""Wrong input to grounds is refused before anything is built, with a message that helps."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+from wbc.core.errors import InputError, UnknownNameError, WbcError
+from wbc.sim.terrain import ClearanceWarning, ShapeFamily, check_clearance, family, terrain, terrain_families
+from wbc.sim.terrain.families.solids import dome
+from wbc.sim.terrain.report import TerrainOptions, describe_terrain, list_terrains
+
+
+def test_unknown_names_get_the_nearest_ones() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'cobble_stones'"):
+        terrain("cobblestones")
+    with pytest.raises(UnknownNameError, match="did you mean 'density'"):
+        terrain("stones", densty=3.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"amplitude": -0.01}, r"amplitude of stones \(m\)"),
+        ({"amplitude": float("nan")}, "finite"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 1.5}, "seed"),
+        ({"seed": True}, "seed"),
+        ({"length": 0.0}, "length"),
+        ({"width": -1.0}, "width"),
+        ({"density": 0.0}, r"stones parameter density \(1/m2\)"),
+        ({"slimmest": 1.2}, "slimmest"),
+        ({"smallest": 0.2}, "must not exceed"),
+        ({"rendering": "mesh"}, "terrain rendering"),
+        ({"resolution": 0.005}, "no resolution"),
+        ({"sole_radius": 0.0, "rendering": "height_field"}, "sole sphere radius"),
+        ({"length": 50_000.0, "rendering": "height_field"}, "nodes"),
+    ],
+)
+def test_values_out_of_range_are_named(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        terrain("stones", **arguments)  # type: ignore[arg-type]
+
+
+def test_each_family_says_how_high_it_can_be() -> None:
+    with pytest.raises(InputError, match=r"at most 0\.025 m"):
+        terrain("small_stones", 0.04)
+    with pytest.raises(InputError, match="at most 0 m"):
+        terrain("flat", 0.01)
+
+
+def test_too_coarse_a_height_field_names_the_cell_needed() -> None:
+    with pytest.raises(InputError, match=r"0\.02 m is too coarse .* at most 0\.00567 m"):
+        terrain("floor_tiles", rendering="height_field", resolution=0.02)
+    with pytest.raises(InputError, match=r"at most 0\.004 m is needed \(sole spheres of 0\.004 m"):
+        terrain("random", resolution=0.007, sole_radius=0.004)
+    with pytest.raises(InputError, match=r"at most 0\.00167 m"):
+        terrain("sticks", 0.01, rendering="height_field", resolution=0.005)
+    assert terrain("random", sole_radius=0.004).cell == pytest.approx(0.0035)
+    assert terrain("floor_tiles", rendering="height_field", resolution=0.005).cell == 0.005
+
+
+def test_families_given_by_heights_have_no_solids() -> None:
+    with pytest.raises(InputError, match="not made of solids"):
+        terrain("random", rendering="geoms")
+
+
+def test_tracks_too_small_for_their_family() -> None:
+    with pytest.raises(InputError, match="rough part"):
+        terrain("large_floor_tiles", width=0.2).height(1.0, 0.0)
+    with pytest.raises(InputError, match=r"need a rough part of .* got 3 m"):
+        terrain("steps", 0.5, riser=0.02).height(1.0, 0.0)
+    with pytest.raises(InputError, match="leaves no ramp"):
+        terrain("slope", length=0.5)
+    with pytest.raises(InputError, match="no whole wave"):
+        terrain("iso8608", low=0.1, high=0.2)
+
+
+def test_a_family_that_misses_its_amplitude_or_its_place_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.sim.terrain.families.base._FAMILIES", terrain_families())
+
+    @family("test_low")
+    class Low(ShapeFamily):
+        """A dome that is too low, or too far out."""
+
+        @property
+        def smallest_feature(self) -> float:
+            return 0.1
+
+        def shapes(self, site):  # type: ignore[no-untyped-def]
+            share = 0.9 if site.draws.uniform(0.0, 1.0, 1)[0] < 2.0 and site.width > 0.9 else 1.0
+            yield dome(site.x0, 0.0, 0.05, share * site.amplitude)
+
+    with pytest.raises(WbcError, match="built"):
+        terrain("test_low").height(0.0, 0.0)
+    with pytest.raises(WbcError, match="outside"):
+        terrain("test_low", width=0.5).height(0.0, 0.0)
+    with pytest.raises(InputError, match="exists already"):
+        family("stones")(Low)
+
+
+def test_ground_higher_than_the_foot_is_lifted_warns() -> None:
+    high = terrain("stones", 0.05)
+    with pytest.warns(ClearanceWarning, match="by 50 mm, more than the foot clearance of 40 mm"):
+        assert not check_clearance(high, 0.04)
+    assert check_clearance(high, 0.05)
+    # Of a climb only one riser has to be stepped over, and nothing of a ramp.
+    assert check_clearance(terrain("steps", 0.09, riser=0.03), 0.03)
+    assert check_clearance(terrain("slope", 0.3), 0.01)
+    with pytest.warns(ClearanceWarning, match="by 45 mm"):
+        assert not check_clearance(terrain("steps", 0.09, riser=0.05), 0.04)
+    with pytest.raises(InputError, match="clearance"):
+        check_clearance(high, -0.1)
+
+
+def _picture(path: Path, mode: str, array: np.ndarray) -> Path:
+    Picture.fromarray(array).convert(mode).save(path) if mode != "I;16" else Picture.fromarray(array).save(
+        path
+    )
+    return path
+
+
+def test_an_array_becomes_the_ground() -> None:
+    rng = np.random.default_rng(0)
+    grey = rng.uniform(0, 255, (41, 101))
+    t = terrain("image", 0.03, source=grey, metres_per_pixel=0.006)
+    assert (t.length, t.width) == pytest.approx((0.6, 0.24))
+    x, y = t.start + 0.006 * np.arange(101), 0.12 - 0.006 * np.arange(41)
+    # Pixel centres, off the edges, where the strips begin.
+    want = 0.03 * (grey - grey.min()) / np.ptp(grey)
+    np.testing.assert_allclose(t.height(x[1:-1], y[1:-1, None]), want[1:-1, 1:-1], atol=1e-9)
+    assert t == terrain("image", 0.03, source=grey.copy(), metres_per_pixel=0.006)
+    assert t != terrain("image", 0.03, source=grey[::-1].copy(), metres_per_pixel=0.006)
+
+
+def test_coarse_images_are_drawn_in_finer_cells_but_stay_the_same() -> None:
+    grey = np.random.default_rng(1).uniform(0, 1, (9, 31))
+    coarse = terrain("image", 0.03, source=grey, metres_per_pixel=0.05)
+    assert coarse.cell <= 0.007
+    x, y = coarse.start + 0.05 * np.arange(31), 0.2 - 0.05 * np.arange(9)
+    want = 0.03 * (grey - grey.min()) / np.ptp(grey)
+    np.testing.assert_allclose(coarse.height(x[1:-1], y[1:-1, None]), want[1:-1, 1:-1], atol=1e-9)
+    with pytest.raises(InputError, match="too coarse"):
+        terrain("image", 0.03, source=grey, metres_per_pixel=0.05, resolution=0.05)
+
+
+def test_images_are_read_from_files(tmp_path: Path) -> None:
+    eight = np.random.default_rng(2).integers(0, 256, (20, 60)).astype(np.uint8)
+    sixteen = eight.astype(np.uint16) * 257
+    same = [
+        _picture(tmp_path / "grey.png", "L", eight),
+        _picture(tmp_path / "deep.png", "I;16", sixteen),
+        _picture(tmp_path / "equal.png", "RGB", eight),
+        tmp_path / "map.npy",
+        tmp_path / "map.csv",
+    ]
+    np.save(same[3], eight)
+    np.savetxt(same[4], eight, delimiter=",")
+    prints = {terrain("image", 0.03, source=p, metres_per_pixel=0.01).fingerprint() for p in same}
+    assert len(prints) == 1
+
+
+def test_images_that_are_no_height_map_are_refused(tmp_path: Path) -> None:
+    colour = np.random.default_rng(3).integers(0, 256, (20, 60, 3)).astype(np.uint8)
+    path = tmp_path / "colour.png"
+    Picture.fromarray(colour).save(path)
+    text = tmp_path / "text.png"
+    text.write_text("no picture")
+    grey = colour[:, :, 0]
+    for source, message in (
+        (path, "not grey"),
+        (colour, "grey"),
+        (text, "cannot read"),
+        (tmp_path / "none.png", "no file"),
+        (None, "source is missing"),
+        (np.full((5, 5), 7.0), "one brightness"),
+        (np.ones((1, 9)), "2 x 2"),
+        (np.where(grey > 3, grey, np.nan), "finite"),
+    ):
+        with pytest.raises(InputError, match=message):
+            terrain("image", 0.03, source=source, metres_per_pixel=0.01)
+    with pytest.raises(InputError, match="no scale"):
+        terrain("image", 0.03, source=grey)
+    with pytest.raises(InputError, match="metres_per_pixel"):
+        terrain("image", 0.03, source=grey, metres_per_pixel=-0.01)
+    with pytest.raises(InputError, match="does not fit"):
+        terrain("image", 0.03, source=grey, metres_per_pixel=0.01, length=3.0)
+
+
+def test_profiles_must_go_forward() -> None:
+    with pytest.raises(InputError, match="profile x1"):
+        terrain("flat").profile(1.0, 0.5)
+    with pytest.raises(InputError, match="profile step"):
+        terrain("flat").profile(step=0.0)
+
+
+def test_descriptions_are_json_and_complete() -> None:
+    for name in set(terrain_families()) - {"image"}:
+        report = describe_terrain(TerrainOptions(name, seed=1))
+        assert json.loads(json.dumps(report, allow_nan=False))["terrain"] == name
+    listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))}
+    assert {"flat", "stones", "random", "image"} <= listed.keys()
+    assert all(p["about"] and p["unit"] for entry in listed.values() for p in entry["parameters"])
+
+
+def test_options_read_parameters_as_text() -> None:
+    report = describe_terrain(
+        TerrainOptions("iso8608", param=("isotropic=true", "waves=20", "high=4"), clearance=0.06)
+    )
+    assert report["parameters"] | {"isotropic": True, "waves": 20, "high": 4.0} == report["parameters"]
+    assert report["clears"] is True
+    for param, message in (
+        ("high", "name=value"),
+        ("high=fast", "number"),
+        ("waves=2.5", "number"),
+        ("isotropic=1", "true or false"),
+        ("hihg=3", "did you mean 'high'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            describe_terrain(TerrainOptions("iso8608", param=(param,)))
+    with pytest.raises(InputError, match="twice"):
+        describe_terrain(TerrainOptions("iso8608", param=("high=3", "high=4")))
+
+
+def test_pictures_are_drawn_and_their_place_checked_first(tmp_path: Path) -> None:
+    report = describe_terrain(TerrainOptions("roof_tiles", plot=tmp_path / "roof.png"))
+    with Picture.open(report["plot"]) as picture:
+        assert picture.size[0] > 800 and len(set(picture.convert("L").tobytes())) > 50
+    with pytest.raises(InputError, match="must end in"):
+        describe_terrain(TerrainOptions("stones", plot=tmp_path / "stones.doc"))
+    with pytest.raises(InputError, match="no folder"):
+        describe_terrain(TerrainOptions("stones", plot=tmp_path / "none" / "stones.png"))

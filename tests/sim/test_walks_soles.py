@@ -1,0 +1,190 @@
+"""Walks on soles of variable stiffness: who sets them, what is said about it, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.app import cli
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.feet.stiffness.model import DEFAULT_MODEL
+from wbc.sim.walks import WalkPlan, WalkResult, WalkSpec, WalkTrial, run_walk
+from wbc.tasks.scheduling.policies import SwingScan
+
+SPEC = WalkSpec(
+    foot="variable",
+    terrain="stones",
+    amplitude=0.015,
+    terrain_params={"start": 0.1},  # type: ignore[arg-type]
+    plan=WalkPlan(distance=0.45),
+    changes={"stiffness.min_length": 0.1},  # type: ignore[arg-type]
+)
+
+
+@cache
+def walked() -> WalkResult:
+    return run_walk(SPEC)
+
+
+def test_every_swing_is_accounted_for() -> None:
+    result = walked()
+    assert result.outcome == "completed" and result.policy == "model"
+    assert result.stiffness is not None and len(result.stiffness) == result.steps_done
+    decided = [step for step in result.stiffness if step["fallback"] is None]
+    assert decided, "nothing was decided by the model"
+    for step in result.stiffness:
+        off = abs(step["actual_at_landing_nm_per_rad"] - step["commanded_nm_per_rad"])
+        assert step["reached"] == (off <= 0.5)
+        assert step["reached"] or step["seconds_before_landing"] < 0.15, "it landed in time and was not set"
+    for step in decided:
+        assert 1 <= step["cluster"] <= 20 and set(step["features"]) == {
+            "Sp",
+            "P",
+            "P^2",
+            "Sku^3",
+            "P^3",
+            "Sp^3",
+        }
+        assert step["wanted_nm_per_rad"] == 4.0 * step["cluster"] - 2.0
+
+
+def test_the_scan_is_as_the_ground_and_a_wrong_ground_would_be_noticed() -> None:
+    result = walked()
+    assert result.stiffness is not None
+    errors = [step["profile_error_m"] for step in result.stiffness if step["profile_error_m"]]
+    assert (
+        np.mean([e["mean"] for e in errors]) < 0.0015
+    )  # noise of 1 mm and its rounding to 1 mm, averaged per cell
+    believed = [
+        step["profile_error_as_believed_m"]["mean"] for step in result.stiffness if step["profile_error_m"]
+    ]
+    assert max(believed) < 0.02
+    # The same scans held against another ground of the family are far off.
+    trial = WalkTrial(SPEC)
+    trial.plant.terrain = replace(trial.plant.terrain, seed=7)
+    other = trial.run().stiffness
+    assert other is not None
+    wrong = [step["profile_error_m"]["mean"] for step in other if step["profile_error_m"]]
+    assert np.mean(wrong) > 3.0 * np.mean([e["mean"] for e in errors])
+
+
+def test_the_clock_is_not_in_the_record_and_the_record_repeats() -> None:
+    result = walked()
+    assert "decision_us" not in json.dumps(result.record())
+    assert result.clock is not None and result.clock.decision_us is not None
+    assert 0.0 < result.clock.decision_us["median"] <= result.clock.decision_us["max"]
+    again = run_walk(WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))))
+    assert again.record() == result.record()
+
+
+def test_a_policy_that_keeps_the_stiffness_walks_as_a_soft_foot_of_it() -> None:
+    short = replace(SPEC, plan=WalkPlan(distance=0.15))
+    fixed = run_walk(replace(short, policy="fixed", policy_params=(("stiffness", 5.0),), stiffness=5.0))
+    soft = run_walk(replace(short, foot="soft", stiffness=5.0, policy=None))
+    for name in ("outcome", "zmp_error", "dcm_error", "distance", "contact_area"):
+        assert getattr(fixed, name) == getattr(soft, name)
+    assert soft.policy is None and soft.stiffness is None and soft.sole_stiffness == 5.0
+
+
+def test_a_policy_of_ones_own_and_a_fallback() -> None:
+    asked: list[SwingScan] = []
+
+    def own(swing: SwingScan) -> float:
+        asked.append(swing)
+        return 33.0
+
+    changes = {"stiffness.min_length": 0.1, "stiffness.fallback": 12.0, "stiffness.min_coverage": 1.0}
+    trial = WalkTrial(replace(SPEC, changes=tuple(changes.items())), policy=own)
+    result = trial.run()
+    steps = result.stiffness
+    assert steps is not None and asked and result.policy == "own"
+    assert {step["fallback"] is None for step in steps} == {True, False}
+    for step in steps:
+        wanted = 33.0 if step["fallback"] is None else 12.0
+        assert step["wanted_nm_per_rad"] == wanted
+    with pytest.raises(InputError, match="variable stiffness"):
+        WalkTrial(WalkSpec(foot="soft"), policy=own)
+
+
+def test_equal_policies_are_equal_specs() -> None:
+    whole = replace(SPEC, policy="fixed", policy_params=(("stiffness", 5),))
+    assert whole == replace(SPEC, policy="fixed", policy_params=(("stiffness", 5.0),))
+    assert json.dumps(whole.to_json()) == json.dumps(WalkSpec.from_json(whole.to_json()).to_json())
+    assert SPEC == replace(SPEC, policy_params=()) == replace(SPEC, policy_params=(("path", None),))
+    assert "sha256" in dict(SPEC.policy_params)  # of the model that comes with the library
+    assert "policy" not in WalkSpec(foot="soft").to_json()
+
+
+def test_a_slow_sensor_is_not_taken_for_a_quick_one() -> None:
+    trial = WalkTrial(replace(SPEC, changes={"range_sensor.rate": 50.0}))
+    assert trial.walking.stiffness is not None and trial.walking.stiffness.timing.sensor_rate == 50.0
+    perfect = WalkTrial(
+        replace(SPEC, noise="none", changes={"range_sensor.greatest": 0.3, "range_sensor.noise": 0.5})
+    )
+    readings = [perfect.plant.measure().sole_range[0] for _ in range(3)]
+    assert np.ptp(readings) == 0.0 and readings[0] < 0.05
+
+
+def test_the_robot_starts_where_the_controller_takes_it_to_be() -> None:
+    for foot in ("flat", "rigid", "soft", "variable"):
+        trial = WalkTrial(WalkSpec(foot=foot, noise="none", start=(0.4, 0.1, 0.0)))
+        believed = trial.walking.controller.robot.placement(
+            trial.walking.controller.robot.soles[0].frame
+        ).translation
+        true = trial.plant.data.site(trial.plant.feet[0].wrench_site).xpos
+        assert true[:2] == pytest.approx(believed[:2], abs=1e-6), foot
+
+
+def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(DEFAULT_MODEL.read_text())
+    spec = replace(SPEC, policy="model", policy_params=(("path", str(path)),))
+    params = dict(spec.policy_params)
+    assert len(params["sha256"]) == 16  # type: ignore[arg-type]
+    assert WalkSpec.from_json(spec.to_json()) == spec
+    path.write_text(DEFAULT_MODEL.read_text() + "\n")
+    with pytest.raises(InputError, match="has changed"):
+        WalkTrial(spec)
+    assert replace(SPEC, policy="model", policy_params=(("path", str(path)),)) != spec
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"foot": "soft", "policy": "model"}, "needs feet of variable stiffness"),
+        ({"foot": "flat", "policy": None, "policy_params": (("stiffness", 1.0),)}, "needs feet of variable"),
+        ({"policy": "modell"}, "did you mean 'model'"),
+        ({"policy": "best"}, "fixed, model"),
+        ({"policy": "fixed", "policy_params": (("stifness", 5.0),)}, "stiffness"),
+        ({"policy": "model", "policy_params": (("path", "nowhere.json"),)}, "nowhere.json"),
+        ({"policy": "model", "policy_params": (("path", 5),)}, "name of a file"),
+        ({"policy": "model", "policy_params": (("path", "/bin/ls"),)}, "no text"),
+        ({"policy": "model", "policy_params": (("sha256", "0123"),)}, "has changed"),
+        ({"policy": "fixed", "policy_params": (("sha256", "0123"),)}, "leave it out"),
+        ({"policy": "fixed", "policy_params": (("stiffness", 1000.0),)}, "1000"),
+        ({"changes": (("stiffness.sensor_rate", 50.0),)}, "follows from 'range_sensor.rate'"),
+        ({"changes": (("stiffness.fallback", 1000.0),)}, "1000"),
+        ({"changes": (("stiffness.scan.step", 0.01),)}, "trained on profiles with a step"),
+        ({"changes": (("stiffness.decide_at", 1.5),)}, "decide at"),
+    ],
+)
+def test_bad_input(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises((InputError, UnknownNameError), match=message):
+        replace(SPEC, **changes)
+
+
+def test_the_main_job_tells_about_its_soles(capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["walk", "--distance", "0.3"]) == 0
+    text = capfd.readouterr().out
+    assert "variable feet, stones, 20 mm" in text and "soles     set by the policy 'model'" in text
+    assert cli.main(["walk", "--distance", "0.15", "--json"]) == 0
+    data = json.loads(capfd.readouterr().out)
+    assert data["spec"]["policy"] == "model" and isinstance(data["stiffness"], list)
+    code = cli.main(["walk", "--policy", "best"])
+    assert code == 2 and "fixed, model" in capfd.readouterr().err

@@ -1,0 +1,83 @@
+"""A short walk on soft soles with noisy sensors, recorded once for all tests of a process."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import wbc
+from wbc.app.log import Recorder
+from wbc.core.signals import Command, Measurement
+from wbc.feet import RangeSensor, foot
+from wbc.sim.plant.shod import shod
+from wbc.sim.terrain import terrain
+from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
+from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
+from wbc.tasks.scheduling.stiffness import StiffnessTask
+from wbc.walking.control import WalkingControl, WalkingSettings
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.plans import walk_distance
+
+GAIT = Gait(single_support=0.6, double_support=0.2, initial_double_support=0.5, final_double_support=0.3)
+SECONDS = 3.0
+
+Hook = Callable[[wbc.Plant, WalkingControl, Measurement, Command], None]
+
+
+def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.Plant, WalkingControl]:
+    soft, robot = foot("soft"), wbc.load_robot("hrp4_class")
+    description = shod(robot, soft)
+    period = 0.005 if mode == "position" else 0.002
+    plant = wbc.Plant(robot, foot=soft, noise="realistic", seed=3, control_period=period)
+    model = description.robot()
+    model.velocity_limit *= velocity_ratio
+    plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.15)
+    settings = WalkingSettings(mode="torque" if mode == "torque" else "position")
+    return plant, WalkingControl(model, plan, period, settings)
+
+
+def run(plant: wbc.Plant, walk: WalkingControl, seconds: float, *hooks: Hook) -> None:
+    while plant.time < seconds - 1e-9 and not walk.finished:
+        measurement = plant.measure()
+        command = walk.command(measurement)
+        for hook in hooks:
+            hook(plant, walk, measurement, command)
+        plant.step(command)
+
+
+@functools.cache
+def recorded_walk() -> Path:
+    """The log of it; written with a signal of our own."""
+    path = Path(tempfile.mkdtemp(prefix="wbc-test-")) / "walk.arrow"
+    plant, walk = make_walk()
+    with Recorder(path, spec={"gait": GAIT}, title="a short walk") as record:
+        record.add("own/answer", lambda: 42.0, unit="m", about="to everything")
+        run(plant, walk, SECONDS, record)
+    return path
+
+
+@functools.cache
+def recorded_scans() -> tuple[Path, tuple[StepStiffness, ...]]:
+    """The log of a walk that sets its soles, and what happened to their stiffness in each step."""
+    path = Path(tempfile.mkdtemp(prefix="wbc-test-")) / "scans.arrow"
+    variable, robot = foot("variable"), wbc.load_robot("hrp4_class")
+    ground = terrain("roof_tiles", 0.01, seed=2, start=0.1)
+    plant = wbc.Plant(robot, foot=variable, terrain=ground, seed=3, range_sensor=RangeSensor())
+    model = shod(robot, variable).robot()
+    plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.25)
+
+    def policy(swing: SwingScan) -> StiffnessDecision:
+        assert swing.profile is not None
+        height = float(np.ptp(swing.profile.z))
+        return StiffnessDecision(10.0 + 20.0 * swing.step, cluster=2, features={"height": height})
+
+    task = StiffnessTask(model, variable, policy, StiffnessTiming(min_length=0.05))
+    walk = WalkingControl(model, plan, plant.control_period, stiffness=task)
+    with Recorder(path) as record:
+        run(plant, walk, 2.5, record)
+    return path, tuple(task.steps)

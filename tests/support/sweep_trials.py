@@ -1,0 +1,72 @@
+"""Trials for tests of sweeps: quick, and able to do whatever a trial can do wrong. Imported by worker processes."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from wbc.sim.studies.journal import Journal
+from wbc.sim.studies.sweep import sweep
+from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
+
+
+@dataclass(frozen=True)
+class MadeUpTrial:
+    """Does as it is told, and leaves a mark each time it is run.
+
+    Attributes:
+        number: Tells it from others.
+        does: "work", "diverge", "raise", "wait" (for its time-out), "hang" (deaf to it) or "die".
+        seconds: How long it takes, s.
+        marks: File with a line for each run; none when empty.
+    """
+
+    kind: ClassVar[str] = "test"
+
+    number: int
+    does: str = "work"
+    seconds: float = 0.0
+    marks: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return {"kind": self.kind, **asdict(self)}
+
+    @staticmethod
+    def from_json(data: Mapping[str, Any]) -> MadeUpTrial:
+        return MadeUpTrial(**{key: value for key, value in data.items() if key != "kind"})
+
+
+def run_test_trial(spec: MadeUpTrial, check: Check) -> Outcome:
+    if spec.marks:
+        with Path(spec.marks).open("a") as file:
+            file.write(f"{spec.number} {os.getpid()}\n")
+    if spec.does == "die":
+        os._exit(3)
+    if spec.does == "raise":
+        raise ArithmeticError(f"trial {spec.number} has had enough")
+    end = time.monotonic() + (3600.0 if spec.does in ("wait", "hang") else spec.seconds)
+    while time.monotonic() < end:
+        time.sleep(0.01)
+        if spec.does != "hang":
+            check()
+    status = "diverged" if spec.does == "diverge" else "done"
+    return Outcome(
+        status, {"square": spec.number**2, "threads": os.environ.get("OMP_NUM_THREADS")}, {"wall_s": 1.0}
+    )
+
+
+register_trial("test", TrialKind(MadeUpTrial.from_json, run_test_trial))
+
+
+def main() -> None:
+    """Run a sweep in a program of its own: journal, file of marks, number of trials, seconds of each, workers."""
+    journal, marks = sys.argv[1:3]
+    count, seconds, workers = int(sys.argv[3]), float(sys.argv[4]), int(sys.argv[5])
+    trials = [MadeUpTrial(number, seconds=seconds, marks=marks) for number in range(count)]
+    with Journal(journal) as book:
+        sweep(trials, book, workers=workers)

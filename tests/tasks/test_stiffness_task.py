@@ -1,0 +1,594 @@
+"""The stiffness task: timing, policies, actuator, fallbacks and records, along synthetic swings over known ground."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError, UnknownNameError, WbcError
+from wbc.core.robot import Robot, Sole
+from wbc.core.signals import Measurement
+from wbc.feet import SoftFoot, StiffnessActuator, StiffnessState, VariableStiffnessFoot
+from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings, toe_sensor, windows
+from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
+from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, default_model
+from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
+from wbc.sim.terrain import Terrain, terrain
+from wbc.tasks.scheduling.policies import (
+    FixedPolicy,
+    GroundPolicy,
+    ModelPolicy,
+    StiffnessDecision,
+    StiffnessPolicy,
+    SwingScan,
+    register_stiffness_policy,
+    stiffness_policy,
+    stiffness_policy_names,
+)
+from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
+from wbc.tasks.scheduling.stiffness import StiffnessTask, reachable
+
+DT = 0.005
+WINDOW = ProfileRecipe().window
+assert WINDOW is not None
+SINGLE, DOUBLE = 0.8, 0.3
+FOOT = VariableStiffnessFoot(stiffness=5.0)
+QUICK = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator.instantaneous())
+
+
+def floating_feet() -> Robot:
+    """A base whose left sole is the base itself, the right sole beside it: moving the base moves the swing foot."""
+    model = pin.Model()
+    model.name = "feet"
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    model.appendBodyToJoint(root, pin.Inertia.Random(), pin.SE3.Identity())
+    model.addFrame(pin.Frame("body", root, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addFrame(pin.Frame("left_sole", root, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    side = pin.SE3(np.eye(3), np.array([0.0, -0.15, 0.0]))
+    model.addFrame(pin.Frame("right_sole", root, 0, side, pin.FrameType.OP_FRAME))
+    joint = model.addJoint(root, pin.JointModelRX(), pin.SE3.Identity(), "dummy")
+    model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    q = pin.neutral(model)
+    soles = [Sole("left_foot", "left_sole", 0.278, 0.1045), Sole("right_foot", "right_sole", 0.278, 0.1045)]
+    return Robot(model, soles, q)
+
+
+ROBOT = floating_feet()
+TOE = toe_sensor(FOOT)
+
+
+class Rig:
+    """Swings a foot over a ground, tick by tick, with the range that a sensor under the toe would read."""
+
+    def __init__(
+        self,
+        task: StiffnessTask,
+        ground: Terrain | None = None,
+        *,
+        tamper: Callable[[float, float], float] = lambda progress, reading: reading,
+        yaw: float = 0.0,
+    ) -> None:
+        self.task, self.ground, self.tamper, self.yaw = task, ground, tamper, yaw
+        self.time, self.x = 0.0, 0.4
+        self.landing: np.ndarray | None = None
+        self.states = [task.actuator.at_rest(float(k)) for k in task.command]
+        self.commands: list[np.ndarray] = []
+        self.readings: list[float] = []
+
+    def height(self, x: float, y: float) -> float:
+        if self.ground is None:
+            return 0.0
+        # The ground is turned with the walk, so that every direction of travel sees the same.
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return float(self.ground.height(c * x + s * y, c * y - s * x))
+
+    def tick(self, swing: str | None, progress: float, time_left: float, place: np.ndarray) -> None:
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        turn = pin.Quaternion(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+        q = np.array(ROBOT.half_sitting)
+        q[:3], q[3:7] = turn.toRotationMatrix() @ place, turn.coeffs()
+        ROBOT.update(q, np.zeros(ROBOT.nv))
+        ranges = np.full(2, np.nan)
+        for i, name in enumerate(("left_sole", "right_sole")):
+            p = ROBOT.placement(name).act(TOE)
+            ranges[i] = self.tamper(progress, p[2] - self.height(p[0], p[1]))
+        self.readings.append(float(ranges[0]))
+        measured = np.array([state.actual for state in self.states])
+        measurement = Measurement(
+            self.time, np.zeros(1), np.zeros(1), np.zeros(3), np.zeros(3), np.zeros((2, 6)), ranges, measured
+        )
+        landing = None if self.landing is None else turn.toRotationMatrix() @ self.landing
+        command = self.task.update(swing, progress, time_left, ROBOT, measurement, landing)
+        self.commands.append(command)
+        advance = self.task.actuator.advance
+        self.states = [advance(s, float(k), DT) for s, k in zip(self.states, command, strict=True)]
+        self.time += DT
+
+    def step(self, side: str = "left", stride: float = 0.29, until: float = 1.0) -> StepStiffness:
+        """Both feet down, a swing (given up at `until`), both feet down; the record of it."""
+        start = self.x
+        for _ in range(round(DOUBLE / DT)):
+            self.tick(None, 0.0, 0.0, np.array([start, 0.0, 0.0]))
+        n = round(SINGLE / DT)
+        self.landing = np.array([start + stride, 0.0, 0.0])
+        for i in range(n):
+            u = i / n
+            if u >= until:
+                break
+            s = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+            place = np.array([start + stride * s, 0.0, 0.05 + 0.06 * math.sin(math.pi * u) ** 2])
+            self.tick(side, u, SINGLE * (1.0 - u), place)
+        self.x = start + stride
+        self.tick(None, 0.0, 0.0, np.array([self.x, 0.0, 0.0]))
+        return self.task.steps[-1]
+
+
+def make_task(policy: object = None, foot: VariableStiffnessFoot = FOOT, **timing: object) -> StiffnessTask:
+    chosen = FixedPolicy(20.0) if policy is None else policy
+    return StiffnessTask(ROBOT, foot, chosen, StiffnessTiming(**{**PAPER, **timing}))  # type: ignore[arg-type]
+
+
+PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
+"""The paper decides at three quarters of the single support, and feet land in time."""
+
+
+@pytest.fixture(scope="module")
+def model() -> StiffnessModel:
+    """Stiff on cobbles, soft on cylinders, in between on random ground; lower where it is higher."""
+    columns: dict[str, list[object]] = {}
+    for name, best in (
+        ("cobble_stones", 60.0),
+        ("cylinder_obstacles", 6.0),
+        ("random", 30.0),
+        ("flat", 45.0),
+    ):
+        for amplitude in (0.0,) if name == "flat" else (0.02, 0.025, 0.03):
+            for lane in (-0.2, 0.0, 0.2):
+                ground = terrain(name, amplitude=amplitude, seed=4)
+                z = windows(ground.profile(y=lane)[1], PROFILE_STEP, WINDOW, 0.2)
+                values = roughness(PROFILE_STEP * np.arange(z.shape[1]), z).values
+                for w, row in enumerate(values.tolist()):
+                    entry = dict(zip(PARAMETERS, row, strict=True)) | {
+                        "ground": name,
+                        "family": name,
+                        "amplitude": amplitude,
+                        "seed": 4,
+                        "window": w,
+                        "stiffness": best * (1.0 - 10.0 * amplitude),
+                    }
+                    for key, value in entry.items():
+                        columns.setdefault(key, []).append(value)
+    return StiffnessModel.fit(
+        StiffnessTable.from_columns(columns), ModelSettings(("sqrt(Sz)", "sqrt(P)", "Sku", "K"))
+    )
+
+
+# --- timing -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("decide_at", [0.4, 0.75, 0.9])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_stiffness_changes_at_its_time_and_on_the_swinging_foot_alone(
+    decide_at: float, side: str
+) -> None:
+    task = make_task(foot=QUICK, decide_at=decide_at)
+    rig = Rig(task)
+    record = rig.step(side)
+    mine, other = (0, 1) if side == "left" else (1, 0)
+    commands = np.array(rig.commands)
+    np.testing.assert_array_equal(commands[:, other], 5.0)
+    first = int(np.argmax(commands[:, mine] == 20.0))
+    assert first == round(DOUBLE / DT) + math.ceil(round(decide_at * SINGLE / DT, 6))
+    assert (commands[:first, mine] == 5.0).all() and (commands[first:, mine] == 20.0).all()
+    assert (record.side, record.step, record.wanted, record.commanded) == (side, 0, 20.0, 20.0)
+    assert record.decided_before == pytest.approx((1 - decide_at) * SINGLE, abs=DT + 1e-9)
+    assert record.planned_before == pytest.approx(record.decided_before, abs=DT + 1e-9)
+    assert record.reached and record.actual == pytest.approx(20.0, abs=0.5) and record.fallback is None
+
+
+def test_feet_take_turns_and_keep_what_they_have() -> None:
+    wanted = iter([10.0, 30.0, 50.0, 70.0])
+    task = make_task(lambda swing: next(wanted))
+    rig = Rig(task)
+    for side in ("left", "right", "left", "right"):
+        rig.step(side)
+    assert [(r.side, r.step, r.commanded) for r in task.steps] == [
+        ("left", 0, 10.0),
+        ("right", 1, 30.0),
+        ("left", 2, 50.0),
+        ("right", 3, 70.0),
+    ]
+    np.testing.assert_array_equal(task.command, [50.0, 70.0])
+    assert all(r.reached for r in task.steps)
+
+
+def test_a_swing_that_follows_at_once_is_another_step() -> None:
+    """No tick with both feet down between left and right, and a hop on one foot."""
+    task = make_task()
+    rig = Rig(task)
+    for side in ("left", "right", "right"):
+        for i in range(100):
+            rig.tick(side, i / 100, SINGLE * (1 - i / 100), np.array([rig.x + 0.003 * i, 0.0, 0.1]))
+    rig.tick(None, 0.0, 0.0, np.zeros(3))
+    assert [r.side for r in task.steps] == ["left", "right", "right"]
+
+
+def test_a_reset_starts_over() -> None:
+    task = make_task()
+    rig = Rig(task)
+    rig.step()
+    task.reset()
+    assert not task.steps
+    np.testing.assert_array_equal(task.command, 5.0)
+    task.reset(33.0)
+    np.testing.assert_array_equal(task.command, 33.0)
+    with pytest.raises(InputError, match="commanded sole stiffness"):
+        task.reset(81.0)
+
+
+def test_commands_are_copies() -> None:
+    task = make_task()
+    task.command[:] = 70.0
+    rig = Rig(task)
+    rig.tick(None, 0.0, 0.0, np.zeros(3))
+    rig.commands[0][:] = 70.0
+    np.testing.assert_array_equal(task.command, 5.0)
+
+
+# --- scan -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_the_profile_is_the_ground_under_the_toe(yaw: float) -> None:
+    ground = terrain("cobble_stones", amplitude=0.03, seed=1)
+    seen: list[SwingScan] = []
+
+    def policy(swing: SwingScan) -> float:
+        seen.append(swing)
+        return 7.0
+
+    rig = Rig(make_task(policy), ground, yaw=yaw)
+    rig.step()
+    (swing,) = seen
+    profile = swing.profile
+    assert profile is not None
+    truth = [rig.height(x, y) for x, y, _ in profile.points]
+    assert np.abs(profile.z - truth).mean() < 5e-4 and np.ptp(truth) > 0.01
+    np.testing.assert_allclose(profile.forward, [math.cos(yaw), math.sin(yaw)], atol=1e-12)
+    # At three quarters of this swing the toe has gone 0.896 of its way.
+    s = 0.75**3 * (10 - 15 * 0.75 + 6 * 0.75**2)
+    assert profile.x[0] == pytest.approx(0.4 + TOE[0], abs=PROFILE_STEP)
+    assert 0.0 <= 0.4 + 0.29 * s + TOE[0] - profile.x[-1] < 1.5 * PROFILE_STEP
+    assert (swing.side, swing.step, swing.actual) == ("left", 0, 5.0)
+    assert swing.time_left == pytest.approx(0.2)
+    assert np.hypot(*swing.position[:2]) == pytest.approx(0.4 + 0.29 * s, abs=2e-3)
+
+
+def test_scanning_can_start_late() -> None:
+    rig = Rig(make_task(scan_from=0.4, min_length=0.1))
+    record = rig.step()
+    assert record.profile is not None
+    u = 0.4
+    assert record.profile.x[0] == pytest.approx(
+        0.4 + 0.29 * u**3 * (10 - 15 * u + 6 * u * u) + TOE[0], abs=0.01
+    )
+
+
+def test_held_readings_of_a_slow_sensor_are_not_put_at_new_places() -> None:
+    """A sensor of 50 Hz that holds its reading while the foot rises: without its rate, old ranges meet new poses."""
+    ground = terrain("slope", amplitude=0.1, seed=0)
+
+    class Held:
+        count, value = 0, math.nan
+
+        def __call__(self, progress: float, reading: float) -> float:
+            # Called for both feet at every tick: a new reading every fourth tick.
+            if self.count % 8 < 2:
+                self.value = reading
+            self.count += 1
+            return self.value
+
+    errors = {}
+    for rate in (0.0, 50.0):
+        rig = Rig(make_task(sensor_rate=rate), ground, tamper=Held())
+        profile = rig.step().profile
+        assert profile is not None
+        errors[rate] = np.abs(profile.z - [rig.height(x, y) for x, y, _ in profile.points]).max()
+    assert errors[50.0] < 1e-6
+    assert errors[0.0] > 2e-3
+
+
+def test_equal_readings_are_new_ones_once_the_sensor_is_due() -> None:
+    """Level ground under a foot that stays level: a 100 Hz sensor says the same again and again, and means it."""
+    task = make_task(sensor_rate=100.0)
+    rig = Rig(task)
+    for i in range(160):
+        rig.tick("left", i / 160, SINGLE * (1 - i / 160), np.array([0.4 + 0.29 * i / 160, 0.0, 0.1]))
+    rig.tick(None, 0.0, 0.0, np.zeros(3))
+    profile = task.steps[-1].profile
+    assert profile is not None and profile.coverage > 0.95 and profile.length > 0.2
+
+
+# --- policies ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_model_decides_what_it_would_say_of_the_profile(model: StiffnessModel) -> None:
+    for name, amplitude, least, most in (
+        ("cobble_stones", 0.025, 30.0, 60.0),
+        ("cylinder_obstacles", 0.025, 0.0, 62.0),
+    ):
+        rig = Rig(make_task(ModelPolicy(model)), terrain(name, amplitude=amplitude, seed=4))
+        rig.step()
+        record = rig.step()
+        assert record.decision is not None and record.profile is not None
+        said = model.predict(profile_roughness(record.profile.last(WINDOW)).values)
+        assert (record.decision.stiffness, record.decision.cluster) == (said.stiffness, said.cluster)
+        assert record.decision.distance == said.distance
+        assert tuple(record.decision.features) == model.settings.features
+        assert least <= record.wanted <= most, name
+
+
+def test_the_model_is_asked_about_the_end_of_the_profile(model: StiffnessModel) -> None:
+    short = replace(model, recipe=ProfileRecipe(window=0.14))
+    rig = Rig(make_task(ModelPolicy(short)), terrain("cobble_stones", amplitude=0.025, seed=4))
+    record = rig.step()
+    assert record.profile is not None and record.decision is not None
+    end = roughness(record.profile.x[-21:], record.profile.z[-21:]).values
+    assert record.decision.distance == short.predict(end).distance
+    assert record.decision.distance != short.predict(profile_roughness(record.profile).values).distance
+
+
+def test_level_ground_is_known_if_it_was_trained_on(model: StiffnessModel) -> None:
+    record = Rig(make_task(ModelPolicy(model))).step()
+    assert record.fallback is None and record.decision is not None
+    assert record.decision.distance == 0.0
+    assert record.commanded == model.predict(np.zeros(10)).stiffness
+
+
+def test_the_oracle_is_asked_about_the_place() -> None:
+    """Stiff beyond x = 0.85 m: the second step lands there, and no scan is needed."""
+    blind = lambda progress, reading: math.nan  # noqa: E731
+    # The feet land at 0.69 and at 0.98 m; when the first is decided it is 0.1 m short of that.
+    rig = Rig(make_task(GroundPolicy(lambda x, y: 60.0 if x > 0.68 else 8.0), decide_at=0.5), tamper=blind)
+    assert rig.step("left").wanted == 60.0
+    rig = Rig(make_task(GroundPolicy(lambda x, y: 60.0 if x > 0.97 else 8.0), decide_at=0.5), tamper=blind)
+    assert rig.step("left").wanted == 8.0
+    assert rig.step("left").wanted == 60.0
+    assert all(r.profile is None and r.fallback is None for r in rig.task.steps)
+
+
+def test_a_policy_of_ones_own_is_a_few_lines() -> None:
+    class SofterWhereItIsRough(StiffnessPolicy):
+        def decide(self, swing: SwingScan) -> float:
+            assert swing.profile is not None
+            return 40.0 if np.ptp(swing.profile.z) < 0.01 else 9.0
+
+    assert Rig(make_task(SofterWhereItIsRough())).step().commanded == 40.0
+    rough = Rig(make_task(SofterWhereItIsRough()), terrain("cobble_stones", seed=1))
+    assert rough.step().commanded == 9.0
+
+
+def test_policies_have_names() -> None:
+    assert set(stiffness_policy_names()) >= {"fixed", "model"}
+    assert stiffness_policy("fixed", stiffness=12.0) == FixedPolicy(12.0)
+    with pytest.raises(UnknownNameError, match="no stiffness policy 'fixd'; did you mean 'fixed'"):
+        stiffness_policy("fixd")
+    with pytest.raises(UnknownNameError, match="parameter of the stiffness policy 'fixed' 'stifness'"):
+        stiffness_policy("fixed", stifness=1.0)
+    assert stiffness_policy("model").model is default_model()  # type: ignore[attr-defined]
+    register_stiffness_policy("of a file", ModelPolicy)
+    with pytest.raises(InputError, match="needs a value for 'model'"):
+        stiffness_policy("of a file")
+    with pytest.raises(InputError, match="no stiffness model 'nowhere.json'"):
+        stiffness_policy("model", path="nowhere.json")
+    with pytest.raises(InputError, match="fixed stiffness"):
+        stiffness_policy("fixed", stiffness=-1.0)
+    register_stiffness_policy("always 3", lambda: FixedPolicy(3.0))
+    assert stiffness_policy("always 3") == FixedPolicy(3.0)
+
+
+def test_what_is_commanded_is_reached_even_by_an_early_landing() -> None:
+    """A jump that the planned time is enough for is cut to what an earlier landing leaves time for."""
+    whole, sure = (make_task(FixedPolicy(75.0), decide_at=0.65, early_landing=early) for early in (0.0, 0.15))
+    commands = []
+    for task in (whole, sure):
+        rig = Rig(task, terrain("cobble_stones", amplitude=0.02, seed=4))
+        rig.step()
+        commands.append(rig.task.command[0])
+    assert commands[0] == 75.0 and 20.0 < commands[1] < 60.0
+    state = StiffnessState(5.0, 5.0, 5.0)
+    assert FOOT.actuator.advance(state, commands[1], 0.28 - 0.15).actual == pytest.approx(
+        commands[1], abs=0.5
+    )
+
+
+# --- fallbacks --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fallback", [None, 12.0])
+@pytest.mark.parametrize("cause", ["short", "blind", "thin", "strange", "silent", "error", "nan"])
+def test_without_a_decision_the_fallback_is_commanded(
+    cause: str, fallback: float | None, model: StiffnessModel
+) -> None:
+    def broken(swing: SwingScan) -> float:
+        raise WbcError("out of order")
+
+    policy, tamper, stride, reason = {
+        "short": (lambda s: 50.0, lambda p, r: r, 0.1, "scan too short: 0.0"),
+        "blind": (lambda s: 50.0, lambda p, r: math.nan, 0.29, "scan too short: no profile: 0 hits"),
+        "thin": (
+            lambda s: 50.0,
+            lambda p, r: r if round(200 * p) % 5 == 0 else math.nan,
+            0.5,
+            "scan too thin",
+        ),
+        "strange": (
+            ModelPolicy(model),
+            lambda p, r: r + 0.3 * math.sin(60 * p),
+            0.29,
+            "unlike any known ground",
+        ),
+        "silent": (lambda s: None, lambda p, r: r, 0.29, "no opinion"),
+        "error": (broken, lambda p, r: r, 0.29, "the policy failed: out of order"),
+        "nan": (lambda s: math.nan, lambda p, r: r, 0.29, "the policy failed: stiffness that a policy wants"),
+    }[cause]
+    rig = Rig(make_task(policy, fallback=fallback, min_coverage=0.8), tamper=tamper)
+    record = rig.step(stride=stride)
+    assert record.fallback is not None and reason in record.fallback
+    expected = 5.0 if fallback is None else fallback
+    assert (record.wanted, record.commanded) == (expected, expected)
+    assert record.reached and record.actual == pytest.approx(expected, abs=0.5)
+
+
+def test_too_late_is_too_late() -> None:
+    """A decision less than the deadline before the landing changes nothing, not even by the fallback."""
+    record = Rig(make_task(decide_at=0.95, deadline=0.05, fallback=60.0)).step()
+    assert record.fallback is not None and record.fallback.startswith("late: 0.040 s before the landing")
+    assert (record.wanted, record.commanded) == (5.0, 5.0)
+
+
+def test_an_early_landing_is_written_down() -> None:
+    rig = Rig(make_task())
+    record = rig.step(until=0.6)
+    assert record.fallback == "landed before the decision"
+    assert math.isnan(record.decided_before) and record.commanded == 5.0 and record.profile is None
+    assert rig.step().fallback is None, "the next step is an ordinary one"
+    early = Rig(make_task(lambda swing: 40.0))
+    landed = early.step(until=0.8)
+    assert landed.planned_before == pytest.approx(0.2) and landed.decided_before < 0.06
+    assert landed.commanded == 40.0 and landed.actual < 30.0 and not landed.reached
+
+
+# --- actuator ---------------------------------------------------------------------------------------------------------
+
+
+@given(
+    wanted=st.floats(0.0, 80.0),
+    rate=st.floats(20.0, 2000.0),
+    lag=st.floats(0.0, 0.1),
+    decide_at=st.sampled_from([0.5, 0.75, 0.9]),
+)
+@settings(max_examples=25, deadline=None)
+def test_what_is_commanded_is_reached(wanted: float, rate: float, lag: float, decide_at: float) -> None:
+    """Whatever rate and lag: the command is what the actuator can settle to, so it is reached when the foot lands."""
+    foot = VariableStiffnessFoot(stiffness=40.0, actuator=StiffnessActuator(rate, lag))
+    task = make_task(FixedPolicy(wanted), foot, decide_at=decide_at)
+    record = Rig(task).step()
+    assert record.reached, (record.commanded, record.actual)
+    assert min(40.0, wanted) <= record.commanded <= max(40.0, wanted)
+    if rate * record.planned_before < 0.5 * abs(wanted - 40.0):
+        assert record.commanded != wanted
+
+
+def test_the_command_goes_as_far_as_it_can() -> None:
+    actuator = StiffnessActuator(rate_limit=100.0, time_constant=0.0)
+    assert reachable(actuator, 10.0, 80.0, 0.2) == pytest.approx(30.0, abs=0.6)
+    assert reachable(actuator, 80.0, 0.0, 0.2) == pytest.approx(60.0, abs=0.6)
+    assert reachable(actuator, 10.0, 25.0, 0.2) == 25.0
+    assert reachable(actuator, 10.0, 25.0, 0.0) == pytest.approx(10.0, abs=0.51)
+    assert reachable(StiffnessActuator.instantaneous(), 0.0, 80.0, 0.0) == 80.0
+
+
+def test_wishes_beyond_the_actuator_are_cut() -> None:
+    record = Rig(make_task(lambda swing: 500.0, QUICK)).step()
+    assert (record.wanted, record.commanded) == (500.0, 80.0)
+    record = Rig(make_task(lambda swing: -3.0, QUICK)).step()
+    assert (record.wanted, record.commanded) == (-3.0, 0.0)
+
+
+def test_the_last_quarter_is_enough_for_the_whole_range_at_700_per_second() -> None:
+    """With a lag of 20 ms; 400 Nm/rad/s get about 50 Nm/rad far, and are asked for no more."""
+    for rate, enough in ((700.0, True), (400.0, False)):
+        values = iter([80.0, 0.0, 80.0, 2.0, 78.0])
+        foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(rate, 0.02))
+        task = make_task(lambda swing, values=values: next(values), foot)
+        rig = Rig(task)
+        for _ in range(5):
+            rig.step()
+        assert all(r.reached for r in task.steps)
+        assert all(r.wanted == r.commanded for r in task.steps) == enough
+        assert enough or task.steps[0].commanded > 55.0
+
+
+# --- records and bad input --------------------------------------------------------------------------------------------
+
+
+def test_records_are_json(model: StiffnessModel) -> None:
+    rig = Rig(make_task(ModelPolicy(model)), terrain("cobble_stones", amplitude=0.025, seed=4))
+    rig.step(until=0.5)
+    rig.x = 1.0
+    rig.step("right")
+    for record in rig.task.steps:
+        text = json.dumps(record.as_dict(), allow_nan=False)
+        assert json.loads(text) == record.as_dict()
+    early, good = (record.as_dict() for record in rig.task.steps)
+    assert early["seconds_before_landing"] is None and early["cluster"] is None
+    assert good["seconds_before_landing"] == pytest.approx(0.2, abs=0.006)
+    assert set(good["features"]) == set(model.settings.features)
+    assert good["commanded_nm_per_rad"] == pytest.approx(good["actual_at_landing_nm_per_rad"], abs=0.5)
+
+
+def test_history_is_bounded() -> None:
+    task = make_task(history=2)
+    rig = Rig(task)
+    for _ in range(3):
+        rig.step()
+    assert [r.step for r in task.steps] == [1, 2]
+
+
+def test_a_model_for_another_step_is_refused(model: StiffnessModel) -> None:
+    with pytest.raises(InputError, match=r"trained on profiles with a step of 0.007 m, the scan has 0.01 m"):
+        make_task(ModelPolicy(model), scan=ScanSettings(step=0.01))
+    longer = replace(model, recipe=ProfileRecipe(window=None))
+    rig = Rig(make_task(ModelPolicy(longer)))
+    assert rig.step().decision is not None
+
+
+@pytest.mark.parametrize(
+    ("timing", "message"),
+    [
+        ({"decide_at": 1.1}, "share of the single support to decide at"),
+        ({"decide_at": 0.2, "scan_from": 0.2}, "share of the single support to decide at"),
+        ({"scan_from": -0.1}, "share of the single support to scan from"),
+        ({"deadline": -1.0}, "deadline"),
+        ({"min_length": 0.01}, "shortest profile"),
+        ({"min_coverage": 1.5}, "coverage"),
+        ({"fallback": -2.0}, "fallback stiffness"),
+        ({"fallback": math.nan}, "fallback stiffness"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"sensor_rate": -5.0}, "rate of the range sensor"),
+        ({"history": 0}, "history"),
+    ],
+)
+def test_timing_is_checked(timing: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        StiffnessTiming(**timing)  # type: ignore[arg-type]
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(InputError, match="foot of variable stiffness is needed, got SoftFoot"):
+        StiffnessTask(ROBOT, SoftFoot(), FixedPolicy(5.0))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="commanded sole stiffness"):
+        make_task(fallback=100.0)
+    for policy in (5.0, FixedPolicy):
+        with pytest.raises(InputError, match="a stiffness policy is"):
+            make_task(policy)
+    one_legged = Robot(ROBOT.model, ROBOT.soles[:1], ROBOT.half_sitting)
+    with pytest.raises(InputError, match="two soles are needed"):
+        StiffnessTask(one_legged, FOOT, FixedPolicy(5.0))
+    rig = Rig(make_task())
+    with pytest.raises(UnknownNameError, match="swing foot 'links'"):
+        rig.tick("links", 0.0, 1.0, np.zeros(3))
+    for progress, time_left in ((math.nan, 0.5), (0.1, math.inf)):
+        with pytest.raises(InputError, match="must be finite"):
+            rig.tick("left", progress, time_left, np.zeros(3))
+    with pytest.raises(InputError, match="finite"):
+        StiffnessDecision(math.inf)

@@ -1,0 +1,374 @@
+"""Every task against finite differences, against its own target, and inside the controller."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from task_factory import (
+    MOTION_TASKS,
+    ROBOTS,
+    arm,
+    left_hand,
+    make_robot,
+    near_half_sitting,
+    random_state,
+    right_hand,
+    rows_of,
+    standing,
+)
+
+from wbc.core.errors import Array
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.task import MotionTask
+from wbc.core.robot import Robot
+from wbc.tasks import (
+    CoMTask,
+    DampingTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    RelativeFrameTask,
+)
+
+STEP = 1e-6
+cases = pytest.mark.parametrize("case", MOTION_TASKS)
+robots = pytest.mark.parametrize("name", ROBOTS)
+
+
+def bound(case: str, robot: Robot, rng: np.random.Generator) -> tuple[MotionTask, Array, Array]:
+    """A task whose target is a random state, and that state."""
+    q, v = random_state(robot, rng)
+    robot.update(q, v)
+    task = MOTION_TASKS[case].make(robot)
+    task.bind(robot)
+    return task, q, v
+
+
+def velocity_of(task: MotionTask, robot: Robot, v: Array) -> Array:
+    return rows_of(task, robot)[0] @ v
+
+
+@robots
+@cases
+def test_jacobian_is_the_derivative_of_the_error(name: str, case: str) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(1)
+    task, q, v = bound(case, robot, rng)
+    jacobian, error, _ = rows_of(task, robot)
+    if isinstance(task, MomentumTask):  # no position: the error is about what the Jacobian gives with v
+        np.testing.assert_allclose(jacobian @ v, -error, atol=1e-9)
+        return
+    np.testing.assert_allclose(error, 0.0, atol=1e-12)
+    used = jacobian.any(axis=0)
+    numeric = np.zeros_like(jacobian)
+    for column in np.flatnonzero(used):
+        ahead, behind = np.zeros(robot.nv), np.zeros(robot.nv)
+        ahead[column], behind[column] = STEP, -STEP
+        ends = []
+        for step in (ahead, behind):
+            robot.update(pin.integrate(robot.model, q, step), v)
+            ends.append(rows_of(task, robot)[1])
+        numeric[:, column] = -(ends[0] - ends[1]) / (2.0 * STEP)
+    np.testing.assert_allclose(jacobian, numeric, atol=1e-8)
+    assert used.any()
+
+
+@robots
+def test_columns_left_out_are_those_of_other_joints_only(name: str) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(2)
+    robot.update(*random_state(robot, rng))
+    joints = arm(robot)
+    for allowed in (joints, ["base", *joints]):
+        every, some = PoseTask(left_hand(robot)), PoseTask(left_hand(robot), joints=allowed, name="some")
+        columns = np.array([6 + robot.joint_index(joint) for joint in joints])
+        if "base" in allowed:
+            columns = np.concatenate([np.arange(6), columns])
+        for task in (every, some):
+            task.bind(robot)
+        full, limited = rows_of(every, robot)[0], rows_of(some, robot)[0]
+        expected = np.zeros_like(full)
+        expected[:, columns] = full[:, columns]
+        np.testing.assert_array_equal(limited, expected)
+
+
+@robots
+@pytest.mark.parametrize("case", [case for case in MOTION_TASKS if not MOTION_TASKS[case].selects])
+def test_drift_is_the_acceleration_at_constant_velocity(name: str, case: str) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(3)
+    task, q, v = bound(case, robot, rng)
+    _, _, drift = rows_of(task, robot)
+    turned = MOTION_TASKS[case].in_frame
+    now = robot.placement(task.frame).rotation.copy() if turned else np.eye(3)
+    ends = []
+    for step in (STEP, -STEP):
+        robot.update(pin.integrate(robot.model, q, step * v), v)
+        velocity = velocity_of(task, robot, v)
+        if turned:  # to fixed axes, those of the frame as it stands now
+            change = now.T @ robot.placement(task.frame).rotation
+            velocity = np.concatenate([change @ velocity[:3], change @ velocity[3:]])
+        ends.append(velocity)
+    scale = max(1.0, float(np.abs(drift).max()))
+    np.testing.assert_allclose(drift, (ends[0] - ends[1]) / (2.0 * STEP), atol=1e-6 * scale)
+    assert np.abs(drift).max() > 1e-3
+
+
+@robots
+@cases
+def test_robot_at_rest_at_its_targets_is_asked_to_stay(name: str, case: str) -> None:
+    controller = standing(name)
+    task = MOTION_TASKS[case].make(controller.robot)
+    controller.add(task)
+    solution = controller.solve()
+    assert solution.ok
+    np.testing.assert_allclose(task.error, 0.0, atol=1e-12)
+    np.testing.assert_allclose(solution.accelerations, 0.0, atol=1e-5)
+
+
+@robots
+@pytest.mark.parametrize("case", [case for case in MOTION_TASKS if MOTION_TASKS[case].feasible])
+def test_hard_task_is_met_exactly(name: str, case: str) -> None:
+    rng = np.random.default_rng(4)
+    controller = standing(name, posture=case != "momentum")
+    task = MOTION_TASKS[case].make(controller.robot)
+    task.hard = True
+    controller.add(task)
+    wanted = 0.2 * rng.normal(size=task.dim) * (controller.robot.mass if "momentum" in case else 1.0)
+    task.feedforward_acceleration = wanted
+    controller.robot.update(*near_half_sitting(controller.robot, rng, 0.02, 0.02))
+    solution = controller.solve()
+    assert solution.ok, controller.diagnose()
+    jacobian, error, drift = rows_of(task, controller.robot)
+    reference = wanted + task.stiffness * error - task.damping * (jacobian @ controller.robot.v) - drift
+    scale = max(1.0, float(np.abs(reference).max()))
+    np.testing.assert_allclose(jacobian @ solution.accelerations, reference, atol=1e-5 * scale)
+    np.testing.assert_allclose(solution.residuals[task.name], 0.0, atol=1e-5 * scale)
+
+
+@cases
+def test_stiffness_makes_critical_damping_unless_told_otherwise(case: str) -> None:
+    robot = make_robot("hrp4_class")
+    task = MOTION_TASKS[case].make(robot)
+    if isinstance(task, MomentumTask):
+        np.testing.assert_array_equal(task.damping, 0.0)
+        return
+    task.damping = None
+    task.stiffness = 49.0
+    np.testing.assert_allclose(task.damping, 14.0)
+    task.damping = 3.0
+    task.stiffness = 100.0
+    np.testing.assert_allclose(task.damping, 3.0)
+    task.damping = None
+    np.testing.assert_allclose(task.damping, 20.0)
+
+
+@pytest.mark.parametrize("case", ["position", "orientation", "pose", "relative", "impedance", "damping"])
+def test_gains_feed_forward_and_drift_make_the_reference(case: str) -> None:
+    """In free flight a heavy task gets its reference, which is put together here from its parts."""
+    robot, rng = make_robot("talos"), np.random.default_rng(5)
+    robot.update(*random_state(robot, rng, 0.3))
+    controller = Controller(robot, 0.002)
+    task = MOTION_TASKS[case].make(robot)
+    controller.add(task)
+    task.weight = 1e6
+    task.damping = 3.0
+    task.feedforward_velocity = rng.normal(size=task.dim)
+    task.feedforward_acceleration = rng.normal(size=task.dim)
+    robot.update(*random_state(robot, rng, 0.3))
+    solution = controller.solve()
+    jacobian, error, drift = rows_of(task, robot)
+    wanted = task.feedforward_acceleration + task.stiffness * error
+    wanted += task.damping * (task.feedforward_velocity - jacobian @ robot.v)
+    np.testing.assert_allclose(jacobian @ solution.accelerations + drift, wanted, rtol=1e-4, atol=1e-4)
+
+
+def test_following_is_setting_target_and_feed_forwards() -> None:
+    """What a controller sets every tick, unchecked, is what the checked properties set."""
+    robot, rng = make_robot("g1"), np.random.default_rng(8)
+    robot.update(*random_state(robot, rng))
+    place, point = pin.SE3.Random(), rng.normal(size=3)
+    velocity, acceleration = rng.normal(size=(2, 6))
+    tasks: list[tuple[PoseTask | CoMTask | OrientationTask, ...]] = []
+    for _ in range(2):
+        tasks.append((PoseTask("pelvis"), CoMTask(), OrientationTask("pelvis")))
+        for task in tasks[-1]:
+            task.bind(robot)
+    (pose, com, turn), (pose_follows, com_follows, turn_follows) = tasks
+    pose.target, com.target, turn.target = place, point, place.rotation
+    pose.feedforward_velocity, pose.feedforward_acceleration = velocity, acceleration
+    com.feedforward_velocity, com.feedforward_acceleration = velocity[:3], acceleration[:3]
+    assert isinstance(pose_follows, PoseTask) and isinstance(com_follows, CoMTask)
+    assert isinstance(turn_follows, OrientationTask)
+    pose_follows.follow(place, velocity, acceleration)
+    com_follows.follow(point, velocity[:3], acceleration[:3])
+    turn_follows.follow(place.rotation)
+    for checked, unchecked in zip(*tasks, strict=True):
+        for one, other in zip(rows_of(checked, robot), rows_of(unchecked, robot), strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-14)
+        np.testing.assert_array_equal(checked.feedforward_velocity, unchecked.feedforward_velocity)
+        np.testing.assert_array_equal(checked.feedforward_acceleration, unchecked.feedforward_acceleration)
+
+
+def test_momentum_cannot_be_changed_in_flight() -> None:
+    robot, rng = make_robot("talos"), np.random.default_rng(6)
+    controller = Controller(robot, 0.002)
+    task = controller.add(MomentumTask(rng.normal(size=6), axes=("roll", "pitch", "yaw"), weight=1e3))
+    task.feedforward_acceleration = rng.normal(size=3)
+    robot.update(*random_state(robot, rng, 0.3))
+    wanted = task.feedforward_acceleration + task.stiffness * (task.target - robot.data.hg.vector)[3:]
+    np.testing.assert_allclose(controller.solve().residuals["momentum"], -wanted, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("full", "masked", "rows"),
+    [
+        ("com", "com xy", [0, 1]),
+        ("position", "position z", [2]),
+        ("pose", "pose z pitch", [2, 4]),
+        ("momentum", "angular momentum", [3, 4, 5]),
+    ],
+)
+def test_mask_takes_rows(full: str, masked: str, rows: list[int]) -> None:
+    robot, rng = make_robot("g1"), np.random.default_rng(6)
+    tasks = [MOTION_TASKS[case].make(robot) for case in (full, masked)]
+    robot.update(*random_state(robot, rng))
+    for task in tasks:
+        task.bind(robot)
+    robot.update(*random_state(robot, rng))
+    for everything, some in zip(rows_of(tasks[0], robot), rows_of(tasks[1], robot), strict=True):
+        np.testing.assert_array_equal(some, everything[rows])
+
+
+def test_mask_takes_rows_in_frame_axes() -> None:
+    robot, rng = make_robot("g1"), np.random.default_rng(7)
+    hand = left_hand(robot)
+    full = DampingTask(hand, admittance=(1e-3, 1e-1), name="full")
+    some = DampingTask(hand, admittance=(1e-3, 1e-1), axes=("yaw", "x"), name="some")
+    robot.update(*random_state(robot, rng))
+    for task in (full, some):
+        task.bind(robot)
+        task.measured_wrench = rng.normal(size=6)
+        task.advance(0.001)
+    robot.update(*random_state(robot, rng))
+    for everything, part in zip(rows_of(full, robot), rows_of(some, robot), strict=True):
+        np.testing.assert_array_equal(part, everything[[0, 5]])
+    np.testing.assert_array_equal(some.compliance_velocity[[1, 2, 3, 4]], 0.0)
+
+
+def test_weights_share_between_tasks_that_disagree() -> None:
+    """In flight the hand can go anywhere: what it does is the mean of two wishes, weighted."""
+    robot = make_robot("hrp4_class")
+    controller = Controller(robot, 0.002, regularisation=1e-9)
+    hand = left_hand(robot)
+    here = np.array(robot.placement(hand).translation)
+    one = controller.add(PositionTask(hand, here + [0.1, 0.0, 0.0], name="one", weight=3.0, stiffness=10.0))
+    two = controller.add(PositionTask(hand, here - [0.0, 0.2, 0.0], name="two", weight=1.0, stiffness=10.0))
+    solution = controller.solve()
+    jacobian = rows_of(one, robot)[0]
+    np.testing.assert_allclose(jacobian @ solution.accelerations, [0.75, -0.5, 0.0], atol=1e-5)
+    np.testing.assert_allclose(3.0 * solution.residuals["one"], -solution.residuals["two"], atol=1e-5)
+    two.weight = [0.0, 1.0, 1.0]
+    np.testing.assert_allclose(jacobian @ controller.solve().accelerations, [1.0, -0.5, 0.0], atol=1e-5)
+
+
+def test_weights_of_joints_stay_when_the_weight_changes() -> None:
+    robot = make_robot("hrp4_class")
+    joint = robot.joint_names[3]
+    task = PostureTask(joint_weights={joint: 10.0}, weight=2.0)
+    controller = Controller(robot, 0.002)
+    controller.add(task)
+    expected = np.ones(robot.na)
+    expected[3] = 10.0
+    np.testing.assert_allclose(task.weight, 2.0 * expected)
+    task.weight = 0.5
+    np.testing.assert_allclose(task.weight, 0.5 * expected)
+    controller.remove(task)
+    controller.add(task)
+    np.testing.assert_allclose(task.weight, 0.5 * expected)
+
+
+@robots
+def test_posture_moves_the_selected_joints_alone(name: str) -> None:
+    robot = make_robot(name)
+    joints = arm(robot)[::-1]
+    task = PostureTask({joints[1]: robot.q[7 + robot.joint_index(joints[1])] + 0.1}, joints=joints, hard=True)
+    controller = Controller(robot, 0.002)
+    controller.add(task)
+    controller.solve()
+    np.testing.assert_allclose(task.error, [0.0, 0.1, *([0.0] * (len(joints) - 2))], atol=1e-12)
+    expected = task.stiffness * task.error
+    chosen = [6 + robot.joint_index(joint) for joint in joints]
+    np.testing.assert_allclose(controller.solve().accelerations[chosen], expected, atol=1e-6)
+
+
+@robots
+def test_com_and_momentum_agree(name: str) -> None:
+    """Two roads to one figure: linear momentum is mass times the velocity of the centre of mass."""
+    robot, rng = make_robot(name), np.random.default_rng(8)
+    com, momentum = CoMTask(), MomentumTask(axes=("x", "y", "z"))
+    com.bind(robot)
+    momentum.bind(robot)
+    robot.update(*random_state(robot, rng))
+    rows, drift = rows_of(com, robot)[0], rows_of(com, robot)[2]
+    rate, rate_drift = rows_of(momentum, robot)[0], rows_of(momentum, robot)[2]
+    np.testing.assert_allclose(rate, robot.mass * rows, atol=1e-9)
+    np.testing.assert_allclose(rate_drift, robot.mass * drift, atol=1e-9)
+
+
+@robots
+def test_momentum_drift_is_that_of_the_centroidal_map(name: str) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(9)
+    task = MomentumTask()
+    task.bind(robot)
+    q, v = random_state(robot, rng)
+    robot.update(q, v)
+    data = robot.model.createData()
+    pin.dccrba(robot.model, data, q, v)
+    np.testing.assert_allclose(rows_of(task, robot)[2], data.dAg @ v, atol=1e-8)
+
+
+def test_drift_follows_the_gravity_of_the_model() -> None:
+    description = make_robot("g1")
+    model = description.model.copy()
+    model.gravity = pin.Motion(np.array([0.3, -0.2, -1.62]), np.zeros(3))
+    robot = Robot(model, description.soles, description.half_sitting)
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    for task in (CoMTask(), MomentumTask()):
+        task.bind(robot)
+        np.testing.assert_allclose(rows_of(task, robot)[2], 0.0, atol=1e-9)
+
+
+@robots
+def test_relative_task_does_not_see_both_frames_move_together(name: str) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(10)
+    q, _ = random_state(robot, rng)
+    v = np.zeros(robot.nv)
+    v[:6] = rng.normal(size=6)
+    robot.update(q, v)
+    task = RelativeFrameTask(left_hand(robot), right_hand(robot))
+    task.bind(robot)
+    jacobian, _, drift = rows_of(task, robot)
+    np.testing.assert_allclose(jacobian @ v, 0.0, atol=1e-10)
+    np.testing.assert_allclose(drift, 0.0, atol=1e-9)
+
+
+def test_errors_point_from_measured_to_target() -> None:
+    robot, rng = make_robot("talos"), np.random.default_rng(11)
+    robot.update(*random_state(robot, rng))
+    hand = left_hand(robot)
+    here = robot.placement(hand)
+    there = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.3])) @ here.rotation, here.translation + [0.1, 0.2, -0.3])
+    for task, expected in (
+        (PoseTask(hand, there), [0.1, 0.2, -0.3, 0.0, 0.0, 0.3]),
+        (PositionTask(hand, there.translation), [0.1, 0.2, -0.3]),
+        (OrientationTask(hand, there.rotation), [0.0, 0.0, 0.3]),
+        (CoMTask(np.array(robot.com) + [0.0, 0.0, 0.1]), [0.0, 0.0, 0.1]),
+    ):
+        task.bind(robot)
+        np.testing.assert_allclose(rows_of(task, robot)[1], expected, atol=1e-12)
+    other = robot.placement(right_hand(robot))
+    task = RelativeFrameTask(hand, right_hand(robot), other.actInv(there))
+    task.bind(robot)
+    expected = np.concatenate([other.rotation.T @ [0.1, 0.2, -0.3], other.rotation.T @ [0.0, 0.0, 0.3]])
+    np.testing.assert_allclose(rows_of(task, robot)[1], expected, atol=1e-12)

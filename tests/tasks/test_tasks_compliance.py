@@ -1,0 +1,352 @@
+"""Wrench-driven motion tasks against springs, and against the pose task that they are when nothing pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from task_factory import integrate, left_hand, make_robot, near_half_sitting, random_state, rows_of
+
+from wbc.core.errors import Array, InputError, MeasurementError
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot, Sole
+from wbc.core.signals import Measurement
+from wbc.tasks import (
+    AdmittanceTask,
+    ComplianceTask,
+    CoMTask,
+    CoPTask,
+    DampingTask,
+    FirstOrderImpedanceTask,
+    ImpedanceTask,
+    PoseTask,
+    PostureTask,
+)
+
+FORCE_STIFFNESS, MOMENT_STIFFNESS = 2e4, 300.0
+TARGET = np.array([15.0, -4.0, 30.0, 1.0, -2.0, 0.5])
+
+
+def robot_with_palm() -> Robot:
+    """hrp4_class with a third sole, on the left hand: a foot that can press on something while the robot stands."""
+    robot = make_robot("hrp4_class")
+    palm = Sole("palm", left_hand(robot), 0.1, 0.08)
+    return Robot(robot.model, (*robot.soles, palm), robot.half_sitting, frames=robot.frames)
+
+
+def measurement(robot: Robot, palm: Array) -> Measurement:
+    wrenches = np.zeros((3, 6))
+    wrenches[2] = palm
+    return Measurement(
+        0.0, robot.q[7:], robot.v[6:], np.zeros(3), np.zeros(3), wrenches, np.zeros(3), np.zeros(3)
+    )
+
+
+@dataclass
+class Spring:
+    """A linear spring in all axes that holds a frame at where it was; wrenches in the frame."""
+
+    home: pin.SE3
+    force: float = FORCE_STIFFNESS
+    moment: float = MOMENT_STIFFNESS
+
+    def wrench(self, placement: pin.SE3) -> Array:
+        away = placement.translation - self.home.translation
+        turned = pin.log3(placement.rotation @ self.home.rotation.T)
+        back = placement.rotation.T
+        return np.concatenate([-self.force * back @ away, -self.moment * back @ turned])
+
+
+def press(
+    make: Callable[[Robot], ComplianceTask], seconds: float, dt: float
+) -> tuple[ComplianceTask, Array, Array]:
+    """Let the palm of a standing, position-controlled robot hang on a spring: times and wrenches felt."""
+    robot = robot_with_palm()
+    controller = Controller(robot, dt)
+    task = make(robot)
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), CoMTask(), PostureTask(weight=1e-2))
+    controller.add(task)
+    task.weight = 1e3
+    spring = Spring(robot.placement(task.frame).copy())
+    q, v = np.array(robot.q), np.array(robot.v)
+    times, felt = [], []
+    for tick in range(round(seconds / dt) + 1):
+        controller.update(q, v)
+        wrench = spring.wrench(robot.placement(task.frame))
+        times.append(tick * dt)
+        felt.append(wrench)
+        solution = controller.solve(measurement(robot, wrench))
+        assert solution.ok
+        q, v = integrate(controller, q, v, solution.accelerations)
+    return task, np.array(times), np.array(felt)
+
+
+RATE = 10.0  # 1/s
+ADMITTANCE = np.repeat([RATE / FORCE_STIFFNESS, RATE / MOMENT_STIFFNESS], 3)
+
+
+@pytest.mark.parametrize("kind", [AdmittanceTask, DampingTask])
+def test_wrench_error_decays_at_admittance_times_stiffness(kind: type[AdmittanceTask]) -> None:
+    gains = {"stiffness": 0.0} if kind is DampingTask else {"stiffness": 1e4}
+    _, times, felt = press(
+        lambda r: kind("palm", admittance=ADMITTANCE, target_wrench=TARGET, time_constant=0.0, **gains),
+        0.8,
+        0.002,
+    )
+    share = 1.0 - felt / TARGET
+    expected = np.exp(-RATE * times)
+    np.testing.assert_allclose(share, np.tile(expected[:, None], 6), atol=0.04)
+    np.testing.assert_allclose(felt[-1], TARGET, atol=5e-3 * np.abs(TARGET).max())
+
+
+def test_low_pass_makes_the_loop_of_second_order() -> None:
+    """Low-pass T and integrator: T s² + s + rate, with a double pole for T = 1 / (4 rate)."""
+    time_constant = 0.25 / RATE
+    _, times, felt = press(
+        lambda r: AdmittanceTask(
+            "palm", admittance=ADMITTANCE, target_wrench=TARGET, time_constant=time_constant
+        ),
+        0.8,
+        0.001,
+    )
+    pole = 0.5 / time_constant
+    expected = 1.0 - (1.0 + pole * times) * np.exp(-pole * times)
+    np.testing.assert_allclose(felt / TARGET, np.tile(expected[:, None], 6), atol=0.04)
+
+
+def test_cop_and_force_are_reached() -> None:
+    cop, force = np.array([0.02, -0.015]), np.array([0.0, 0.0, 60.0])
+    task, _, felt = press(
+        lambda r: CoPTask(
+            "palm",
+            target_cop=cop,
+            target_force=force,
+            admittance=ADMITTANCE,
+            stiffness=0.0,
+            velocity_bound=(1, 3),
+        ),
+        0.8,
+        0.002,
+    )
+    assert isinstance(task, CoPTask)
+    np.testing.assert_allclose(felt[-1][2], 60.0, rtol=1e-2)
+    np.testing.assert_allclose(task.measured_cop, cop, atol=5e-4)
+    np.testing.assert_allclose(task.target_wrench, [0.0, 0.0, 60.0, -0.9, -1.2, 0.0], atol=1e-12)
+
+
+def test_cop_error_turns_the_foot_away_from_what_pushes() -> None:
+    """CoP 2 cm too far in front at 300 N: 6 Nm too much, 0.06 rad/s toes up with 0.01 rad/(Nm s)."""
+    robot = robot_with_palm()
+    task = CoPTask("palm", target_force=(0.0, 0.0, 300.0), time_constant=0.0)
+    task.bind(robot)
+    task.observe(measurement(robot, np.array([0.0, 0.0, 300.0, 0.0, -0.02 * 300.0, 0.0])), 0.002)
+    np.testing.assert_allclose(task.compliance_velocity, [0.0, 0.0, 0.0, 0.0, -0.06, 0.0], atol=1e-12)
+    task.observe(measurement(robot, np.array([0.0, 0.0, 300.0, 0.02 * 300.0, 0.0, 0.0])), 0.002)
+    np.testing.assert_allclose(task.compliance_velocity, [0.0, 0.0, 0.0, 0.06, 0.0, 0.0], atol=1e-12)
+    task.observe(measurement(robot, np.array([0.0, 0.0, 300.0, 0.0, -300.0, 0.0])), 0.002)
+    np.testing.assert_allclose(task.compliance_velocity[4], -0.3)
+
+
+def test_pressure_of_the_cop_may_be_the_measured_one() -> None:
+    robot = robot_with_palm()
+    felt = np.array([0.0, 0.0, 200.0, 0.0, -0.02 * 200.0, 0.0])
+    for measured, moment in ((False, -0.02 * 300.0), (True, -0.02 * 200.0)):
+        task = CoPTask(
+            "palm", target_cop=(0.02, 0.0), target_force=(0, 0, 300.0), use_measured_pressure=measured
+        )
+        task.bind(robot)
+        task.observe(measurement(robot, felt), 0.002)
+        assert task.target_wrench[4] == pytest.approx(moment)
+
+
+def test_foot_in_the_air_does_not_turn() -> None:
+    robot = robot_with_palm()
+    task = CoPTask("palm", target_cop=(0.05, 0.03), target_force=(0.0, 0.0, 0.0))
+    task.bind(robot)
+    task.observe(measurement(robot, np.zeros(6)), 0.002)
+    np.testing.assert_array_equal(task.compliance_velocity, 0.0)
+    assert np.isnan(task.measured_cop).all()
+
+
+@pytest.mark.parametrize("kind", [FirstOrderImpedanceTask, ImpedanceTask])
+def test_impedance_settles_where_both_springs_balance(kind: type[FirstOrderImpedanceTask]) -> None:
+    own = (5e3, 100.0)
+    task, _, felt = press(
+        lambda r: kind("palm", spring=own, damper=(2000.0, 30.0), target_wrench=TARGET), 1.5, 0.002
+    )
+    outer = np.repeat([FORCE_STIFFNESS, MOMENT_STIFFNESS], 3)
+    inner = np.repeat(own, 3)
+    # Outer spring: felt = −outer · offset.  Own spring: inner · offset = felt − target.
+    expected = TARGET * outer / (inner + outer)
+    np.testing.assert_allclose(felt[-1], expected, atol=0.02 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        task.offset_vector(), -expected / outer, rtol=0.02, atol=0.02 * np.abs(expected / outer).max()
+    )
+
+
+def test_impedance_laws_in_closed_form() -> None:
+    """A constant force on mass, spring and damper: the textbook answers, with no robot in the way."""
+    robot = robot_with_palm()
+    mass, spring, force, dt = 2.0, 50.0, 5.0, 1e-4
+    first = FirstOrderImpedanceTask(
+        "palm", spring=(spring, 1.0), damper=(20.0, 1.0), time_constant=0.0, name="first"
+    )
+    second = ImpedanceTask("palm", mass=(mass, 1.0), spring=(spring, 1.0), time_constant=0.0, name="second")
+    for task in (first, second):
+        task.bind(robot)
+        task.measured_wrench = [0.0, 0.0, force, 0.0, 0.0, 0.0]
+    pole = np.sqrt(spring / mass)
+    for tick in range(1, 8001):
+        for task in (first, second):
+            task.advance(dt)
+        t = tick * dt
+        if tick % 2000 == 0:
+            settled = force / spring
+            lag = settled * (1.0 - np.exp(-t * spring / 20.0))
+            critical = settled * (1.0 - (1.0 + pole * t) * np.exp(-pole * t))
+            np.testing.assert_allclose(first.offset_vector()[2], lag, rtol=2e-3)
+            np.testing.assert_allclose(second.offset_vector()[2], critical, rtol=2e-3)
+    np.testing.assert_allclose(second.damper[:3], 2.0 * np.sqrt(mass * spring))
+
+
+@pytest.mark.parametrize(("spring", "damper"), [(1e6, 1.0), (1e6, 1e5), (0.0, 1e5), (10.0, 1e-3)])
+def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: float) -> None:
+    robot, dt, force = robot_with_palm(), 0.005, 20.0
+    for task in (
+        FirstOrderImpedanceTask("palm", spring=(spring, 1.0), damper=(damper, 1.0), name="first"),
+        ImpedanceTask("palm", mass=(1.0, 1.0), spring=(spring, 1.0), damper=(damper, 1.0), name="second"),
+    ):
+        task.bind(robot)
+        task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
+        furthest = max(force * 2000 * dt / damper if spring == 0.0 else force / spring, 1e-9)
+        for _ in range(2000):
+            task.advance(dt)
+            assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
+        if spring == 1e6:
+            np.testing.assert_allclose(task.offset_vector()[0], force / spring, rtol=1e-3)
+
+
+def makers() -> dict[str, Callable[[Robot], ComplianceTask]]:
+    return {
+        "damping": lambda r: DampingTask("palm", admittance=ADMITTANCE, stiffness=30.0, damping=None),
+        "admittance": lambda r: AdmittanceTask("palm", admittance=ADMITTANCE, stiffness=30.0),
+        "first-order impedance": lambda r: FirstOrderImpedanceTask("palm", stiffness=30.0),
+        "impedance": lambda r: ImpedanceTask("palm", stiffness=30.0),
+        "cop": lambda r: CoPTask("palm", admittance=ADMITTANCE, stiffness=30.0, damping=None),
+    }
+
+
+@pytest.mark.parametrize("kind", makers())
+def test_without_wrench_error_it_is_a_pose_task(kind: str) -> None:
+    rng = np.random.default_rng(1)
+    answers = []
+    for compliant in (True, False):
+        robot = robot_with_palm()
+        controller = Controller(robot, 0.002)
+        target = robot.placement(left_hand(robot)) * pin.SE3(
+            pin.exp3(np.array([0.2, -0.1, 0.1])), np.full(3, 0.05)
+        )
+        task = makers()[kind](robot) if compliant else PoseTask(left_hand(robot), target, stiffness=30.0)
+        task.target = target
+        task.weight = 7.0
+        controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask())
+        controller.add(task)
+        rng = np.random.default_rng(1)
+        controller.update(*near_half_sitting(robot, rng, 0.03, 0.2))
+        felt = np.zeros(6)
+        if isinstance(task, ComplianceTask) and not isinstance(task, CoPTask):
+            task.target_wrench = felt = rng.normal(size=6)
+        solution = controller.solve(measurement(robot, felt))
+        assert solution.ok
+        answers.append(solution.accelerations)
+    np.testing.assert_allclose(answers[0], answers[1], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "damping"), [(AdmittanceTask, None), (DampingTask, 100.0), (ImpedanceTask, None)]
+)
+def test_control_period_does_not_matter(kind: type[ComplianceTask], damping: float | None) -> None:
+    """The same motion at 1, 2 and 5 ms, but for errors that are proportional to the period."""
+
+    def make(_: Robot) -> ComplianceTask:
+        if kind is ImpedanceTask:
+            return ImpedanceTask("palm", target_wrench=TARGET, spring=(5e3, 100.0))
+        assert issubclass(kind, AdmittanceTask)
+        return kind("palm", admittance=ADMITTANCE, target_wrench=TARGET, damping=damping)
+
+    runs = [press(make, 0.3, dt)[2][:: round(0.01 / dt)] for dt in (0.001, 0.002, 0.005)]
+    scale = np.abs(runs[0]).max(axis=0)
+    small = (np.abs(runs[1] - runs[0]) / scale).max()
+    large = (np.abs(runs[2] - runs[0]) / scale).max()
+    assert small < 0.02
+    assert large < 0.08
+    assert 2.0 < large / small < 8.0  # (5 − 1) / (2 − 1) = 4 for an error of first order
+
+
+def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None:
+    robot = robot_with_palm()
+    task = AdmittanceTask(
+        "palm",
+        admittance=(1e-3, 1e-1),
+        velocity_bound=(0.05, 0.2),
+        offset_bound=(0.01, 0.02),
+        time_constant=0.01,
+    )
+    task.bind(robot)
+    for wrench in (np.full(6, 500.0), np.full(6, -500.0)):
+        task.measured_wrench = wrench
+        for _ in range(2000):
+            task.advance(0.001)
+            assert np.all(np.abs(task.compliance_velocity) <= np.repeat([0.05, 0.2], 3) + 1e-12)
+            assert np.all(np.abs(task.offset_vector()) <= np.repeat([0.01, 0.02], 3) * 1.01)
+        np.testing.assert_allclose(np.abs(task.offset_vector()), np.repeat([0.01, 0.02], 3), rtol=0.02)
+    task.reset()
+    np.testing.assert_array_equal(task.offset_vector(), 0.0)
+
+
+def test_feed_forward_is_that_of_the_user_plus_that_of_the_compliance() -> None:
+    robot, rng = robot_with_palm(), np.random.default_rng(2)
+    robot.update(*random_state(robot, rng))
+    task = AdmittanceTask("palm", admittance=(1e-3, 1e-1), velocity_bound=(10, 10))
+    task.bind(robot)
+    task.feedforward_velocity, task.feedforward_acceleration = np.arange(6.0), -np.arange(6.0)
+    task.measured_wrench = rng.normal(size=6)
+    for _ in range(3):
+        task.advance(0.002)
+    rows_of(task, robot)
+    np.testing.assert_array_equal(task.feedforward_velocity, np.arange(6.0))
+    turn = robot.placement(task.frame).rotation.T @ task.reference.rotation
+    yielding = np.concatenate([turn @ task.compliance_velocity[:3], turn @ task.compliance_velocity[3:]])
+    np.testing.assert_allclose(task._rows.velocity, np.arange(6.0) + yielding, atol=1e-12)
+    rate = (task.measured_wrench - task.wrench_error) / 0.02  # of a low-pass with its time constant
+    np.testing.assert_allclose(
+        task._rows.acceleration + np.arange(6.0),
+        np.concatenate([turn @ (1e-3 * rate[:3]), turn @ (0.1 * rate[3:])]),
+        atol=1e-9,
+    )
+
+
+def test_measurement_with_nan_changes_nothing() -> None:
+    robot = robot_with_palm()
+    task = AdmittanceTask("palm", admittance=(1e-3, 1e-1))
+    task.bind(robot)
+    task.observe(measurement(robot, np.full(6, 10.0)), 0.002)
+    before = task.offset_vector(), task.wrench_error, task.compliance_velocity
+    with pytest.raises(MeasurementError, match="palm|hand"):
+        task.observe(measurement(robot, np.full(6, np.nan)), 0.002)
+    for was, now in zip(
+        before, (task.offset_vector(), task.wrench_error, task.compliance_velocity), strict=True
+    ):
+        np.testing.assert_array_equal(was, now)
+
+
+def test_velocity_loop_that_the_period_cannot_bear_is_refused() -> None:
+    task = DampingTask("palm", admittance=(1e-3, 1e-1))
+    task.bind(robot_with_palm())
+    task.advance(0.005)
+    with pytest.raises(InputError, match="unstable with a control period"):
+        task.advance(0.007)

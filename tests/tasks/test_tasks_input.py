@@ -1,0 +1,183 @@
+"""Bad input to tasks: refused at once, with what was wrong and what would have been accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from task_factory import MOTION_TASKS, make_robot
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.task import Task
+from wbc.tasks import (
+    AdmittanceTask,
+    CoMTask,
+    CoPTask,
+    FirstOrderImpedanceTask,
+    ImpedanceTask,
+    JointTorqueTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    RelativeFrameTask,
+    WrenchTask,
+)
+
+NAN = float("nan")
+SKEWED = pin.SE3(np.eye(3), np.zeros(3))
+SKEWED.rotation = np.diag([1.0, 1.0, -1.0])
+
+WRONG_VALUES: dict[str, Callable[[], object]] = {
+    "com: shape": lambda: CoMTask([0.0, 0.0]),
+    "com: nan": lambda: CoMTask([0.0, 0.0, NAN]),
+    "com: text": lambda: CoMTask("here"),
+    "com: negative weight": lambda: CoMTask(weight=-1.0),
+    "com: weight of wrong shape": lambda: CoMTask(weight=[1.0, 2.0]),
+    "com: negative stiffness": lambda: CoMTask(stiffness=-1.0),
+    "com: infinite damping": lambda: CoMTask(damping=float("inf")),
+    "com: no axis": lambda: CoMTask(axes=()),
+    "com: axis twice": lambda: CoMTask(axes=("x", "x")),
+    "position: nan": lambda: PositionTask("left_hand", [NAN, 0.0, 0.0]),
+    "orientation: shape": lambda: OrientationTask("left_hand", np.zeros(3)),
+    "orientation: not a rotation": lambda: OrientationTask("left_hand", 2.0 * np.eye(3)),
+    "pose: not a pose": lambda: PoseTask("left_hand", np.eye(4)),
+    "pose: mirrored": lambda: PoseTask("left_hand", SKEWED),
+    "relative: the same frame": lambda: RelativeFrameTask("left_hand", "left_hand"),
+    "relative: not a pose": lambda: RelativeFrameTask("left_hand", "right_hand", [0.0, 0.0, 0.0]),
+    "momentum: shape": lambda: MomentumTask(np.zeros(3)),
+    "torque: joint twice": lambda: JointTorqueTask(joints=["a", "a"]),
+    "torque: negative weight": lambda: JointTorqueTask(weight=-1e-3),
+    "posture: no joint": lambda: PostureTask(joints=[]),
+    "posture: negative joint weight": lambda: PostureTask(joint_weights={"a": -1.0}),
+    "wrench: shape": lambda: WrenchTask("left_foot", np.zeros(3)),
+    "wrench: nan": lambda: WrenchTask("left_foot", np.full(6, NAN)),
+    "admittance: negative": lambda: AdmittanceTask("left_hand", admittance=(-1e-3, 0.0)),
+    "admittance: shape": lambda: AdmittanceTask("left_hand", admittance=(1e-3, 1e-3, 1e-3)),
+    "admittance: negative time constant": lambda: AdmittanceTask(
+        "left_hand", admittance=(1e-3, 0.0), time_constant=-1.0
+    ),
+    "admittance: target wrench": lambda: AdmittanceTask(
+        "left_hand", admittance=(1e-3, 0.0), target_wrench=[0.0, 1.0]
+    ),
+    "admittance: offset bound": lambda: AdmittanceTask("left_hand", admittance=(0, 0), offset_bound=-1.0),
+    "impedance: no mass": lambda: ImpedanceTask("left_hand", mass=(0.0, 1.0)),
+    "impedance: neither spring nor damper": lambda: ImpedanceTask("left_hand", spring=(0.0, 0.0)),
+    "first-order impedance: no damper": lambda: FirstOrderImpedanceTask("left_hand", damper=(0.0, 1.0)),
+    "cop: shape": lambda: CoPTask("left_foot", target_cop=(0.0, 0.0, 0.0)),
+    "cop: nan": lambda: CoPTask("left_foot", target_force=(0.0, 0.0, NAN)),
+}
+
+
+@pytest.mark.parametrize("what", WRONG_VALUES)
+def test_wrong_value_is_refused_when_the_task_is_made(what: str) -> None:
+    with pytest.raises(InputError):
+        WRONG_VALUES[what]()
+
+
+UNKNOWN_NAMES: dict[str, tuple[Callable[[], Task], str]] = {
+    "frame": (lambda: PoseTask("left_hant"), "no frame 'left_hant'; did you mean 'left_hand'"),
+    "reference frame": (
+        lambda: RelativeFrameTask("left_hand", "chets"),
+        "no frame 'chets'; did you mean 'chest'",
+    ),
+    "joint": (lambda: PostureTask(joints=["left_nee"]), "no joint 'left_nee'; did you mean 'left_knee"),
+    "joint of a target": (
+        lambda: PostureTask({"left_nee": 0.1}),
+        "no joint 'left_nee'; did you mean 'left_knee",
+    ),
+    "joint weight": (lambda: PostureTask(joint_weights={"left_nee": 1.0}), "no joint 'left_nee'"),
+    "joint selection": (lambda: PositionTask("left_hand", joints=["left_nee"]), "no joint 'left_nee'"),
+    "torque of a joint": (lambda: JointTorqueTask(joints=["left_nee"]), "no joint 'left_nee'"),
+    "sole": (lambda: CoPTask("left_fot"), "no sole 'left_fot'; did you mean 'left_foot'"),
+}
+
+
+@pytest.mark.parametrize("what", UNKNOWN_NAMES)
+def test_unknown_name_is_refused_with_the_nearest_ones(what: str) -> None:
+    make, message = UNKNOWN_NAMES[what]
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    with pytest.raises(UnknownNameError, match=message):
+        controller.add(make())
+    assert controller.tasks == ()
+
+
+def test_unknown_axis_is_refused_with_the_choices() -> None:
+    with pytest.raises(UnknownNameError, match="choices: x, y, z"):
+        CoMTask(axes=("w",))
+    with pytest.raises(UnknownNameError, match="roll"):
+        PoseTask("left_hand", axes=("rol",))
+
+
+@pytest.mark.parametrize("case", MOTION_TASKS)
+def test_bad_assignment_leaves_the_task_as_it_was(case: str) -> None:
+    robot = make_robot("hrp4_class")
+    task = MOTION_TASKS[case].make(robot)
+    task.bind(robot)
+    for attribute, value in (
+        ("weight", -1.0),
+        ("weight", NAN),
+        ("weight", np.ones(task.dim + 1)),
+        ("stiffness", -3.0),
+        ("damping", NAN),
+        ("feedforward_velocity", np.zeros(task.dim + 1)),
+        ("feedforward_acceleration", np.full(task.dim, NAN)),
+        ("target", "there"),
+        ("target", np.full(3, NAN)),
+    ):
+        before = getattr(task, attribute)
+        before = before.copy()
+        with pytest.raises(InputError):
+            setattr(task, attribute, value)
+        after = getattr(task, attribute)
+        if isinstance(before, pin.SE3):
+            assert before == after
+        else:
+            np.testing.assert_array_equal(before, after)
+
+
+def test_momentum_has_nothing_to_damp() -> None:
+    with pytest.raises(InputError, match="rate"):
+        MomentumTask().damping = 1.0
+
+
+def test_wrench_of_a_cop_task_follows_from_cop_and_force() -> None:
+    with pytest.raises(InputError, match="target_cop"):
+        CoPTask("left_foot").target_wrench = np.zeros(6)
+
+
+def test_posture_refuses_joints_that_are_not_its_own() -> None:
+    robot = make_robot("hrp4_class")
+    task = PostureTask(joints=list(robot.joint_names[:3]))
+    task.bind(robot)
+    with pytest.raises(InputError, match="is not part of task"):
+        task.target = {robot.joint_names[5]: 0.0}
+
+
+def test_contact_on_a_frame_that_is_no_sole_is_refused() -> None:
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    with pytest.raises(UnknownNameError, match="no sole 'left_hand'"):
+        controller.add(SoleContact("left_hand"))
+
+
+def test_names_are_unique_and_items_are_added_once() -> None:
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    task = controller.add(CoMTask())
+    with pytest.raises(InputError, match="taken"):
+        controller.add(CoMTask())
+    with pytest.raises(InputError, match="already"):
+        controller.add(task)
+    with pytest.raises(InputError, match="another robot"):
+        Controller(make_robot("hrp4_class"), 0.002).add(task)
+    with pytest.raises(UnknownNameError, match="did you mean 'com'"):
+        controller.task("con")
+
+
+def test_task_before_its_controller_says_so() -> None:
+    with pytest.raises(InputError, match="belongs to no controller"):
+        _ = CoMTask().target

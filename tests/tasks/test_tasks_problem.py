@@ -1,0 +1,171 @@
+"""What the controller makes of tasks, contacts and limits: against another solver, and when they contradict."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import qpsolvers
+from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, right_hand, standing
+
+from wbc.core.errors import Array
+from wbc.core.limits.collision import SelfCollisionLimit, Sphere
+from wbc.core.limits.com_polygon import CoMPolygonLimit
+from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.problem import Problem
+from wbc.tasks import (
+    CoMTask,
+    ImpedanceTask,
+    JointTorqueTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    RelativeFrameTask,
+    WrenchTask,
+)
+
+robots = pytest.mark.parametrize("name", ROBOTS)
+
+
+def everything(name: str) -> Controller:
+    """A controller with one of each."""
+    robot = make_robot(name)
+    controller = Controller(robot, 0.002)
+    hands = (left_hand(robot), right_hand(robot))
+    controller.add(SoleContact("left_foot", friction=0.4), SoleContact("right_foot", friction=0.4))
+    controller.add(CoMTask(), PostureTask(), OrientationTask(robot.torso_frame), MomentumTask())
+    controller.add(PositionTask(hands[0]), RelativeFrameTask(hands[1], robot.base_frame, weight=0.5))
+    controller.add(ImpedanceTask(hands[0], weight=0.1), JointTorqueTask(weight=1e-5))
+    controller.add(WrenchTask("left_foot", axes=("roll", "pitch"), weight=1e-3))
+    controller.add(JointLimits(), TorqueLimits(ratio=0.9), CoMPolygonLimit())
+    controller.add(SelfCollisionLimit([hands], shapes={hand: Sphere(0.05) for hand in hands}))
+    return controller
+
+
+def by_daqp(problem: Problem) -> Array | None:
+    """Accelerations and forces by an exact active-set solver, from the standard form of the problem."""
+    above, below = np.isfinite(problem.upper), np.isfinite(problem.lower)
+    standard = qpsolvers.Problem(
+        problem.hessian,
+        problem.gradient,
+        np.vstack([problem.inequality[above], -problem.inequality[below]]),
+        np.concatenate([problem.upper[above], -problem.lower[below]]),
+        problem.equality,
+        problem.equality_target,
+    )
+    solution = qpsolvers.solve_problem(standard, solver="daqp")
+    return solution.x if solution.found else None
+
+
+@robots
+def test_accelerations_agree_with_daqp(name: str) -> None:
+    """At random states, with targets far enough for limits to push."""
+    rng = np.random.default_rng(1)
+    controller = everything(name)
+    robot = controller.robot
+    half = np.array(controller.task("com").target)
+    compared, pushed = 0, 0
+    for _ in range(25):
+        controller.task("com").target = half + rng.normal(scale=[0.05, 0.05, 0.02])
+        controller.task("momentum").target = rng.normal(size=6)
+        controller.update(*near_half_sitting(robot, rng, 0.05, 0.2))
+        for contact in controller.contacts:
+            contact.reset()
+        solution = controller.solve()
+        other = by_daqp(controller.problem)
+        if other is None:
+            assert not solution.ok
+            assert controller.diagnose()
+            continue
+        assert solution.ok
+        np.testing.assert_allclose(solution.accelerations, other[: robot.nv], atol=1e-3)
+        compared += 1
+        pushed += bool(solution.active_limits)
+    assert compared >= 20
+    assert pushed >= 10
+
+
+@pytest.mark.slow
+@robots
+def test_accelerations_agree_with_daqp_on_many_states(name: str) -> None:
+    rng = np.random.default_rng(2)
+    controller = everything(name)
+    robot = controller.robot
+    half = np.array(controller.task("com").target)
+    for _ in range(500):
+        controller.task("com").target = half + rng.normal(scale=[0.1, 0.1, 0.05])
+        controller.update(*near_half_sitting(robot, rng, rng.uniform(0.0, 0.1), rng.uniform(0.0, 0.5)))
+        for contact in controller.contacts:
+            contact.reset()
+        solution, other = controller.solve(), by_daqp(controller.problem)
+        assert solution.ok == (other is not None)
+        if other is not None:
+            np.testing.assert_allclose(solution.accelerations, other[: robot.nv], atol=1e-3)
+
+
+@robots
+def test_stacks_run_without_a_failure(name: str) -> None:
+    controller = everything(name)
+    robot = controller.robot
+    half = np.array(controller.task("com").target)
+    q, v = np.array(robot.q), np.array(robot.v)
+    for tick in range(300):
+        t = tick * controller.dt
+        controller.task("com").target = half + 0.02 * np.array([np.sin(9 * t), np.cos(9 * t) - 1.0, 0.0])
+        controller.update(q, v)
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        q, v = integrate(controller, q, v, solution.accelerations)
+    assert np.linalg.norm(robot.com - controller.task("com").target) < 0.03
+
+
+def test_diagnosis_names_hard_tasks_that_contradict_each_other() -> None:
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    hand = left_hand(robot)
+    here = np.array(robot.placement(hand).translation)
+    controller.add(PositionTask(hand, here + [0.1, 0.0, 0.0], name="hand there", hard=True))
+    assert controller.solve().ok
+    assert controller.diagnose() == {}
+    controller.add(PositionTask(hand, here - [0.1, 0.0, 0.0], name="hand here", hard=True))
+    assert not controller.solve().ok
+    named = controller.diagnose()
+    assert set(named) == {"hard task 'hand there'", "hard task 'hand here'"}
+    assert min(named.values()) > 0.1
+
+
+def test_diagnosis_names_a_hard_task_against_a_contact() -> None:
+    controller = standing("g1")
+    sole = controller.robot.soles[0].frame
+    pose = controller.robot.placement(sole).copy()
+    pose.translation = pose.translation + [0.0, 0.0, 0.1]
+    controller.add(PoseTask(sole, pose, hard=True, name="lift"))
+    assert not controller.solve().ok
+    assert set(controller.diagnose()) == {"hard task 'lift'", "motion of contact 'left_foot'"}
+
+
+def test_diagnosis_names_a_hard_posture_against_joint_limits() -> None:
+    controller = standing("hrp4_class", posture=False)
+    joint = "left_elbow_pitch"
+    robot = controller.robot
+    beyond = robot.position_upper[robot.joint_index(joint)] + 1.0
+    controller.add(JointLimits(acceleration=10.0), CoMTask())
+    controller.add(PostureTask({joint: beyond}, joints=[joint], hard=True, stiffness=100.0))
+    assert not controller.solve().ok
+    assert {"hard task 'posture'", "joint limits"} == set(controller.diagnose())
+
+
+def test_tasks_can_be_taken_out_and_put_back() -> None:
+    controller = everything("hrp4_class")
+    before = controller.solve().accelerations
+    tasks = [controller.task(name) for name in ("com", "momentum", "joint torques", "left_foot wrench")]
+    controller.remove(*tasks)
+    assert controller.solve().ok
+    controller.add(*tasks)
+    np.testing.assert_allclose(controller.solve().accelerations, before, atol=1e-4)
+    table = controller.status_table()
+    for task in controller.tasks:
+        assert task.name[:20] in table

@@ -1,0 +1,155 @@
+"""Tasks on torques and contact wrenches, and the torques themselves against Pinocchio's inverse dynamics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from task_factory import ROBOTS, arm, left_hand, make_robot, near_half_sitting, standing
+
+from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.qp.contact import PointContact, SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
+from wbc.tasks import CoMTask, JointTorqueTask, PostureTask, WrenchTask
+
+robots = pytest.mark.parametrize("name", ROBOTS)
+
+
+def inverse_dynamics(controller: Controller, solution: Solution) -> Array:
+    """Generalised forces that the solved motion needs beside the solved contact wrenches, by `pin.rnea`."""
+    robot = controller.robot
+    external = pin.StdVec_Force()
+    total = [pin.Force.Zero() for _ in range(robot.model.njoints)]
+    for contact in controller.contacts:
+        frame = robot.model.frames[robot.frame_id(contact.frame)]
+        wrench = solution.wrenches[contact.name]
+        if contact.dim == 6:
+            force = frame.placement.act(pin.Force(wrench[:3], wrench[3:]))
+        else:  # in a frame whose z axis is the normal, which here is the world's
+            rotation = robot.data.oMi[frame.parentJoint].rotation
+            linear = rotation.T @ wrench
+            force = pin.Force(linear, np.cross(frame.placement.translation, linear))
+        total[frame.parentJoint] += force
+    external.extend(total)
+    data = robot.model.createData()
+    return pin.rnea(robot.model, data, robot.q, robot.v, solution.accelerations, external)
+
+
+@robots
+def test_torques_are_those_of_inverse_dynamics(name: str) -> None:
+    rng = np.random.default_rng(1)
+    controller = standing(name)
+    hand = PointContact(left_hand(controller.robot), min_force=2.0, ramp=0.0)
+    controller.add(hand, CoMTask())
+    for _ in range(5):
+        controller.update(*near_half_sitting(controller.robot, rng, 0.05, 0.3))
+        solution = controller.solve()
+        assert solution.ok
+        force = inverse_dynamics(controller, solution)
+        np.testing.assert_allclose(force[:6], 0.0, atol=1e-4)
+        np.testing.assert_allclose(solution.torques, force[6:], atol=1e-5)
+        assert np.linalg.norm(solution.wrenches[hand.name]) > 1.0
+
+
+@robots
+def test_hard_torques_are_met_and_soft_ones_come_near(name: str) -> None:
+    controller = standing(name)
+    joints = arm(controller.robot)[::-1]
+    free = controller.solve().torques
+    index = [controller.robot.joint_index(joint) for joint in joints]
+    wanted = free[index] + [0.5, -0.5, 0.2, 0.1]
+    task = controller.add(JointTorqueTask(wanted, joints=joints, hard=True))
+    solution = controller.solve()
+    assert solution.ok
+    np.testing.assert_allclose(solution.torques[index], wanted, atol=1e-6)
+    controller.remove(task)
+    task.hard = False
+    controller.add(task)
+    distances = []
+    for weight in (0.0, 1e-3, 1e-1, 1e6):
+        task.weight = weight
+        distances.append(float(np.linalg.norm(controller.solve().torques[index] - wanted)))
+    assert distances[0] > 0.5
+    assert distances == sorted(distances, reverse=True)
+    assert distances[-1] < 1e-4
+
+
+def test_regularised_torques_are_smaller() -> None:
+    """With two feet on the ground there are many torques for one motion."""
+    controller = standing("hrp4_class")
+    task = controller.add(JointTorqueTask(weight=0.0))
+    assert task.dim == controller.robot.na
+    without = np.linalg.norm(controller.solve().torques)
+    task.weight = 1e-6
+    solution = controller.solve()
+    assert np.linalg.norm(solution.torques) < without - 0.1
+    np.testing.assert_allclose(solution.residuals[task.name], solution.torques, atol=1e-9)
+
+
+def test_torque_target_by_joint_name() -> None:
+    controller = standing("g1")
+    task = controller.add(JointTorqueTask({controller.robot.joint_names[2]: 3.0}))
+    expected = np.zeros(controller.robot.na)
+    expected[2] = 3.0
+    np.testing.assert_array_equal(task.target, expected)
+    with pytest.raises(UnknownNameError, match="joint"):
+        task.target = {"no_such_joint": 1.0}
+
+
+@robots
+def test_wrench_is_tracked_along_the_chosen_axes(name: str) -> None:
+    controller = standing(name)
+    robot = controller.robot
+    controller.add(PostureTask(name="strong posture"), CoMTask())
+    weight = robot.mass * 9.80665
+    left = controller.contacts[0]
+    task = controller.add(
+        WrenchTask(left, [0.0, 0.0, 0.4 * weight, 0.0, 1.0, 0.0], axes=("z", "pitch"), weight=1.0)
+    )
+    solution = controller.solve()
+    np.testing.assert_allclose(solution.wrenches["left_foot"][[2, 4]], [0.4 * weight, 1.0], atol=0.05)
+    other = solution.wrenches["right_foot"][2]
+    assert other == pytest.approx(0.6 * weight, rel=2e-2)
+    np.testing.assert_allclose(
+        solution.residuals[task.name], solution.wrenches["left_foot"][[2, 4]] - task.target[[2, 4]], atol=1e-9
+    )
+
+
+def test_hard_wrench_is_met() -> None:
+    controller = standing("talos")
+    target = [2.0, -3.0, 380.0, 1.0, -2.0, 0.5]
+    controller.add(WrenchTask("left_foot", target, hard=True))
+    solution = controller.solve()
+    assert solution.ok
+    np.testing.assert_allclose(solution.wrenches["left_foot"], target, atol=1e-5)
+
+
+def test_force_of_a_point_contact_is_tracked() -> None:
+    controller = standing("hrp4_class")
+    hand = PointContact(left_hand(controller.robot), ramp=0.0)
+    controller.add(hand)
+    controller.add(WrenchTask(hand, [0.0, 0.0, 15.0], weight=1e3))
+    np.testing.assert_allclose(controller.solve().wrenches[hand.name], [0.0, 0.0, 15.0], atol=1e-2)
+
+
+def test_wrench_task_refuses_contacts_that_do_not_fit() -> None:
+    controller = standing("hrp4_class")
+    task = controller.add(WrenchTask("left_fot"))
+    with pytest.raises(UnknownNameError, match="left_foot"):
+        controller.solve()
+    controller.remove(task)
+    hand = PointContact(left_hand(controller.robot))
+    controller.add(hand, WrenchTask(hand.name))
+    with pytest.raises(InputError, match="3 force variables"):
+        controller.solve()
+    with pytest.raises(UnknownNameError, match="axis"):
+        WrenchTask(hand, axes=("roll",))
+
+
+def test_contact_may_be_added_after_the_task() -> None:
+    controller = Controller(make_robot("g1"), 0.002)
+    sole = SoleContact("left_sole" if "left_sole" in controller.robot.soles[0].frame else "left_foot")
+    controller.add(WrenchTask(sole, [0, 0, 100.0, 0, 0, 0], weight=1e3))
+    controller.add(sole)
+    np.testing.assert_allclose(controller.solve().wrenches["left_foot"], [0, 0, 100.0, 0, 0, 0], atol=0.1)

@@ -1,0 +1,144 @@
+"""The DCM bias estimator on a pendulum in closed loop, and against a textbook Kalman filter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
+
+OMEGA = 3.4
+
+
+def closed_loop(
+    settings: BiasSettings,
+    bias: np.ndarray,
+    *,
+    seconds: float,
+    dt: float = 0.005,
+    seed: int | None = 0,
+    spin: float = 0.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    yaw: float = 0.0,
+) -> np.ndarray:
+    """Stand with DCM feedback on a measured DCM that is off by a bias fixed to the robot; return the local biases.
+
+    The robot turns at `spin` (rad/s). Measurement noise is 2 mm for the DCM and 5 mm for the ZMP.
+    """
+    rng = np.random.default_rng(seed)
+    noise = 0.0 if seed is None else 1.0
+    estimator = BiasEstimator(settings)
+    home = np.array(origin)
+    dcm = home.copy()
+    result = []
+    for k in range(round(seconds / dt)):
+        heading = yaw + spin * k * dt
+        c, s = np.cos(heading), np.sin(heading)
+        rotation = np.array([[c, -s], [s, c]])
+        measured = dcm + rotation @ bias + noise * rotation @ (0.002 * rng.standard_normal(2))
+        zmp = home + 2.5 * (measured - home)
+        estimator.update(
+            measured, zmp + noise * rotation @ (0.005 * rng.standard_normal(2)), heading, OMEGA, dt
+        )
+        result.append(estimator.local_bias)
+        dcm = zmp + np.exp(OMEGA * dt) * (dcm - zmp)
+    return np.array(result)
+
+
+def time_to(history: np.ndarray, target: float, dt: float = 0.005) -> float:
+    return float(np.argmax(history >= target)) * dt
+
+
+def test_a_constant_bias_is_found_to_90_percent_within_1_5_s_with_the_defaults() -> None:
+    history = closed_loop(BiasSettings(), np.array([0.01, -0.01]), seconds=4.0, seed=None)
+    assert 0.2 < time_to(history[:, 0], 0.009) < 1.5
+    assert 0.2 < time_to(-history[:, 1], 0.009) < 1.5
+    np.testing.assert_allclose(history[-1], [0.01, -0.01], atol=5e-4)
+
+
+def test_a_trusted_zmp_finds_it_sooner() -> None:
+    slow = closed_loop(BiasSettings(), np.array([0.01, 0.0]), seconds=3.0, seed=None)
+    fast = closed_loop(BiasSettings(zmp_std=0.005), np.array([0.01, 0.0]), seconds=3.0, seed=None)
+    assert time_to(fast[:, 0], 0.009) < 0.6 < time_to(slow[:, 0], 0.009)
+
+
+def test_noise_leaves_the_mean_alone_and_every_noise_level_is_live() -> None:
+    base = dict(zmp_std=0.005, drift_std=0.002)
+    history = closed_loop(BiasSettings(**base), np.array([0.012, 0.005]), seconds=8.0)
+    np.testing.assert_allclose(history[800:].mean(axis=0), [0.012, 0.005], atol=1e-3)
+    for name in ("dcm_std", "zmp_std", "drift_std", "initial_std"):
+        changed = {**base, name: 10.0 * getattr(BiasSettings(**base), name)}
+        assert (
+            np.abs(
+                closed_loop(BiasSettings(**changed), np.array([0.012, 0.005]), seconds=1.0) - history[:200]
+            ).max()
+            > 1e-5
+        )
+
+
+def test_the_bias_turns_with_the_robot() -> None:
+    history = closed_loop(
+        BiasSettings(zmp_std=0.005), np.array([0.01, -0.006]), seconds=5.0, seed=None, spin=0.5
+    )
+    np.testing.assert_allclose(history[-1], [0.01, -0.006], atol=3e-4)
+
+
+def test_far_away_and_turned_it_is_the_same() -> None:
+    settings, bias = BiasSettings(), np.array([0.01, 0.004])
+    here = closed_loop(settings, bias, seconds=2.0)
+    there = closed_loop(settings, bias, seconds=2.0, origin=(100.0, -100.0), yaw=2.0)
+    np.testing.assert_allclose(here, there, atol=1e-9)
+
+
+def test_the_period_does_not_matter() -> None:
+    bias = np.array([0.01, 0.0])
+    coarse = closed_loop(BiasSettings(), bias, seconds=2.0, dt=0.005, seed=None)
+    fine = closed_loop(BiasSettings(), bias, seconds=2.0, dt=0.0025, seed=None)
+    np.testing.assert_allclose(coarse[40::40, 0], fine[80::80, 0], atol=5e-4)
+
+
+def test_it_never_believes_more_than_its_limit_and_recovers_at_once() -> None:
+    settings = BiasSettings(limit=(0.02, 0.01))
+    yaw = 0.7
+    history = closed_loop(settings, np.array([0.05, -0.05]), seconds=4.0, yaw=yaw, seed=None)
+    assert np.abs(history[:, 0]).max() <= 0.02 + 1e-12 and np.abs(history[:, 1]).max() <= 0.01 + 1e-12
+    np.testing.assert_allclose(history[-1], [0.02, -0.01], atol=1e-9)
+
+
+def test_one_step_is_the_kalman_filters() -> None:
+    settings = BiasSettings(limit=(np.inf, np.inf))
+    estimator = BiasEstimator(settings)
+    dt, z0 = 0.005, np.array([0.02, 0.01])
+    estimator.update(np.array([0.1, 0.2]), z0, 0.3, OMEGA, dt)
+    estimator.update(np.array([0.11, 0.19]), np.zeros(2), 0.4, OMEGA, dt)
+    # Textbook form with full matrices.
+    R, P0 = settings.dcm_std**2 * np.eye(2), settings.initial_std**2 * np.eye(2)
+    P = np.block([[P0 + R, -P0], [-P0, P0]])
+    c, s = np.cos(0.1), np.sin(0.1)
+    a = np.exp(OMEGA * dt)
+    F = np.block([[a * np.eye(2), np.zeros((2, 2))], [np.zeros((2, 2)), np.array([[c, -s], [s, c]])]])
+    x = F @ np.array([0.1, 0.2, 0.0, 0.0]) + np.concatenate([(1 - a) * z0, np.zeros(2)])
+    Q = np.diag([((a - 1) * settings.zmp_std) ** 2] * 2 + [(settings.drift_std * dt) ** 2] * 2)
+    P = F @ P @ F.T + Q
+    H = np.hstack([np.eye(2), np.eye(2)])
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    x = x + K @ (np.array([0.11, 0.19]) - H @ x)
+    np.testing.assert_allclose(np.concatenate([estimator.dcm, estimator.bias]), x, atol=1e-12)
+
+
+def test_reset_and_bad_settings() -> None:
+    estimator = BiasEstimator()
+    for _ in range(50):
+        estimator.update(np.array([0.1, 0.0]), np.zeros(2), 0.0, OMEGA, 0.005)
+    assert estimator.bias.any()
+    estimator.reset()
+    assert not estimator.bias.any() and not estimator.dcm.any()
+    assert not estimator.update(np.array([0.3, 0.0]), np.zeros(2), 0.0, OMEGA, 0.005).any()
+    np.testing.assert_allclose(estimator.dcm, [0.3, 0.0])
+    with pytest.raises(InputError, match="dcm_std"):
+        BiasSettings(dcm_std=0.0)
+    with pytest.raises(InputError, match="sideways"):
+        BiasSettings(limit=(0.02, -1.0))
+    with pytest.raises(InputError, match="two numbers"):
+        BiasSettings(limit=(0.02,))  # type: ignore[arg-type]

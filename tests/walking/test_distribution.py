@@ -1,0 +1,265 @@
+"""Wrench distribution: conventions, limits, invariance, and the closed form beside the program."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import qpsolvers
+
+from wbc.core.errors import InputError
+from wbc.core.qp.solver import standard_form
+from wbc.core.robot import GRAVITY
+from wbc.walking.pattern.zmp import cop, net_wrench
+from wbc.walking.stabilizer.distribution import (
+    DistributionSettings,
+    FootWrenches,
+    WrenchDistribution,
+    distribute_by_ratio,
+    left_foot_ratio,
+)
+
+WEIGHT = 62.4 * GRAVITY  # JVRC-1
+SIZES = ((0.22, 0.10), (0.22, 0.10))
+SOLES = [pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.105, -0.105)]
+
+
+def through(zmp: np.ndarray, force: np.ndarray, yaw: float = 0.0) -> np.ndarray:
+    """A force through a point, with a yaw moment, as a wrench at the world origin."""
+    return np.concatenate([force, np.cross(zmp, force) + [0.0, 0.0, yaw]])
+
+
+def standing(
+    y: float, x: float = 0.0, *, settings: DistributionSettings | None = None, **options
+) -> FootWrenches:
+    zmp = np.array([x, y, 0.0])
+    ratio = left_foot_ratio(zmp, SOLES[0].translation, SOLES[1].translation)
+    return WrenchDistribution(SIZES, settings).solve(
+        through(zmp, np.array([0.0, 0.0, WEIGHT])), SOLES, zmp, ratio, **options
+    )
+
+
+def random_cases(count: int, seed: int):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        contact = [(True, True), (True, False), (False, True)][rng.integers(3)]
+        soles = [
+            pin.SE3(pin.rpy.rpyToMatrix(*rng.uniform(-0.1, 0.1, 2), rng.uniform(-0.4, 0.4)),
+                    np.array([rng.uniform(-0.2, 0.2), y + rng.uniform(-0.03, 0.03), rng.uniform(-0.05, 0.05)]))
+            for y in (0.105, -0.105)
+        ]  # fmt: skip
+        zmp = np.array([*rng.uniform(-0.2, 0.2, 2), 0.0])
+        force = np.array([*rng.uniform(-80, 80, 2), rng.uniform(300, 900)])
+        yield through(zmp, force, rng.uniform(-15, 15)), soles, zmp, rng.uniform(), contact
+
+
+# Conventions: the oracle of the stabilizer (a 62.4 kg robot with its feet at ±0.105 m)
+
+
+@pytest.mark.parametrize("settings", [DistributionSettings(), DistributionSettings.legacy()])
+def test_a_zmp_between_the_feet_is_shared_equally(settings: DistributionSettings) -> None:
+    result = standing(0.0, settings=settings)
+    np.testing.assert_allclose(result.wrenches[:, 2], WEIGHT / 2, rtol=1e-4)
+    for wrench in result.wrenches:
+        assert np.abs(cop(wrench)).max() < 1e-3
+
+
+@pytest.mark.parametrize("settings", [DistributionSettings(), DistributionSettings.legacy()])
+@pytest.mark.parametrize(("y", "loaded"), [(0.105, 0), (-0.105, 1)])
+def test_a_zmp_under_a_foot_loads_that_foot_without_ankle_torque(
+    settings: DistributionSettings, y: float, loaded: int
+) -> None:
+    result = standing(y, settings=settings)
+    assert result.wrenches[loaded, 2] == pytest.approx(597.0, abs=0.5)
+    assert result.wrenches[1 - loaded, 2] == pytest.approx(15.0, abs=0.1)
+    assert (
+        np.abs(result.wrenches[loaded, 3:5]).max() < 3.0
+    )  # 15 N at 0.21 m are 3.15 Nm, of 30 Nm there could be
+
+
+def test_the_ratio_is_one_at_the_left_foot() -> None:
+    left, right = SOLES[0].translation, SOLES[1].translation
+    assert left_foot_ratio(left, left, right) == 1.0 and left_foot_ratio(right, left, right) == 0.0
+    assert left_foot_ratio(np.array([0.3, 0.0, 0.0]), left, right) == pytest.approx(0.5)
+    assert left_foot_ratio(2 * left, left, right) == 1.0
+
+
+def test_an_ankle_off_centre_takes_no_torque() -> None:
+    distribution = WrenchDistribution(SIZES, ankles=((-0.03, 0.0), (-0.03, 0.0)))
+    zmp = np.array([-0.03, 0.0, 0.0])
+    result = distribution.solve(through(zmp, np.array([0.0, 0.0, WEIGHT])), SOLES, zmp, 0.5)
+    for wrench in result.wrenches:
+        np.testing.assert_allclose(cop(wrench), [-0.03, 0.0], atol=1e-4)
+
+
+# Properties
+
+
+def test_random_wrenches_are_met_or_missed_honestly_and_within_limits() -> None:
+    settings = DistributionSettings()
+    distribution = WrenchDistribution(SIZES, settings)
+    for net, soles, zmp, ratio, contact in random_cases(150, seed=0):
+        result = distribution.solve(net, soles, zmp, ratio, contact)
+        assert result.status.ok
+        total = net_wrench(result.wrenches, soles)
+        missing = net - total
+        missing[3:] -= np.cross(zmp, missing[:3])
+        np.testing.assert_allclose(missing, result.shortfall, atol=1e-4)
+        for wrench, touches in zip(result.wrenches, contact, strict=True):
+            if not touches:
+                np.testing.assert_allclose(wrench, 0.0, atol=1e-4)
+                continue
+            assert wrench[2] >= settings.min_force - 1e-4
+            assert np.abs(wrench[:2]).max() <= settings.friction * wrench[2] + 1e-4
+            x, y = cop(wrench)
+            assert abs(x) <= 0.11 + 1e-6 and abs(y) <= 0.05 + 1e-6
+
+
+def test_a_wrench_within_reach_is_met() -> None:
+    distribution = WrenchDistribution(SIZES)
+    for random, soles, _, _, _ in random_cases(80, seed=1):
+        level = [pin.SE3(np.eye(3), np.array([*s.translation[:2], 0.0])) for s in soles]
+        middle = 0.5 * (level[0].translation + level[1].translation)
+        net = through(middle, np.array([*(0.2 * random[:2]), random[2]]))
+        result = distribution.solve(net, level, middle, 0.5)
+        assert np.abs(result.shortfall).max() < 0.2
+
+
+def test_the_program_is_solved_as_another_solver_solves_it() -> None:
+    distribution = WrenchDistribution(SIZES)
+    for case in random_cases(40, seed=2):
+        result = distribution.solve(*case)
+        other = qpsolvers.solve_problem(standard_form(distribution._problem), solver="daqp")
+        np.testing.assert_allclose(result.wrenches.ravel(), other.x[:12], atol=2e-2)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_it_is_the_same_100_m_away_and_turned(yaw: float) -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([100.0, -100.0, 3.0]))
+    here, there = WrenchDistribution(SIZES), WrenchDistribution(SIZES)
+    for net, soles, zmp, ratio, contact in random_cases(40, seed=3):
+        a = here.solve(net, soles, zmp, ratio, contact)
+        moved = world.act(pin.Force(net)).vector
+        b = there.solve(moved, [world * s for s in soles], world.act(zmp), ratio, contact)
+        np.testing.assert_allclose(a.wrenches, b.wrenches, atol=5e-3)
+
+
+def test_it_mirrors() -> None:
+    flip = np.array([1, -1, 1, -1, 1, -1.0])
+    distribution, mirrored = WrenchDistribution(SIZES), WrenchDistribution(SIZES)
+    S = np.diag([1.0, -1.0, 1.0])
+    for net, soles, zmp, ratio, contact in random_cases(40, seed=4):
+        a = distribution.solve(net, soles, zmp, ratio, contact)
+        other = [pin.SE3(S @ s.rotation @ S, S @ s.translation) for s in soles[::-1]]
+        b = mirrored.solve(flip * net, other, S @ zmp, 1.0 - ratio, contact[::-1])
+        np.testing.assert_allclose(a.wrenches * flip, b.wrenches[::-1], atol=5e-3)
+
+
+def test_a_smaller_carrying_rectangle_bounds_the_cop() -> None:
+    distribution = WrenchDistribution(SIZES, DistributionSettings(margin=0.005))
+    zmp = np.array([0.09, 0.105, 0.0])
+    net = through(zmp, np.array([0.0, 0.0, WEIGHT]))
+    full = distribution.solve(net, SOLES, zmp, 1.0, (True, False))
+    np.testing.assert_allclose(cop(full.wrenches[0]), [0.09, 0.0], atol=1e-4)
+    distribution.rectangles[0] = (-0.11, 0.03, -0.01, 0.05)
+    part = distribution.solve(net, SOLES, zmp, 1.0, (True, False))
+    assert cop(part.wrenches[0])[0] == pytest.approx(0.025, abs=1e-4)
+    assert cop(part.wrenches[0])[1] >= -0.005 - 1e-6
+    distribution.rectangles[0] = (0.0, 0.005, -0.01, 0.05)
+    with pytest.raises(InputError, match="nothing"):
+        distribution.solve(net, SOLES, zmp, 1.0)
+
+
+def test_a_foot_that_is_only_just_loaded_can_be_limited() -> None:
+    result = standing(0.0, max_force=(np.inf, 100.0))
+    assert result.wrenches[1, 2] <= 100.0 + 1e-4
+    assert result.wrenches[:, 2].sum() == pytest.approx(WEIGHT, rel=1e-3)
+    light = standing(0.0, max_force=(np.inf, 5.0))
+    assert light.status.ok and light.wrenches[1, 2] <= 5.0 + 1e-4
+
+
+def test_a_zmp_beyond_the_toe_costs_moment_but_no_weight() -> None:
+    for x in (0.0, 50.0):
+        zmp = np.array([x + 0.16, 0.105, 0.0])
+        soles = [pin.SE3(np.eye(3), s.translation + [x, 0.0, 0.0]) for s in SOLES]
+        net = through(zmp, np.array([0.0, 0.0, WEIGHT]))
+        result = WrenchDistribution(SIZES).solve(net, soles, zmp, 1.0, (True, False))
+        assert cop(result.wrenches[0])[0] == pytest.approx(0.11, abs=1e-6)
+        assert result.wrenches[0, 2] == pytest.approx(WEIGHT, abs=1.0)
+
+
+def test_switching_contacts_needs_no_new_program() -> None:
+    distribution = WrenchDistribution(SIZES)
+    fresh = [WrenchDistribution(SIZES) for _ in range(60)]
+    for again, (net, soles, zmp, ratio, contact) in zip(fresh, random_cases(60, seed=5), strict=True):
+        a, b = (d.solve(net, soles, zmp, ratio, contact) for d in (distribution, again))
+        np.testing.assert_allclose(a.wrenches, b.wrenches, atol=2e-2)
+
+
+# Closed form
+
+
+def test_the_closed_form_agrees_where_both_apply() -> None:
+    distribution = WrenchDistribution(SIZES)
+    for y in (0.0, 0.04, -0.07):
+        zmp = np.array([0.0, y, 0.0])
+        ratio = left_foot_ratio(zmp, SOLES[0].translation, SOLES[1].translation)
+        net = through(zmp, np.array([0.0, 0.0, WEIGHT]))
+        a = distribution.solve(net, SOLES, zmp, ratio)
+        b = distribute_by_ratio(net, SOLES, zmp, ratio, distribution.rectangles)
+        np.testing.assert_allclose(a.wrenches, b.wrenches, atol=0.5)
+        np.testing.assert_allclose(b.shortfall, 0.0, atol=1e-9)
+    ahead = np.array([0.02, 0.04, 0.0])
+    result = distribute_by_ratio(
+        through(ahead, np.array([0.0, 0.0, WEIGHT])), SOLES, ahead, 0.7, distribution.rectangles
+    )
+    np.testing.assert_allclose(cop(result.wrenches[0]), cop(result.wrenches[1]))  # one offset for both feet
+
+
+def test_the_closed_form_reports_what_it_misses() -> None:
+    rectangles = WrenchDistribution(SIZES).rectangles
+    for net, soles, zmp, ratio, contact in random_cases(60, seed=6):
+        result = distribute_by_ratio(net, soles, zmp, ratio, rectangles, contact)
+        missing = net - net_wrench(result.wrenches, soles)
+        missing[3:] -= np.cross(zmp, missing[:3])
+        np.testing.assert_allclose(missing, result.shortfall, atol=1e-9)
+        for wrench, touches in zip(result.wrenches, contact, strict=True):
+            if touches and wrench[2] > 1.0:
+                assert np.abs(cop(wrench)[0]) <= 0.11 + 1e-9 and np.abs(cop(wrench)[1]) <= 0.05 + 1e-9
+    zmp = np.array([0.0, 0.4, 0.0])
+    far = distribute_by_ratio(through(zmp, np.array([0, 0, WEIGHT])), SOLES, zmp, 1.0, rectangles)
+    assert far.wrenches[1, 2] == pytest.approx(15.0)
+
+
+def test_bad_input_is_refused() -> None:
+    net = through(np.zeros(3), np.array([0.0, 0.0, WEIGHT]))
+    distribution = WrenchDistribution(SIZES)
+    with pytest.raises(InputError, match="neither"):
+        distribution.solve(net, SOLES, np.zeros(3), 0.5, (False, False))
+    with pytest.raises(InputError, match="neither"):
+        distribute_by_ratio(net, SOLES, np.zeros(3), 0.5, distribution.rectangles, (False, False))
+    with pytest.raises(InputError, match="ratio"):
+        distribution.solve(net, SOLES, np.zeros(3), 1.5)
+    with pytest.raises(InputError, match="friction"):
+        replace(DistributionSettings(), friction=0.0)
+    with pytest.raises(InputError, match="pressure"):
+        DistributionSettings(pressure=-1.0)
+
+
+def test_the_last_digits_of_proxqp_do_not_show() -> None:
+    """They depend on where its memory lies; with mc_rtc's costs nothing else can solve many of these."""
+    settings, shifts = DistributionSettings.legacy(), np.random.default_rng(5)
+    one, other = (WrenchDistribution(SIZES, settings) for _ in range(2))
+    for net, soles, zmp, ratio, contact in random_cases(400, 11):
+        if all(contact):
+            continue
+        first = one.solve(net, soles, zmp, ratio, contact)
+        kept = [np.empty(shifts.integers(1, 400)) for _ in range(20)]
+        second = other.solve(net, soles, zmp, ratio, contact)
+        del kept
+        np.testing.assert_array_equal(first.wrenches, second.wrenches)
+        np.testing.assert_array_equal(first.shortfall, second.shortfall)
+    counts = one._solver.counts
+    assert counts["ProxQP"] + counts["fresh ProxQP"] > 50

@@ -1,0 +1,216 @@
+"""Footstep plans: what they reach, that they mirror and move with the world, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError
+from wbc.robots import load
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
+from wbc.walking.planning.reach import Reach, check_plan, hip_height, leg_geometry
+
+START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
+ROBOT = load("hrp4_class").robot()
+
+
+def mirror(plan: FootstepPlan) -> FootstepPlan:
+    def flip(step: Footstep) -> Footstep:
+        side = "right" if step.side == "left" else "left"
+        return Footstep(side, step.x, -step.y, step.z, -step.yaw, step.pitch, -step.roll)
+
+    return replace(
+        plan, left=flip(plan.right), right=flip(plan.left), steps=tuple(flip(s) for s in plan.steps)
+    )
+
+
+def same(a: FootstepPlan, b: FootstepPlan) -> None:
+    assert [s.side for s in a.steps] == [s.side for s in b.steps]
+    for p, q in zip((a.left, a.right, *a.steps), (b.left, b.right, *b.steps), strict=True):
+        np.testing.assert_allclose(p.placement.homogeneous, q.placement.homogeneous, atol=1e-9)
+
+
+def test_a_plan_climbs_where_a_foot_is_put_a_stair_higher_or_lower() -> None:
+    level = walk_distance(START, 1.0)
+    assert not level.climbs and not START.climbs
+    for rise in (0.1, -0.1):
+        assert climb_stairs(START, rise=rise, tread=0.3, count=1, first_edge=0.4).climbs
+    assert not level.with_step(3, replace(level.steps[3], z=0.019)).climbs
+    assert level.with_step(3, replace(level.steps[3], z=0.021)).climbs
+    assert level.with_step(0, replace(level.steps[0], z=-0.021)).climbs
+
+
+def test_three_metres_are_22_steps_and_end_side_by_side() -> None:
+    plan = walk_distance(START, 3.0)
+    assert len(plan) == 22
+    left, right = plan.final
+    np.testing.assert_allclose([left.x, right.x], 3.0)
+    np.testing.assert_allclose([left.y, right.y], [0.0875, -0.0875])
+    reaches = [step.seen_from(plan.stance(i))[0] for i, step in enumerate(plan.steps)]
+    np.testing.assert_allclose(reaches[:-1], 3.0 / 21)
+    assert reaches[-1] == pytest.approx(0.0, abs=1e-12)
+    check_plan(plan, ROBOT)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-0.15, 0.15), st.floats(-0.05, 0.05), st.floats(-0.2, 0.2), st.integers(1, 8))
+def test_plans_mirror_and_follow_the_world(vx: float, vy: float, turn: float, steps: int) -> None:
+    first = "left"
+    plan = walk_velocity(START, (vx, vy, turn), steps, first=first)
+    same(mirror(plan), walk_velocity(mirror(START), (vx, -vy, -turn), steps, first="right"))
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.3), np.array([100.0, -50.0, 0.4]))
+    same(plan.moved(world), walk_velocity(START.moved(world), (vx, vy, turn), steps, first=first))
+
+
+def test_a_velocity_is_reached() -> None:
+    gait = START.gait
+    duration = gait.single_support + gait.double_support
+    plan = walk_velocity(START, (0.12, 0.03, 0.0), 10)
+    middle = 0.5 * (plan.final[0].position + plan.final[1].position)
+    np.testing.assert_allclose(middle[:2], [0.12 * 10 * duration, 0.03 * 10 * duration])
+    turning = walk_velocity(START, (0.0, 0.0, 0.1), 10)
+    assert turning.final[0].yaw == pytest.approx(0.1 * 10 * duration)
+    check_plan(plan, ROBOT)
+    check_plan(turning, ROBOT)
+
+
+@pytest.mark.parametrize("angle", [math.pi / 2, -math.pi, 0.1])
+def test_turning_in_place_turns_and_stays(angle: float) -> None:
+    plan = turn_in_place(START, angle)
+    check_plan(plan, ROBOT)
+    left, right = plan.final
+    np.testing.assert_allclose(0.5 * (left.position + right.position), 0.0, atol=1e-9)
+    assert math.remainder(left.yaw - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert math.remainder(right.yaw - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_sideways_never_crosses() -> None:
+    for vy in (0.1, -0.1):
+        plan = walk_velocity(START, (0.0, vy, 0.0), 6)
+        check_plan(plan, ROBOT)
+
+
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize("rise", [0.1, -0.1])
+def test_stairs(rise: float, together: bool) -> None:
+    plan = climb_stairs(START, rise=rise, tread=0.3, count=4, first_edge=0.4, together=together)
+    reach = Reach.of(ROBOT, 0.76)
+    check_plan(plan, ROBOT, reach)
+    left, right = plan.final
+    assert left.z == right.z == pytest.approx(4 * rise)
+    assert left.x == right.x == pytest.approx(0.4 + 3.5 * 0.3)
+    edges = 0.4 + 0.3 * np.arange(4)
+    for step in plan.steps:  # whole soles on the treads
+        assert np.abs(edges - step.x).min() > 0.08
+        assert step.z == pytest.approx(rise * (edges < step.x).sum())
+
+
+def test_stance_and_lift_off() -> None:
+    plan = walk_distance(START, 0.5, first="right")
+    assert plan.stance(0) == START.left and plan.lift_off(0) == START.right
+    assert plan.stance(1) == plan.steps[0] and plan.lift_off(1) == START.left
+    assert plan.stance(3) == plan.steps[2] and plan.lift_off(3) == plan.steps[1]
+
+
+def test_a_ground_that_is_known_lifts_the_steps() -> None:
+    plan = walk_distance(START, 1.0).on(lambda x, y: 0.1 * x + 0.2 * y)
+    for step in plan.steps:
+        assert step.z == pytest.approx(0.1 * step.x + 0.2 * step.y)
+
+
+def test_standing_takes_the_feet_of_the_robot() -> None:
+    plan = FootstepPlan.standing(ROBOT)
+    np.testing.assert_allclose(plan.left.y - plan.right.y, 0.175, atol=1e-6)
+    assert len(plan) == 0 and plan.final == (plan.left, plan.right)
+
+
+def test_a_footstep_can_be_read_off_a_robot_that_has_fallen() -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(-1.4, 0.9, 2.0), np.array([1.0, 2.0, 0.1]))
+    step = Footstep.of("left", world)
+    np.testing.assert_allclose(step.placement.homogeneous, world.homogeneous, atol=1e-12)
+
+
+def test_timings_are_rounded_and_said() -> None:
+    gait, notes = Gait(single_support=0.803).on_grid(0.005)
+    assert gait.single_support == pytest.approx(0.805) and len(notes) == 1 and "0.803" in notes[0]
+    gait, notes = Gait().on_grid(0.002)
+    assert not notes and gait == Gait()
+    with pytest.raises(InputError, match="double_support"):
+        Gait(double_support=0.004).on_grid(0.005)
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (walk_path(START, [(0.6, 0.0, 0.0)]), "step 1 of 2 .left. goes forward by 0.600"),
+        (walk_path(START, [(0.0, 0.5, 0.0)]), "beside the stance foot"),
+        (walk_path(START, [(0.0, 0.0, 0.9)]), "turns outwards"),
+        (walk_path(START, [(0.0, 0.0, -0.4)]), "turns outwards"),
+        (replace(START, steps=(Footstep("left", 0.1, 0.0875, 0.5),)), "rises by 0.5"),
+        (replace(START, steps=(Footstep("left", 0.0, -0.02),)), "beside the stance foot"),
+        (replace(START, steps=(Footstep("left", 0.0, 0.0875, roll=-0.6),)), "rolls by -0.6"),
+        (replace(START, gait=Gait(swing_height=0.5)), "swing_height"),
+        (replace(START, right=Footstep("right", 0.0, 0.02)), "overlap at the feet at the start"),
+    ],
+)
+def test_plans_out_of_reach_are_refused(plan: FootstepPlan, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        check_plan(plan, ROBOT)
+
+
+def test_turned_soles_that_overlap_are_refused() -> None:
+    wide = Reach(0.4, 0.01, 0.5, 1.5, 0.2, 0.3)
+    crossed = replace(START, steps=(Footstep("left", 0.02, 0.02, yaw=-0.7),))
+    with pytest.raises(InputError, match="overlap at step 1"):
+        check_plan(crossed, ROBOT, wide)
+
+
+def test_a_plan_that_leaves_the_ground_is_refused() -> None:
+    plan = walk_distance(START, 3.0)
+    check_plan(plan, ROBOT, extent=(-0.5, 3.2, -0.5, 0.5))
+    with pytest.raises(InputError, match=r"step 21 leaves the ground at x = 3\.000"):
+        check_plan(plan, ROBOT, extent=(-0.5, 3.05, -0.5, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Footstep("middle", 0.0, 0.0), "no side 'middle'"),
+        (lambda: Footstep("left", math.nan, 0.0), "finite"),
+        (lambda: Gait(single_support=-1.0), "single_support"),
+        (lambda: Gait(apex=0.8), "apex of the gait must lie in \\[0.3, 0.7\\], got 0.8"),
+        (lambda: Gait(takeoff_time=0.3, landing_time=0.3), "half of the single support"),
+        (lambda: walk_distance(START, 0.0), "zero"),
+        (lambda: walk_velocity(START, (0.1, 0.0), 3), "velocity must be"),
+        (lambda: walk_velocity(START, (0.1, 0.0, 0.0), 0), "at least 1"),
+        (lambda: turn_in_place(START, 0.0), "zero"),
+        (lambda: climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.1), "half a tread"),
+        (lambda: replace(START, steps=(Footstep("left", 0, 0.1), Footstep("left", 0.1, 0.1))), "alternate"),
+        (lambda: Reach(0.3, 0.4, 0.3, 0.3, 0.1, 0.1), "min_spacing"),
+    ],
+)
+def test_bad_input_is_refused(make: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+def test_reach_is_sane_and_a_height_out_of_reach_is_refused(name: str) -> None:
+    robot = load(name).robot()
+    reach = Reach.of(robot)
+    leg = leg_geometry(robot)
+    assert 0.1 < reach.max_length < 2 * leg.length and reach.max_yaw >= 0.3
+    low = Reach.of(robot, leg.com_height - 0.03)
+    assert low.max_length > reach.max_length  # bent knees reach further
+    assert hip_height(robot, leg.com_height) == pytest.approx(leg.hip_height)
+    for height in (0.2, leg.com_height + 0.3):
+        with pytest.raises(InputError, match="CoM height"):
+            Reach.of(robot, height)

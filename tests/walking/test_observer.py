@@ -1,0 +1,372 @@
+"""The kinematic–inertial observer against exact motions of a small biped, without a simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import InputError, MeasurementError
+from wbc.core.estimation.observer import Observer, ObserverSettings
+from wbc.core.robot import GRAVITY, Robot, Sole
+from wbc.core.signals import Measurement
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@cache
+def biped() -> Robot:
+    """Two legs of six joints and a chest that carries the IMU off its axis."""
+    model = pin.Model()
+    model.name = "biped"
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    model.addFrame(pin.Frame("base", root, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.appendBodyToJoint(root, pin.Inertia.FromBox(10.0, 0.2, 0.2, 0.2), pin.SE3.Identity())
+
+    def add(parent: int, joint: object, offset: tuple[float, float, float], name: str, mass: float) -> int:
+        i = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(offset)), name)
+        model.appendBodyToJoint(i, pin.Inertia.FromSphere(mass, 0.05), pin.SE3.Identity())
+        return int(i)
+
+    chest = add(root, pin.JointModelRY(), (0.0, 0.0, 0.2), "chest", 12.0)
+    imu = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.03, -0.02, 0.15]))
+    model.addFrame(pin.Frame("imu", chest, 0, imu, pin.FrameType.OP_FRAME))
+    for side, y in (("left", 0.09), ("right", -0.09)):
+        i = add(root, pin.JointModelRZ(), (0.0, y, -0.1), f"{side}_hip_yaw", 0.5)
+        i = add(i, pin.JointModelRX(), (0.0, 0.0, 0.0), f"{side}_hip_roll", 0.5)
+        i = add(i, pin.JointModelRY(), (0.0, 0.0, 0.0), f"{side}_hip_pitch", 3.0)
+        i = add(i, pin.JointModelRY(), (0.0, 0.0, -0.35), f"{side}_knee", 2.0)
+        i = add(i, pin.JointModelRY(), (0.0, 0.0, -0.35), f"{side}_ankle_pitch", 0.5)
+        i = add(i, pin.JointModelRX(), (0.0, 0.0, 0.0), f"{side}_ankle_roll", 1.0)
+        sole = pin.SE3(np.eye(3), np.array([0.02, 0.0, -0.09]))
+        model.addFrame(pin.Frame(f"{side}_sole", i, 0, sole, pin.FrameType.OP_FRAME))
+    q = pin.neutral(model)
+    for side in ("left", "right"):
+        for joint, angle in (("hip_pitch", -0.4), ("knee", 0.8), ("ankle_pitch", -0.4)):
+            q[model.joints[model.getJointId(f"{side}_{joint}")].idx_q] = angle
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    q[2] -= data.oMf[model.getFrameId("left_sole")].translation[2]
+    soles = [Sole(f"{s}_foot", f"{s}_sole", 0.2, 0.1) for s in ("left", "right")]
+    return Robot(model, soles, q, torso_frame="imu", imu_frame="imu")
+
+
+def close_legs(robot: Robot, q: np.ndarray, feet: dict[str, pin.SE3]) -> np.ndarray:
+    """Leg joints that put the soles where they should be, base and chest as they are (Newton)."""
+    q = np.array(q)
+    for _ in range(20):
+        pin.computeJointJacobians(robot.model, robot.data, q)
+        pin.updateFramePlacements(robot.model, robot.data)
+        worst = 0.0
+        for side, target in feet.items():
+            cols = [6 + robot.joint_index(n) for n in robot.joint_names if n.startswith(side)]
+            frame = robot.frame_id(f"{side}_sole")
+            error = pin.log6(robot.data.oMf[frame].actInv(target)).vector
+            jacobian = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL)[:, cols]
+            q[np.array(cols) + 1] += np.linalg.solve(jacobian, error)
+            worst = max(worst, float(np.abs(error).max()))
+        if worst < 1e-12:
+            return q
+    raise AssertionError("leg kinematics did not converge")
+
+
+def measurements(
+    robot: Robot, qs: np.ndarray, dt: float, cops: dict[str, np.ndarray], left: np.ndarray
+) -> tuple[list[Measurement], np.ndarray]:
+    """Exact sensors along a motion, and its velocities, both at the inner samples.
+
+    Args:
+        robot: Model.
+        qs: Configurations, shape (n, nq).
+        dt: Time between them, s.
+        cops: Centre of pressure of each sole, shape (n, 2), m.
+        left: Share of the weight on the left foot, shape (n,).
+    """
+    n = len(qs)
+    model, data = robot.model, robot.model.createData()
+    imu = robot.frame_id("imu")
+    points, rotations = np.zeros((n, 3)), []
+    for k in range(n):
+        pin.framesForwardKinematics(model, data, qs[k])
+        points[k] = data.oMf[imu].translation
+        rotations.append(np.array(data.oMf[imu].rotation))
+    result, velocities = [], []
+    for k in range(1, n - 1):
+        v = pin.difference(model, qs[k - 1], qs[k + 1]) / (2 * dt)
+        acceleration = (points[k + 1] - 2 * points[k] + points[k - 1]) / dt**2
+        weight = robot.mass * GRAVITY
+        wrench = np.zeros((2, 6))
+        for i, (side, share) in enumerate((("left", left[k]), ("right", 1.0 - left[k]))):
+            c, f = cops[side][k], share * weight
+            wrench[i] = (0.0, 0.0, f, c[1] * f, -c[0] * f, 0.0)
+        result.append(
+            Measurement(
+                time=k * dt,
+                joint_position=qs[k, 7:].copy(),
+                joint_velocity=v[6:],
+                angular_velocity=pin.log3(rotations[k - 1].T @ rotations[k + 1]) / (2 * dt),
+                specific_force=rotations[k].T @ (acceleration + GRAVITY * UP),
+                sole_wrench=wrench,
+            )
+        )
+        velocities.append(v)
+    return result, np.array(velocities)
+
+
+@cache
+def sway(dt: float = 0.005, seconds: float = 6.0, world: tuple[float, float, float] = (0.0, 0.0, 0.0)):
+    """Standing on two feet and swaying: base shifts, turns and dips, weight moves from foot to foot."""
+    robot = biped()
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, world[2]), np.array([world[0], world[1], 0.0]))
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    feet = {s: place * pin.SE3(robot.placement(f"{s}_sole")) for s in ("left", "right")}
+    times = dt * np.arange(round(seconds / dt) + 2)
+    qs = np.zeros((len(times), robot.nq))
+    q = np.array(robot.half_sitting)
+    for k, t in enumerate(times):
+        ramp = min(1.0, t) ** 2 * (3 - 2 * min(1.0, t))
+        move = ramp * np.array([0.02 * np.sin(2.1 * t), 0.05 * np.sin(2.9 * t), 0.01 * (np.cos(4 * t) - 1)])
+        turn = ramp * np.array([0.05 * np.sin(3.1 * t), 0.06 * np.sin(1.7 * t), 0.08 * np.sin(1.3 * t)])
+        base = place * pin.SE3(pin.rpy.rpyToMatrix(*turn), robot.half_sitting[:3] + move)
+        q[:7] = pin.SE3ToXYZQUAT(base)
+        q[7 + robot.joint_index("chest")] = ramp * 0.1 * np.sin(3.7 * t)
+        q = close_legs(robot, q, feet)
+        qs[k] = q
+    zero = np.zeros((len(times), 2))
+    left = 0.5 + 0.4 * np.sin(2.9 * times)
+    sensors, vs = measurements(robot, qs, dt, {"left": zero, "right": zero}, left)
+    return sensors, qs[1:-1], vs
+
+
+def errors(observer: Observer, sensors: list[Measurement], qs: np.ndarray, vs: np.ndarray) -> np.ndarray:
+    """Base position (m), attitude (rad), base velocity (m/s) and CoM velocity (m/s) errors, shape (n, 4)."""
+    truth = biped().clone()
+    out = np.zeros((len(sensors), 4))
+    for k, sensor in enumerate(sensors):
+        estimate = observer.update(sensor)
+        truth.update(qs[k], vs[k])
+        out[k, 0] = np.linalg.norm(estimate.q[:3] - qs[k, :3])
+        turn = pin.Quaternion(*estimate.q[[6, 3, 4, 5]]).angularDistance(pin.Quaternion(*qs[k, [6, 3, 4, 5]]))
+        out[k, 1] = turn
+        out[k, 2] = np.linalg.norm(estimate.v[:3] - vs[k, :3])
+        out[k, 3] = np.linalg.norm(estimate.com_velocity - truth.com_velocity)
+    return out
+
+
+def noisy(sensors: list[Measurement], seed: int) -> list[Measurement]:
+    """Encoders 0.1 mrad, joint speeds 5 mrad/s, gyro 3 mrad/s, accelerometer 0.05 m/s², 1 N, 0.05 Nm."""
+    rng = np.random.default_rng(seed)
+    scale = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    return [
+        replace(
+            s,
+            joint_position=s.joint_position + 1e-4 * rng.standard_normal(s.joint_position.shape),
+            joint_velocity=s.joint_velocity + 5e-3 * rng.standard_normal(s.joint_velocity.shape),
+            angular_velocity=s.angular_velocity + 3e-3 * rng.standard_normal(3),
+            specific_force=s.specific_force + 0.05 * rng.standard_normal(3),
+            sole_wrench=s.sole_wrench + scale * rng.standard_normal((2, 6)),
+        )
+        for s in sensors
+    ]
+
+
+def test_exact_sensors_give_the_exact_state() -> None:
+    sensors, qs, vs = sway()
+    worst = errors(Observer(biped()), sensors, qs, vs).max(axis=0)
+    assert (worst < 5e-5).all()  # what finite differences of the motion leave
+
+
+def test_a_wrong_initial_tilt_and_a_gyro_bias_fade() -> None:
+    sensors, qs, vs = sway(seconds=20.0)
+    robot = biped()
+    observer = Observer(robot, ObserverSettings())
+    q = np.array(qs[0])
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.03, -0.04, 0.0)).coeffs()
+    observer.reset(q)
+    biased = [replace(s, angular_velocity=s.angular_velocity + [0.004, -0.003, 0.002]) for s in sensors]
+    for k, sensor in enumerate(biased):
+        estimate = observer.update(sensor)
+        if k == 0:
+            assert abs(pin.rpy.matrixToRpy(estimate.placement("base").rotation)[1]) > 0.03
+    tilt = (estimate.placement("base").rotation.T @ UP) - (
+        pin.Quaternion(*qs[-1][[6, 3, 4, 5]]).toRotationMatrix().T @ UP
+    )
+    # A double pole at 1/(2 · 2 s): (1 + 5) e⁻⁵ = 4 % of the tilt and of the bias are left after 20 s.
+    assert np.linalg.norm(tilt) < 0.05 * 0.05
+    assert np.abs(observer.inertial.gyro_bias - [0.004, -0.003, 0.002]).max() < 3e-4
+    assert np.linalg.norm(estimate.v[:3] - vs[-1, :3]) < 2e-3
+
+
+def test_noise_moves_the_estimate_by_little() -> None:
+    sensors, qs, vs = sway()
+    result = errors(Observer(biped()), noisy(sensors, seed=3), qs, vs)
+    rms = np.sqrt((result[200:] ** 2).mean(axis=0))
+    assert (rms < [1e-3, 1e-3, 4e-3, 4e-3]).all()  # joint speeds alone make it 8 mm/s
+
+
+def test_the_accelerometer_quiets_the_velocity() -> None:
+    sensors, qs, vs = sway()
+    noise = noisy(sensors, seed=5)
+    defaults = ObserverSettings()
+    legs_only = replace(defaults, inertial=replace(defaults.inertial, velocity_time_constant=1e-4))
+    fused = errors(Observer(biped(), defaults), noise, qs, vs)[200:, 2]
+    legs = errors(Observer(biped(), legs_only), noise, qs, vs)[200:, 2]
+    assert np.sqrt((fused**2).mean()) < 0.6 * np.sqrt((legs**2).mean())
+
+
+def test_moving_the_world_moves_the_estimate_along() -> None:
+    sensors, qs, vs = sway(seconds=2.0)
+    far_sensors, far_qs, far_vs = sway(seconds=2.0, world=(100.0, -60.0, 2.5))
+    here = errors(Observer(biped()), noisy(sensors, 7), qs, vs)
+    observer = Observer(biped())
+    start = np.array(biped().half_sitting)
+    start[:2] = 100.0, -60.0
+    start[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, 2.5)).coeffs()
+    rotated = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.5), np.array([100.0, -60.0, 0.0])).act(
+        biped().half_sitting[:3]
+    )
+    start[:3] = rotated
+    observer.reset(start)
+    there = errors(observer, noisy(far_sensors, 7), far_qs, far_vs)
+    np.testing.assert_allclose(here, there, atol=1e-6)
+
+
+def test_the_control_period_does_not_matter() -> None:
+    ends = []
+    for dt in (0.005, 0.0025):
+        sensors, qs, vs = sway(dt=dt, seconds=3.0)
+        observer = Observer(biped())
+        q = np.array(qs[0])
+        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.02, 0.02, 0.02)).coeffs()
+        observer.reset(q)
+        for sensor in sensors:
+            if sensor.time <= 2.9 + 1e-9:
+                estimate = observer.update(sensor)
+        ends.append((np.array(estimate.q[:7]), np.array(estimate.v[:6]), observer.inertial.gyro_bias))
+    np.testing.assert_allclose(ends[0][0], ends[1][0], atol=2e-4)
+    np.testing.assert_allclose(ends[0][1], ends[1][1], atol=2e-3)
+    np.testing.assert_allclose(ends[0][2], ends[1][2], atol=2e-5)
+
+
+@cache
+def rolling(radius: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
+    """On one foot rolling sideways: a cylinder (radius, m) or, for 0, a flat sole on its edge 50 mm out."""
+    robot = biped()
+    dt, times = 0.005, 0.005 * np.arange(402)
+    qs, cop = np.zeros((len(times), robot.nq)), np.zeros((len(times), 2))
+    for k, t in enumerate(times):
+        roll = -0.06 * (1 - np.cos(np.pi * t))
+        if radius > 0.0:  # contact under the axis of the cylinder, which travels −radius · roll
+            axis = np.array([0.0, -radius * roll, radius])
+            sole = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.zeros(3))
+            sole.translation = axis - sole.rotation @ np.array([0.0, 0.0, radius])
+            cop[k, 1] = -radius * np.sin(roll)
+        else:
+            edge = np.array([0.0, -0.05, 0.0])
+            sole = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.zeros(3))
+            sole.translation = edge - sole.rotation @ edge
+            cop[k, 1] = -0.05
+        q = np.array(robot.half_sitting)
+        q[7 + robot.joint_index("left_ankle_roll")] = 0.05 * np.sin(2 * t)
+        q[7 + robot.joint_index("left_knee")] += 0.05 * np.sin(3 * t)
+        robot.update(q, np.zeros(robot.nv))
+        base = sole * robot.placement("left_sole").inverse() * pin.XYZQUATToSE3(q[:7])
+        q[:7] = pin.SE3ToXYZQUAT(base)
+        qs[k] = q
+    sensors, vs = measurements(robot, qs, dt, {"left": cop, "right": 0 * cop}, np.ones(len(times)))
+    return sensors, qs[1:-1], vs
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radius: float) -> None:
+    sensors, qs, vs = rolling(radius)
+    worst = {}
+    for at_cop in (True, False):
+        observer = Observer(biped(), ObserverSettings(anchor_at_cop=at_cop, cop_time_constant=0.0))
+        observer.reset(qs[0])
+        worst[at_cop] = errors(observer, sensors, qs, vs)[:, [0, 2]].max(axis=0)
+    assert worst[True][0] < 2e-4 and worst[True][1] < 5e-4
+    assert worst[False][0] > 2e-3 and worst[False][1] > 4e-3  # a sole taken for flat
+
+
+def test_loaded_feet_are_drawn_to_the_controllers_soles() -> None:
+    sensors, _, _ = sway(seconds=2.0)
+    robot = biped()
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    shift = pin.SE3(np.eye(3), np.array([0.03, -0.02, 0.01]))
+    targets = [shift * pin.SE3(robot.placement(s.frame)) for s in robot.soles]
+    observer = Observer(robot)
+    for sensor in sensors:
+        estimate = observer.update(sensor, soles=targets)
+    for sole, target in zip(robot.soles, targets, strict=True):
+        np.testing.assert_allclose(estimate.placement(sole.frame).translation, target.translation, atol=1e-3)
+
+
+def test_net_wrench_is_the_weight_and_flight_is_noticed() -> None:
+    sensors, _, _ = sway(seconds=2.0)
+    robot = biped()
+    observer = Observer(robot)
+    estimate = observer.update(sensors[0])
+    np.testing.assert_allclose(observer.net_wrench[2], robot.mass * GRAVITY, rtol=1e-6)
+    assert not observer.in_flight and observer.share.sum() == pytest.approx(1.0)
+    height = estimate.q[2]
+    falling = replace(sensors[0], sole_wrench=np.zeros((2, 6)), specific_force=np.zeros(3))
+    for k in range(1, 41):
+        estimate = observer.update(replace(falling, time=sensors[0].time + 0.005 * k))
+    assert observer.in_flight
+    # The load's low-pass and the velocity's drag cost a little of g t²/2 = 0.196 m.
+    assert 0.10 < height - estimate.q[2] < 0.197
+    observer.update(replace(sensors[0], time=sensors[0].time + 1.0))
+    assert observer.net_wrench[2] > 0.0
+    observer.reset()
+    assert not observer.net_wrench.any()
+
+
+def test_an_estimate_without_dynamics_is_the_same() -> None:
+    sensors, _, _ = sway(seconds=2.0)
+    whole, quick = Observer(biped()), Observer(biped(), dynamics=False)
+    for sensor in sensors:
+        one, other = whole.update(sensor), quick.update(sensor)
+        for what in ("q", "v"):
+            np.testing.assert_array_equal(getattr(one, what), getattr(other, what), err_msg=what)
+        for what in ("com", "com_velocity"):  # summed up in another order
+            np.testing.assert_allclose(
+                getattr(one, what), getattr(other, what), rtol=0.0, atol=1e-14, err_msg=what
+            )
+    fresh = biped()
+    fresh.update(one.q, one.v)
+    np.testing.assert_array_equal(one.bias, fresh.bias)
+    np.testing.assert_array_equal(one.mass_matrix, fresh.mass_matrix)
+    assert np.abs(other.bias - fresh.bias).max() > 1e-3  # left where it was
+
+
+def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
+    robot = biped()
+    observer = Observer(robot)
+    truth = pin.rpy.rpyToMatrix(0.05, -0.08, 0.0)
+    q = np.array(robot.half_sitting)
+    q[3:7] = pin.Quaternion(truth).coeffs()
+    robot.update(q, np.zeros(robot.nv))
+    force = robot.placement("imu").rotation.T @ (GRAVITY * UP)
+    observer.reset(specific_force=force)
+    np.testing.assert_allclose(observer.robot.placement("base").rotation[2], truth[2], atol=1e-6)
+
+
+def test_bad_measurements_are_refused_and_change_nothing() -> None:
+    sensors, _, _ = sway(seconds=2.0)
+    observer = Observer(biped())
+    before = np.array(observer.update(sensors[0]).q)
+    with pytest.raises(MeasurementError, match="joint_position"):
+        observer.update(replace(sensors[1], joint_position=sensors[1].joint_position * np.nan))
+    with pytest.raises(MeasurementError, match="shape"):
+        observer.update(replace(sensors[1], sole_wrench=np.zeros((1, 6))))
+    with pytest.raises(MeasurementError, match="older"):
+        observer.update(replace(sensors[1], time=-1.0))
+    np.testing.assert_array_equal(observer.robot.q, before)
+    with pytest.raises(InputError, match="tilt_time_constant"):
+        ObserverSettings(inertial=replace(ObserverSettings().inertial, tilt_time_constant=-1.0))
+    with pytest.raises(InputError, match="configuration"):
+        observer.reset(np.zeros(3))

@@ -1,0 +1,295 @@
+"""The pattern obeys the pendulum, stays inside its supports, and does not care where the world is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import qpsolvers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from wbc.core.errors import InputError
+from wbc.core.qp.solver import Status, standard_form
+from wbc.walking.pattern.analytic import Pattern, analytic_pattern
+from wbc.walking.pattern.height import HeightProfile
+from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.preview import PreviewController, PreviewSettings
+from wbc.walking.pattern.quintic import Quintic
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.plans import climb_stairs, walk_distance, walk_velocity
+from wbc.walking.planning.schedule import Support, ZmpTarget, remaining, schedule, support_area, zmp_reference
+
+START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
+SIZES = ((0.16, 0.076), (0.16, 0.076))
+HEIGHT = 0.76
+REST = Pendulum.at_rest(np.array([0.0, 0.0, HEIGHT]))
+WALK = schedule(walk_distance(START, 0.6))
+
+
+def support_at(supports: tuple[Support, ...], time: float) -> Support:
+    return remaining(supports, time)[0]
+
+
+def inside(area: tuple[np.ndarray, np.ndarray], point: np.ndarray) -> float:
+    """How far a point lies outside an area, m; negative inside."""
+    return float((area[0] @ point - area[1])[np.abs(area[0]).sum(axis=1) > 0].max())
+
+
+def pushed(state: Pendulum, shift: np.ndarray) -> Pendulum:
+    com = state.com.copy()
+    com[:2] += shift
+    return state._replace(com=com)
+
+
+def moved(state: Pendulum, world: pin.SE3) -> Pendulum:
+    R = world.rotation
+    return Pendulum(
+        world.act(state.com),
+        R @ state.com_velocity,
+        R @ state.com_acceleration,
+        world.act(state.zmp),
+        R @ state.zmp_velocity,
+        state.omega,
+    )
+
+
+# Schedule and areas
+
+
+def test_the_schedule_covers_the_plan() -> None:
+    gait = START.gait
+    assert sum(s.duration for s in WALK) == pytest.approx(
+        gait.initial_double_support + gait.final_double_support + 6 * 0.8 + 5 * 0.3
+    )
+    assert [s.single for s in WALK] == [False, True] * 6 + [False]
+    assert WALK[1].feet[0].side == "right" and WALK[-1].step == 6
+    assert [s.feet[-1] for s in WALK[:-1:2]] == [s.feet[0] for s in WALK[1::2]]
+    assert schedule(START)[0].feet == (START.left, START.right)
+
+
+@given(st.floats(0.0, 12.0))
+def test_remaining_leaves_the_rest(elapsed: float) -> None:
+    total = sum(s.duration for s in WALK)
+    rest = remaining(WALK, elapsed)
+    assert sum(s.duration for s in rest) == pytest.approx(max(0.0, total - elapsed), abs=1e-6)
+    assert rest[0].total == WALK[len(WALK) - len(rest)].total
+
+
+def test_support_areas_are_convex_hulls_with_a_margin() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        feet = tuple(
+            Footstep(side, *rng.uniform(-0.2, 0.2, 2), 0.0, rng.uniform(-0.5, 0.5))
+            for side in ("left", "right")
+        )
+        margin = rng.uniform(0.0, 0.02)
+        corners = np.array([
+            f.placement.act(np.array([a * (0.08 - margin), b * (0.038 - margin), 0.0]))[:2]
+            for f in feet for a in (1, -1) for b in (1, -1)
+        ])  # fmt: skip
+        area = support_area(feet, SIZES, margin)
+        hull = ConvexHull(corners)
+        for point in rng.uniform(-0.4, 0.4, (50, 2)):
+            outside = (hull.equations[:, :2] @ point + hull.equations[:, 2]).max()
+            assert inside(area, point) == pytest.approx(outside, abs=1e-9)
+    side_by_side = support_area((START.left, START.right), SIZES)
+    assert (np.abs(side_by_side[0]).sum(axis=1) > 0).sum() == 4
+    with pytest.raises(InputError, match="nothing"):
+        support_area((START.left,), SIZES, 0.05)
+
+
+def test_the_zmp_target_is_inward_on_both_feet() -> None:
+    target = ZmpTarget(forward=0.01, inward=0.02)
+    np.testing.assert_allclose(target.under(START.left), [0.01, 0.0675])
+    np.testing.assert_allclose(target.under(START.right), [0.01, -0.0675])
+    times, points = zmp_reference(WALK, target, np.zeros(2))
+    assert times[-1] == pytest.approx(sum(s.duration for s in WALK))
+    np.testing.assert_allclose(points[-1], [0.61, 0.0], atol=1e-9)
+
+
+# Heights
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.tuples(*[st.floats(-1, 1)] * 6), st.floats(0.1, 2.0))
+def test_quintics_hit_both_ends(v: tuple[float, ...], duration: float) -> None:
+    q = Quintic(v[:3], v[3:], duration)
+    np.testing.assert_allclose(q.at(0.0), v[:3], atol=1e-12)
+    np.testing.assert_allclose(q.at(duration), v[3:], atol=1e-6 / duration**2)
+    h, t = 1e-5, 0.4 * duration
+    for i in (0, 1):
+        slope = (q.at(t + h)[i] - q.at(t - h)[i]) / (2 * h)
+        assert slope == pytest.approx(q.at(t)[i + 1], rel=1e-4, abs=1e-4 / duration**2)
+
+
+@pytest.mark.parametrize("rise", [0.1, -0.1])
+def test_the_height_follows_stairs_smoothly(rise: float) -> None:
+    supports = schedule(climb_stairs(START, rise=rise, tread=0.3, count=3, first_edge=0.4))
+    profile = HeightProfile(supports)
+    total = sum(s.duration for s in supports)
+    times = np.arange(0.0, total, 0.002)
+    values = np.array([profile.at(t) for t in times])
+    assert np.abs(np.gradient(values[:, 0], times) - values[:, 1])[1:-1].max() < 1e-3
+    assert np.abs(np.diff(values[:, 2])).max() < 0.1  # no jump of the acceleration
+    assert np.abs(values[:, 2]).max() < 2.5  # a quarter of gravity
+    assert values[0, 0] == 0.0 and profile.at(total)[0] == pytest.approx(3 * rise)
+    assert (np.sign(rise) * np.diff(values[:, 0]) > -1e-9).all()
+    # Going up nothing happens before the foot has landed; going down all is done when it carries.
+    time = 0.0
+    for support, following in zip(supports, supports[1:], strict=False):
+        level = support.feet[0].z
+        if support.single and rise > 0 and following.feet[-1].z > level:
+            assert profile.at(time + support.duration)[0] == pytest.approx(level, abs=1e-9)
+        if not support.single and rise < 0 and following.single:
+            assert profile.at(time + support.duration)[0] == pytest.approx(following.feet[0].z, abs=1e-9)
+        time += support.duration
+
+
+def test_heights_continue_from_the_present_motion() -> None:
+    profile = HeightProfile(WALK, (0.05, -0.02, 0.1))
+    np.testing.assert_allclose(profile.at(0.0), (0.05, -0.02, 0.1), atol=1e-12)
+    np.testing.assert_allclose(profile.at(3.0), (0.0, 0.0, 0.0), atol=1e-12)
+
+
+# Pattern
+
+
+def check_pendulum(pattern: Pattern, until: float) -> None:
+    """Derivatives, dynamics and the DCM of a pattern."""
+    h = 1e-4
+    for t in np.linspace(0.013, until, 60):
+        a, b, c = pattern.at(t - h), pattern.at(t), pattern.at(t + h)
+        np.testing.assert_allclose((c.com - a.com) / (2 * h), b.com_velocity, atol=1e-6)
+        np.testing.assert_allclose((c.com_velocity - a.com_velocity) / (2 * h), b.com_acceleration, atol=2e-3)
+        np.testing.assert_allclose(b.com_acceleration[:2], b.omega**2 * (b.com - b.zmp)[:2], atol=1e-9)
+    for i, t in enumerate(pattern.times):
+        np.testing.assert_allclose(pattern.at(t).dcm[:2], pattern.dcm[i], atol=1e-7)
+
+
+def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
+    pattern = analytic_pattern(WALK, HEIGHT, REST)
+    check_pendulum(pattern, pattern.duration + 0.5)
+    np.testing.assert_allclose(pattern.at(0.0).com, REST.com, atol=1e-12)
+    np.testing.assert_allclose(pattern.at(0.0).com_velocity, 0.0, atol=1e-9)
+    end = pattern.at(pattern.duration + 4.0)
+    np.testing.assert_allclose(end.com, [0.6, 0.0, HEIGHT], atol=1e-6)
+    np.testing.assert_allclose(end.com_velocity, 0.0, atol=1e-6)
+    time = 0.0
+    for support in WALK:
+        if support.single:
+            middle = pattern.at(time + 0.5 * support.duration)
+            np.testing.assert_allclose(middle.zmp, support.feet[0].position, atol=1e-9)
+        time += support.duration
+
+
+def test_the_dcm_alone_is_that_of_the_pendulum() -> None:
+    pattern = analytic_pattern(WALK, HEIGHT, REST)
+    for time in np.linspace(0.0, pattern.duration + 0.5, 97):
+        np.testing.assert_array_equal(pattern.dcm_at(time), pattern.at(time).dcm[:2])
+
+
+def test_plans_move_and_mirror_with_the_world() -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.0), np.array([100.0, -40.0, 1.5]))
+    plan = walk_velocity(START, (0.1, 0.02, 0.1), 4)
+    flipped = walk_velocity(START, (0.1, -0.02, -0.1), 4)
+    preview = PreviewController(SIZES, HEIGHT)
+    mirror = np.array([1.0, -1.0, 1.0])
+    for make in (lambda s, p: analytic_pattern(s, HEIGHT, p), preview.plan):
+        here = make(schedule(plan), pushed(REST, np.array([0.004, 0.01])))
+        there = make(schedule(plan.moved(world)), moved(pushed(REST, np.array([0.004, 0.01])), world))
+        mirrored = make(schedule(flipped), pushed(REST, np.array([0.004, -0.01])))
+        for t in np.linspace(0.0, 5.0, 23):
+            a, b, c = moved(here.at(t), world), there.at(t), mirrored.at(t)
+            np.testing.assert_allclose(a.com, b.com, atol=1e-6)
+            np.testing.assert_allclose(a.com_acceleration, b.com_acceleration, atol=1e-5)
+            np.testing.assert_allclose(here.at(t).zmp * mirror, c.zmp, atol=1e-6)
+
+
+def test_bad_patterns_are_refused() -> None:
+    profile = HeightProfile(WALK)
+    with pytest.raises(InputError, match="increase"):
+        Pattern(np.array([0.0, 0.1, 0.1]), np.zeros((3, 2)), np.zeros(2), np.zeros(2), HEIGHT, profile)
+    with pytest.raises(InputError, match="height"):
+        analytic_pattern(WALK, -1.0, REST)
+
+
+# Preview
+
+
+def test_replanning_on_the_plan_gives_the_plan_back() -> None:
+    plan = analytic_pattern(WALK, HEIGHT, REST)
+    preview = PreviewController(SIZES, HEIGHT)
+    for t in np.arange(0.9, 8.0, 0.37):
+        again = preview.plan(remaining(WALK, t), plan.at(t))
+        assert preview.status is Status.SOLVED and np.abs(preview.slack).max() < 1e-9
+        for dt in (0.01, 0.2, 0.8, 2.5):
+            np.testing.assert_allclose(again.at(dt).com, plan.at(t + dt).com, atol=1e-9)
+            np.testing.assert_allclose(again.at(dt).zmp, plan.at(t + dt).zmp, atol=1e-9)
+
+
+def test_the_zmp_stays_inside_and_the_dcm_is_taken_over() -> None:
+    rng = np.random.default_rng(2)
+    plan = analytic_pattern(WALK, HEIGHT, REST)
+    margin = 0.008
+    preview = PreviewController(SIZES, HEIGHT, PreviewSettings(margin=margin))
+    reached = 0
+    for t in np.arange(1.0, 8.0, 0.23):
+        start = pushed(plan.at(t), rng.uniform(-0.015, 0.015, 2))
+        pattern = preview.plan(remaining(WALK, t), start)
+        assert preview.status.ok
+        check = pattern.at(0.0)
+        np.testing.assert_allclose(check.dcm[:2] - start.dcm[:2], -preview.slack, atol=1e-5)
+        np.testing.assert_allclose(check.zmp[:2], start.zmp[:2], atol=1e-9)
+        reached += np.abs(preview.slack).max() < 1e-4
+        for dt in np.arange(0.02, 2.4, 0.02):
+            support = support_at(WALK, t + dt)
+            if dt < preview.settings.interval:
+                continue  # the ZMP starts where it was, and may have been near the edge
+            assert inside(support_area(support.feet, SIZES, margin), pattern.at(dt).zmp[:2]) < 1e-5
+        end = pattern.duration
+        np.testing.assert_allclose(pattern.at(end + 3.0).com, plan.at(t + end + 3.0).com, atol=1e-3)
+    assert reached > 20
+
+
+def test_a_dcm_out_of_reach_shows_as_slack() -> None:
+    plan = analytic_pattern(WALK, HEIGHT, REST)
+    preview = PreviewController(SIZES, HEIGHT)
+    pattern = preview.plan(remaining(WALK, 1.0), pushed(plan.at(1.0), np.array([0.0, -0.15])))
+    assert preview.status.ok and preview.slack[1] < -0.02
+    assert np.isfinite(pattern.at(1.0).com).all()
+
+
+def test_the_program_is_solved_as_another_solver_solves_it() -> None:
+    plan = analytic_pattern(WALK, HEIGHT, REST)
+    preview = PreviewController(SIZES, HEIGHT)
+    rng = np.random.default_rng(4)
+    for t in (0.0, 1.3, 2.05, 3.0):
+        preview.plan(remaining(WALK, t), pushed(plan.at(t), rng.uniform(-0.03, 0.03, 2)))
+        solution = qpsolvers.solve_problem(standard_form(preview._problem), solver="daqp")
+        np.testing.assert_allclose(preview._solver.x, solution.x, atol=1e-6)
+
+
+def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:
+    preview = PreviewController(SIZES, HEIGHT)
+    pattern = preview.plan(WALK, REST)
+    area = support_area((START.left, START.right), SIZES, preview.settings.margin)
+    zmp = np.array([pattern.at(t).zmp[:2] for t in np.arange(0.0, 0.8, 0.02)])
+    assert max(inside(area, z) for z in zmp) < 1e-6
+    assert zmp[:, 1].max() > 0.01 and zmp[-1, 1] < -0.04  # first away from the stance foot, then to it
+
+
+def test_standing_plans_keep_standing_and_bad_settings_are_refused() -> None:
+    preview = PreviewController(SIZES, HEIGHT)
+    pattern = preview.plan(schedule(START), pushed(REST, np.array([0.02, 0.01])))
+    np.testing.assert_allclose(pattern.at(6.0).com, REST.com, atol=1e-4)
+    with pytest.raises(InputError, match="margin"):
+        PreviewController(SIZES, HEIGHT, PreviewSettings(margin=0.04))
+    with pytest.raises(InputError, match="height"):
+        PreviewController(SIZES, 0.0)
+    with pytest.raises(InputError, match="knots"):
+        PreviewSettings(knots=1)
+    with pytest.raises(InputError, match="at least one support"):
+        preview.plan((), REST)

@@ -1,0 +1,243 @@
+"""The walking state machine on scripted foot loads, and the reasons of falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.walking.falls import FallDetector, FallReason, FallSettings
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
+from wbc.walking.planning.plans import walk_distance
+
+START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
+WEIGHT = 382.0
+DT = 0.005
+Loads = Callable[[WalkPhases], tuple[float, float]]
+
+
+def ideal(w: WalkPhases) -> tuple[float, float]:
+    """A robot that is where the plan says: the weight moves over linearly, and the ground is where it should be."""
+    if w.phase is Phase.SINGLE:
+        landed = 0.1 if w.elapsed >= w.duration - DT else 0.0
+        return (landed, 1 - landed) if w.swing == "left" else (1 - landed, landed)
+    if w.phase is Phase.STANDING or w.step >= len(w.plan):
+        return 0.5, 0.5
+    staying = 0.5 + 0.5 * min(1.0, w.elapsed / w.duration)
+    return (1 - staying, staying) if w.plan.steps[w.step].side == "left" else (staying, 1 - staying)
+
+
+def run(w: WalkPhases, loads: Loads, seconds: float, dt: float = DT) -> list[tuple[float, Event]]:
+    happened = []
+    for k in range(round(seconds / dt)):
+        share = loads(w)
+        happened += [(k * dt, e) for e in w.update([WEIGHT * s for s in share], dt)]
+    return happened
+
+
+def walking(distance: float = 0.3, settings: PhaseSettings | None = None) -> WalkPhases:
+    w = WalkPhases(walk_distance(START, distance), WEIGHT, settings)
+    assert w.start() is Event.STARTED
+    return w
+
+
+def until(w: WalkPhases, loads: Loads, event: Event, limit: float = 10.0) -> float:
+    for k in range(round(limit / DT)):
+        if event in w.update([WEIGHT * s for s in loads(w)], DT):
+            return k * DT
+    raise AssertionError(f"{event} did not happen")
+
+
+@pytest.mark.parametrize("dt", [0.005, 0.002])
+def test_an_ideal_walk_keeps_the_plans_time(dt: float) -> None:
+    w = walking()
+    gait, n = w.plan.gait, len(w.plan)
+    assert n == 4
+    total = gait.initial_double_support + gait.final_double_support + n * 0.8 + (n - 1) * 0.3
+    events = run(w, ideal, total + 0.5, dt)
+    kinds = [e for _, e in events]
+    assert kinds == [Event.LIFT_OFF, Event.TOUCH_DOWN] * n + [Event.STOPPED]
+    assert events[-1][0] == pytest.approx(total, abs=0.05 * n)
+    assert w.finished and w.completed == n and w.contact == (True, True)
+
+
+def test_contacts_and_schedule_follow_the_phase() -> None:
+    w = walking()
+    assert w.contact == (True, True) and w.swing is None
+    total = sum(s.duration for s in w.supports())
+    until(w, ideal, Event.LIFT_OFF)
+    assert w.swing == "left" and w.contact == (False, True)
+    now = w.supports()
+    assert now[0].single and now[0].feet == (START.right,) and now[0].duration == pytest.approx(0.8)
+    run(w, ideal, 0.3)
+    assert w.supports()[0].duration == pytest.approx(0.5)
+    assert sum(s.duration for s in w.supports()) == pytest.approx(total - 0.8 - 0.3, abs=0.02)
+    until(w, ideal, Event.TOUCH_DOWN)
+    now = w.supports()
+    assert not now[0].single and now[0].feet == (START.right, w.plan.steps[0])
+
+
+def test_lift_off_waits_for_the_load_and_is_forced_in_the_end() -> None:
+    w = walking()
+
+    def slow(w: WalkPhases) -> tuple[float, float]:
+        return (0.4, 0.6) if w.phase is Phase.DOUBLE and w.elapsed < 0.9 else ideal(w)
+
+    assert until(w, slow, Event.LIFT_OFF) == pytest.approx(0.9, abs=0.02)
+    w = walking()
+    assert until(w, lambda w: (0.4, 0.6), Event.FORCED_LIFT_OFF) == pytest.approx(0.8 + 0.3, abs=0.01)
+    w = walking()
+    run(w, lambda w: (0.4, 0.6), 1.0)
+    assert w.phase is Phase.DOUBLE and w.overdue and w.remaining == pytest.approx(0.05)
+    assert w.supports()[0].duration == pytest.approx(0.05)
+
+
+def test_lift_off_needs_the_other_foot_to_carry() -> None:
+    w = walking()
+    run(w, lambda w: (0.1, 0.3), 1.0)  # light on both feet: half in the air
+    assert w.phase is Phase.DOUBLE
+
+
+def test_early_ground_ends_the_swing_but_a_stumble_does_not() -> None:
+    w = walking()
+    until(w, ideal, Event.LIFT_OFF)
+    run(w, lambda w: (0.3, 0.7), 0.45)
+    assert w.phase is Phase.SINGLE  # 56 % of the swing
+    assert until(w, lambda w: (0.3, 0.7), Event.EARLY_TOUCH_DOWN) == pytest.approx(0.03, abs=0.011)
+    assert w.phase is Phase.DOUBLE and w.contact == (True, True) and w.step == 1
+    assert w.duration == pytest.approx(0.3 + 0.32, abs=0.011)  # the rhythm is kept
+    w = walking(settings=PhaseSettings(early_credit=0.0))
+    until(w, ideal, Event.LIFT_OFF)
+    until(w, lambda w: (0.3, 0.7) if w.elapsed > 0.6 else (0.0, 1.0), Event.EARLY_TOUCH_DOWN)
+    assert w.duration == pytest.approx(0.3)
+
+
+def test_a_spike_is_no_touch_down() -> None:
+    w = walking()
+    until(w, ideal, Event.LIFT_OFF)
+    spikes = iter([(0.0, 1.0), (0.3, 0.7)] * 70)
+    run(w, lambda w: next(spikes), 0.7)
+    assert w.phase is Phase.SINGLE
+
+
+def test_late_ground_is_waited_for() -> None:
+    w = walking()
+    until(w, ideal, Event.LIFT_OFF)
+    late = until(w, lambda w: (0.1, 0.9) if w.elapsed > 1.0 else (0.0, 1.0), Event.LATE_TOUCH_DOWN)
+    assert late == pytest.approx(1.0, abs=0.02) and w.phase is Phase.DOUBLE and w.completed == 1
+    w = walking()
+    until(w, ideal, Event.LIFT_OFF)
+    run(w, lambda w: (0.0, 1.0), 1.0)
+    assert w.phase is Phase.SINGLE and w.overdue and w.remaining == pytest.approx(0.05)
+    assert until(w, lambda w: (0.0, 1.0), Event.NO_TOUCH_DOWN) == pytest.approx(0.3, abs=0.01)
+
+
+def test_by_time_alone() -> None:
+    w = walking(settings=PhaseSettings.by_time())
+    kinds = [e for _, e in run(w, lambda w: (0.5, 0.5), 6.0)]
+    assert kinds == [Event.LIFT_OFF, Event.TOUCH_DOWN] * 4 + [Event.STOPPED]
+
+
+def test_stopping_in_a_swing_puts_it_down_and_closes_up() -> None:
+    w = walking(3.0)
+    until(w, ideal, Event.TOUCH_DOWN)
+    until(w, ideal, Event.LIFT_OFF)
+    landing = w.plan.steps[1]
+    w.stop()
+    w.stop()
+    assert len(w.plan) == 3 and w.plan.steps[1] == landing
+    kinds = [e for _, e in run(w, ideal, 5.0)]
+    assert kinds[-1] is Event.STOPPED and w.finished and w.completed == 3
+    left, right = w.plan.final
+    assert left.x == pytest.approx(right.x) and left.y - right.y == pytest.approx(0.175)
+
+
+def test_stopping_on_both_feet() -> None:
+    w = walking(3.0)
+    run(w, ideal, 0.3)
+    w.stop()
+    assert len(w.plan) == 0
+    assert Event.STOPPED in [e for _, e in run(w, ideal, 1.5)] and w.completed == 0
+    w = walking(3.0)
+    until(w, ideal, Event.TOUCH_DOWN)
+    w.stop()
+    assert len(w.plan) == 2 and w.plan.final[0].x == pytest.approx(w.plan.final[1].x)
+    assert [e for _, e in run(w, ideal, 5.0)][-1] is Event.STOPPED
+    w.stop()
+    assert w.finished
+
+
+def test_landings_and_times_can_change_on_the_way() -> None:
+    w = walking(1.0)
+    before = w.plan
+    until(w, ideal, Event.LIFT_OFF)
+    landing = before.steps[0]
+    w.land(Footstep(landing.side, landing.x + 0.03, landing.y + 0.02, 0.01))
+    for a, b in zip(before.steps, w.plan.steps, strict=True):
+        np.testing.assert_allclose(b.position - a.position, [0.03, 0.02, 0.01])
+    w.retime(0.4)
+    assert w.remaining == pytest.approx(0.4)
+    until(w, ideal, Event.TOUCH_DOWN)
+    w.land(landing, carry=False)  # where it has really landed
+    assert w.plan.steps[0] == landing and w.plan.steps[1].x == pytest.approx(before.steps[1].x + 0.03)
+    with pytest.raises(InputError, match="left foot"):
+        w.land(Footstep("right", 0.0, 0.0))
+
+
+def test_bad_use_is_refused() -> None:
+    w = walking()
+    with pytest.raises(InputError, match="only start from standing"):
+        w.start()
+    with pytest.raises(InputError, match="steps left"):
+        WalkPhases(START, WEIGHT).start()
+    with pytest.raises(InputError, match="no step -1"):
+        WalkPhases(walk_distance(START, 1.0), WEIGHT).land(START.left)
+    with pytest.raises(InputError, match="weight"):
+        WalkPhases(START, 0.0)
+    with pytest.raises(InputError, match="touch_down"):
+        PhaseSettings(touch_down=2.0)
+    with pytest.raises(InputError, match="control period"):
+        w.update([100.0, 100.0], 0.0)
+
+
+# Falls
+
+
+def look(detector: FallDetector, **changes) -> FallReason | None:
+    values = {"q": np.zeros(10), "v": np.zeros(9), "drop": 0.0, "torso_up": np.array([0.0, 0.0, 1.0])}
+    return detector.update(changes.pop("time", 1.0), DT, **(values | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"drop": 0.19}, FallReason.HEIGHT),
+        ({"torso_up": np.array([0.61, 0.0, 0.79])}, FallReason.TILT),
+        ({"v": np.full(9, 1e4)}, FallReason.DIVERGED),
+        ({"q": np.full(10, np.nan)}, FallReason.DIVERGED),
+    ],
+)
+def test_falls_have_reasons(changes: dict, reason: FallReason) -> None:
+    detector = FallDetector()
+    assert look(detector) is None
+    assert look(detector, time=2.5, **changes) is reason
+    assert look(detector, time=3.0) is reason and detector.time == 2.5  # a fall stays a fall
+
+
+def test_a_dcm_must_stay_away_and_programs_fail_in_a_row() -> None:
+    detector = FallDetector()
+    for _ in range(15):
+        assert look(detector, dcm_distance=0.5) is None
+    assert look(detector, dcm_distance=0.1) is None
+    reasons = [look(detector, dcm_distance=0.5) for _ in range(25)]
+    assert reasons[19] is None and reasons[-1] is FallReason.DCM
+    detector = FallDetector(FallSettings(failures=5))
+    for solved in (False, False, True, False, False, False, False):
+        assert look(detector, solved=solved) is None
+    assert look(detector, solved=False) is FallReason.SOLVER
+    with pytest.raises(InputError, match="tilt"):
+        FallSettings(tilt=0.0)

@@ -1,0 +1,542 @@
+"""The stabilizer's law: the oracle list of the original stabilizer, its algebra, its symmetries, bad input."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.robot import GRAVITY
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.pattern.zmp import cop, zmp
+from wbc.walking.stabilizer.admittance import (
+    ComAdmittance,
+    FootAdmittance,
+    FootCorrection,
+    cop_rates,
+    height_rates,
+)
+from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
+from wbc.walking.stabilizer.feedback import (
+    DcmFeedback,
+    PendulumErrors,
+    desired_acceleration,
+    wrench_through,
+    zmp_of_force,
+)
+from wbc.walking.stabilizer.filters import Average, Derivator, LeakyIntegral, LowPass
+from wbc.walking.stabilizer.gains import StabilizerGains, admittance, dcm_gain, series
+from wbc.walking.stabilizer.stabilizer import Stabilizer
+
+MASS = 62.4  # JVRC-1
+HEIGHT = 0.85
+SIZES = ((0.22, 0.10), (0.22, 0.10))
+SOLES = [pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.105, -0.105)]
+REST = Pendulum.at_rest(np.array([0.0, 0.0, HEIGHT]))
+DT = 0.005
+LEGACY = StabilizerGains.legacy()
+
+
+def stabilizer(gains: StabilizerGains = LEGACY) -> Stabilizer:
+    return Stabilizer(MASS, WrenchDistribution(SIZES, DistributionSettings.legacy()), gains)
+
+
+def feet(left: float, right: float) -> np.ndarray:
+    """Wrenches of pure normal forces."""
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = left, right
+    return wrenches
+
+
+STANDING = feet(MASS * GRAVITY / 2, MASS * GRAVITY / 2)
+
+
+def tick(s: Stabilizer, target: Pendulum = REST, com=None, velocity=None, wrenches=STANDING, **options):
+    com = target.com if com is None else np.asarray(com, dtype=float)
+    velocity = target.com_velocity if velocity is None else np.asarray(velocity, dtype=float)
+    arguments = {"soles": SOLES, "contact": (True, True), "yaw": 0.0, "dt": DT} | options
+    return s.update(target, com, velocity, wrenches, **arguments)
+
+
+def moving(rng: np.random.Generator) -> Pendulum:
+    """A random instant of a pattern."""
+    omega = natural_frequency(HEIGHT)
+    point, offset = np.array([*rng.uniform(-0.05, 0.05, 2), 0.0]), rng.uniform(-0.05, 0.05, 2)
+    com = np.array([*(point[:2] + offset), HEIGHT])
+    velocity = np.array([*rng.uniform(-0.3, 0.3, 2), 0.0])
+    rate = np.array([*rng.uniform(-0.3, 0.3, 2), 0.0])
+    return Pendulum(com, velocity, np.array([*(omega**2 * offset), 0.0]), point, rate, omega)
+
+
+# The oracle list, in its order
+
+
+def test_oracle_1_omega() -> None:
+    assert natural_frequency(0.85) == pytest.approx(3.397, abs=5e-4)
+
+
+def test_oracle_2_no_error_asks_for_the_pattern_itself() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        target = moving(rng)
+        wrench = wrench_through(target.com, target.com_acceleration, MASS)
+        plane = pin.SE3(np.eye(3), target.zmp)
+        np.testing.assert_allclose(zmp(wrench, plane), target.zmp, atol=1e-9)
+        result = tick(stabilizer(LEGACY.changed(dcm_p=5.0, dcm_i=10.0)), target)
+        np.testing.assert_allclose(result.com_acceleration, target.com_acceleration, atol=1e-12)
+        np.testing.assert_allclose(result.net_wrench, wrench, atol=1e-9)
+        np.testing.assert_allclose(result.net_wrench[:3], MASS * (target.com_acceleration + [0, 0, GRAVITY]))
+        np.testing.assert_allclose(result.zmp, target.zmp, atol=1e-9)
+
+
+def test_oracle_3_a_com_error_of_10_mm_shifts_the_zmp_by_24_7_mm() -> None:
+    result = tick(stabilizer(LEGACY.changed(dcm_p=5.0)), com=[-0.01, 0.0, HEIGHT])
+    np.testing.assert_allclose(result.errors.dcm, [0.01, 0.0])
+    np.testing.assert_allclose(
+        result.zmp[:2], [-0.0247, 0.0], atol=5e-5
+    )  # under and beyond the displaced CoM
+    np.testing.assert_allclose(zmp(result.net_wrench, pin.SE3.Identity()), result.zmp, atol=1e-9)
+
+
+def test_oracle_4_shares_of_the_feet() -> None:
+    middle = tick(stabilizer())
+    np.testing.assert_allclose(middle.feet.wrenches[:, 2], MASS * GRAVITY / 2, rtol=1e-3)
+    assert max(np.abs(cop(w)).max() for w in middle.feet.wrenches) < 1e-3
+    left = tick(stabilizer(), Pendulum.at_rest(np.array([0.0, 0.105, HEIGHT])))
+    np.testing.assert_allclose(left.feet.wrenches[:, 2], [597.0, 15.0], atol=0.5)
+
+
+def random_run(world: pin.SE3, mirror: bool = False, dt: float = DT) -> list:
+    """A stabilizer with everything on, over random but smooth errors, in a world moved or mirrored."""
+    gains = StabilizerGains(
+        dcm_p=(4.0, 5.0), dcm_i=(3.0, 2.0), dcm_d=(0.5, 0.3), zmp_d=0.02, com_admittance=(0.5, 0.3)
+    )
+    s = Stabilizer(MASS, WrenchDistribution(SIZES), gains)
+    flip = np.diag([1.0, -1.0, 1.0]) if mirror else np.eye(3)
+    yaw = np.arctan2(world.rotation[1, 0], world.rotation[0, 0])
+    out = []
+    for k in range(round(1.0 / dt)):
+        t = (k + 1) * dt
+        y = 0.08 * np.sin(3 * t)
+        com = np.array([0.01 * np.sin(5 * t), y, HEIGHT])
+        omega = natural_frequency(HEIGHT)
+        velocity = np.array([0.05 * np.cos(5 * t), 0.24 * np.cos(3 * t), 0.0])
+        acceleration = np.array([-0.25 * np.sin(5 * t), -0.72 * np.sin(3 * t), 0.0])
+        point = com - acceleration / omega**2 - [0, 0, HEIGHT]
+        error = np.array([0.01 * np.cos(4 * t), 0.008 * np.sin(7 * t), 0.0])
+        wrenches = np.array([
+            [5 * np.sin(t), 10 * np.cos(t), 300 + 200 * np.sin(3 * t), 8 * np.sin(9 * t), 5 * np.cos(8 * t), 1.0],
+            [-5 * np.sin(t), 8 * np.cos(2 * t), 300 - 200 * np.sin(3 * t), 4 * np.cos(9 * t), 6 * np.sin(8 * t), -1.0],
+        ])  # fmt: skip
+        soles = list(SOLES)
+        contact = (True, True) if t < 0.7 else (True, False)
+
+        def place(x: np.ndarray) -> np.ndarray:
+            return world.act(flip @ x)
+
+        def turn(x: np.ndarray) -> np.ndarray:
+            return world.rotation @ (flip @ x)
+
+        if mirror:
+            wrenches = wrenches[::-1] * [1, -1, 1, -1, 1, -1]
+            soles = [pin.SE3(X.rotation, flip @ X.translation) for X in SOLES[::-1]]
+            contact = contact[::-1]
+        target = Pendulum(
+            place(com),
+            turn(velocity),
+            turn(acceleration),
+            place(point),
+            turn(np.array([0.1, 0.2, 0.0])),
+            omega,
+        )
+        result = s.update(
+            target, place(com - error), turn(velocity + 3 * error), wrenches,
+            [world * X for X in soles], contact, float(yaw), dt, bias=turn(np.array([0.002, 0.001, 0.0]))[:2],
+        )  # fmt: skip
+        out.append(result)
+    return out
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.2])
+def test_oracle_5_100_m_away_and_turned_it_is_the_same(yaw: float) -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([100.0, -100.0, 2.0]))
+    for a, b in zip(random_run(pin.SE3.Identity()), random_run(world), strict=True):
+        np.testing.assert_allclose(a.feet.wrenches, b.feet.wrenches, atol=0.02)
+        np.testing.assert_allclose(world.rotation @ a.com_acceleration, b.com_acceleration, atol=1e-9)
+        np.testing.assert_allclose(world.rotation[:2, :2] @ a.com_offset, b.com_offset, atol=1e-6)
+        for p, q in zip(a.corrections, b.corrections, strict=True):
+            np.testing.assert_allclose([p.roll, p.pitch, p.height], [q.roll, q.pitch, q.height], atol=1e-6)
+
+
+def test_oracle_6_an_over_pressed_foot_moves_up() -> None:
+    rates = height_rates(LEGACY.changed(force_difference=1e-4), (350.0, 250.0), (300.0, 300.0), (0.0, 0.0))
+    np.testing.assert_allclose(rates, (0.005, -0.005), atol=1e-12)
+
+
+def test_oracle_7_a_cop_error_turns_the_ankle() -> None:
+    gains = LEGACY.changed(cop_admittance=0.01)
+    target, felt = feet(300.0, 0.0)[0], feet(300.0, 0.0)[0]
+    felt[4] = -0.02 * 300.0  # CoP 2 cm ahead of where it should be
+    roll, pitch = cop_rates(gains, felt, target)
+    assert roll == 0.0 and pitch == pytest.approx(-0.06)  # toes up, away from the ground
+    felt[4], felt[3] = 0.0, 0.02 * 300.0
+    assert cop_rates(gains, felt, target) == (pytest.approx(0.06), 0.0)
+    felt[3] = 100.0
+    assert cop_rates(gains, felt, target)[0] == pytest.approx(0.3)
+
+
+def test_oracle_8_the_air_disables_and_landing_starts_afresh() -> None:
+    s = stabilizer(LEGACY.changed(dcm_i=10.0, dcm_d=0.5))
+    away = [0.01, 0.02, HEIGHT]
+    for _ in range(200):
+        before = tick(s, com=away, wrenches=STANDING + 1.0)
+    assert not before.in_air and np.abs(before.errors.average).max() > 1e-4
+    before = tick(s, com=away)
+    for _ in range(20):
+        flying = tick(s, com=away, wrenches=feet(14.0, 14.9))
+    assert flying.in_air and s.in_air
+    np.testing.assert_allclose(flying.com_acceleration, 0.0)
+    np.testing.assert_array_equal(flying.errors.rate, 0.0)
+    for still, last in zip(flying.corrections, before.corrections, strict=True):
+        assert last.roll and last.pitch and last.height
+        assert (still.roll, still.pitch, still.height) == (last.roll, last.pitch, last.height)
+        assert still.roll_rate == still.pitch_rate == still.height_rate == 0.0
+    landed = tick(s, com=away, wrenches=feet(200.0, 5.0))
+    assert not landed.in_air
+    share = 1 - np.exp(-DT / s.gains.integrator_time)
+    np.testing.assert_allclose(landed.errors.average, share * landed.errors.dcm, rtol=1e-9)
+    np.testing.assert_allclose(landed.errors.rate, 0.0, atol=1e-12)
+    s.enabled = False
+    np.testing.assert_allclose(tick(s, com=away).com_acceleration, 0.0)
+    s.enabled = True
+    assert np.abs(tick(s, com=away).com_acceleration).max() > 0.01
+
+
+def test_oracle_9_the_com_admittance_leaks_away_in_10_s() -> None:
+    c = ComAdmittance(LEGACY.changed(com_admittance=0.5))
+    for _ in range(200):
+        c.update(np.array([-0.05, 0.02]), 0.0, DT)
+    start = c.offset.copy()
+    assert start[0] > 0.01
+    for _ in range(round(10.0 / DT)):
+        c.update(None, 0.0, DT)
+    np.testing.assert_allclose(c.offset, start * np.exp(-1.0), rtol=1e-9)
+    for _ in range(2000):
+        c.update(np.array([-1.0, 1.0]), 0.0, DT)
+    np.testing.assert_allclose(np.abs(c.offset), 0.05)
+
+
+def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> None:
+    c = ComAdmittance(LEGACY.changed(com_admittance=0.5))
+    for k in range(400):
+        before = c.offset.copy()
+        c.update(np.array([-0.2, 0.01 * np.sin(0.1 * k)]), 0.0, DT)
+        np.testing.assert_allclose(c.velocity, (c.offset - before) / DT, atol=1e-15)
+    assert c.offset[0] == LEGACY.max_com_offset
+    assert c.velocity[0] == c.acceleration[0] == 0.0
+    assert c.velocity[1] != 0.0
+
+
+# (The tenth, the bias estimator, is in test_walking_bias.py.)
+
+
+# Algebra
+
+
+errors_of = st.floats(-0.03, 0.03)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    errors_of, errors_of, errors_of, st.floats(0, 8), st.floats(0, 20), st.floats(0, 2), st.integers(0, 100)
+)
+def test_with_unit_com_gain_it_is_pure_dcm_feedback_on_the_zmp(
+    e_com: float, e_velocity: float, other: float, kp: float, ki: float, kd: float, seed: int
+) -> None:
+    gains = StabilizerGains(dcm_p=kp, dcm_i=ki, dcm_d=kd)
+    target = moving(np.random.default_rng(seed))
+    omega = target.omega
+    com_error, velocity_error = np.array([e_com, other, 0.0]), np.array([3 * e_velocity, other, 0.0])
+    dcm = com_error[:2] + velocity_error[:2] / omega
+    average, rate = np.array([other, e_com]), np.array([e_velocity, other])
+    errors = PendulumErrors(com_error, velocity_error, dcm, average, rate, np.zeros(2))
+    acceleration = desired_acceleration(gains, target, errors, 0.7)
+    point = zmp_of_force(target.com - com_error, acceleration, 0.0)
+    expected = target.zmp[:2] - (1 + kp / omega) * dcm - ki / omega * average - kd / omega * rate
+    np.testing.assert_allclose(point[:2], expected, atol=1e-9)
+
+
+def test_gains_act_along_the_robots_own_axes() -> None:
+    gains = StabilizerGains(dcm_p=(6.0, 0.0), com_v=0.0)
+    zero = np.zeros(3)
+    errors = PendulumErrors(zero, zero, np.array([0.0, 0.01]), zero[:2], zero[:2], zero[:2])
+    np.testing.assert_allclose(desired_acceleration(gains, REST, errors, 0.0), 0.0)
+    turned = desired_acceleration(gains, REST, errors, np.pi / 2)  # now the error is ahead
+    np.testing.assert_allclose(turned, [0.0, REST.omega * 6.0 * 0.01, 0.0], atol=1e-12)
+
+
+def test_the_zmp_velocity_term_and_the_height_terms() -> None:
+    target = REST._replace(zmp_velocity=np.array([0.1, -0.2, 0.0]))
+    zero = np.zeros(3)
+    errors = PendulumErrors(np.array([0, 0, 0.02]), np.array([0, 0, -0.1]), *[zero[:2]] * 4)
+    gains = StabilizerGains(zmp_d=0.05, com_v=0.0, height_p=40.0, height_d=10.0)
+    expected = [-(REST.omega**2) * 0.05 * 0.1, REST.omega**2 * 0.05 * 0.2, 40 * 0.02 - 10 * 0.1]
+    np.testing.assert_allclose(desired_acceleration(gains, target, errors, 0.3), expected, atol=1e-12)
+
+
+def simulate(
+    kp: float, ki: float, bias: float, lag: float | None = None, seconds: float = 60.0, kd: float = 0.0
+):
+    """A pendulum in closed loop whose CoM is measured wrong by a bias; real CoM and DCM over time, forward."""
+    feedback = DcmFeedback(StabilizerGains(dcm_p=kp, dcm_i=ki, dcm_d=kd, max_average_dcm_error=1.0))
+    omega, com, velocity, point = REST.omega, np.array([0.02, 0.0, HEIGHT]), np.zeros(3), np.zeros(3)
+    out = []
+    for _ in range(round(seconds / DT)):
+        measured = com + [bias, 0.0, 0.0]
+        errors = feedback.errors(REST, measured, velocity, point, DT)
+        wanted = zmp_of_force(measured, feedback.acceleration(REST, errors, 0.0), 0.0)
+        point = wanted if lag is None else point + (1 - np.exp(-lag * DT)) * (wanted - point)
+        c, s = np.cosh(omega * DT), np.sinh(omega * DT)
+        away = com[:2] - point[:2]
+        com[:2], velocity[:2] = (
+            point[:2] + c * away + s * velocity[:2] / omega,
+            omega * s * away + c * velocity[:2],
+        )
+        out.append((com[0], com[0] + velocity[0] / omega))
+    return np.array(out)
+
+
+@pytest.mark.parametrize(
+    ("kp", "ki", "expected"), [(5.0, 0.0, -16.8), (5.0, 10.0, -12.3), (3.0, 20.0, -11.5)]
+)
+def test_the_average_leaves_a_biased_com_where_theory_says(kp: float, ki: float, expected: float) -> None:
+    assert 1e3 * simulate(kp, ki, bias=0.01)[-1, 0] == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("kp", [1.0, 2.0, 5.0, 8.0])
+def test_the_proportional_gain_is_the_pole_of_the_dcm(kp: float) -> None:
+    dcm = simulate(kp, 0.0, bias=0.0, seconds=1.0)[:, 1]
+    rate = -np.log(dcm[100] / dcm[0]) / (100 * DT)
+    # Over a period the ZMP rests: ξ' = ξ (1 − (e^{ω dt} − 1) k_p/ω).
+    share = np.expm1(REST.omega * DT) * kp / REST.omega
+    assert rate == pytest.approx(-np.log1p(-share) / DT, rel=1e-6)
+    assert rate == pytest.approx(kp, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "rise", "speed"),
+    [(400.0, 0.0, 0.03, 0.0), (0.0, 40.0, 0.0, 0.3), (100.0, 20.0, 0.05, 0.3)],
+)
+def test_height_gains_never_ask_the_ground_to_pull(
+    stiffness: float, damping: float, rise: float, speed: float
+) -> None:
+    s = stabilizer(LEGACY.changed(height_p=stiffness, height_d=damping))
+    out = tick(s, com=[0.01, 0.0, HEIGHT + rise], velocity=[0.0, 0.0, speed])
+    assert out.net_wrench[2] >= 0.49 * s.mass * GRAVITY
+    assert out.zmp[0] > 0.01  # beyond the CoM, so that it is pushed back
+    gentle = tick(stabilizer(LEGACY.changed(height_p=10.0)), com=[0.0, 0.0, HEIGHT + 0.01])
+    assert gentle.com_acceleration[2] == pytest.approx(-0.1)
+
+
+def test_the_gain_for_a_bandwidth_is_critically_damped() -> None:
+    omega = REST.omega
+    for bandwidth in (10.0, 20.0, 40.0):
+        kp = dcm_gain(bandwidth, omega)
+        roots = np.roots([1.0, bandwidth - omega, bandwidth * kp])
+        np.testing.assert_allclose(roots.imag, 0.0, atol=1e-6)
+        np.testing.assert_allclose(roots.real, -(bandwidth - omega) / 2, rtol=1e-6)
+        slow = dcm_gain(bandwidth, omega, damping=0.5)
+        assert slow == pytest.approx(4 * kp)
+    assert dcm_gain(28.3, omega) == pytest.approx(5.5, abs=0.1)
+    with pytest.raises(InputError, match="bandwidth"):
+        dcm_gain(3.0, omega)
+    assert np.abs(simulate(dcm_gain(20.0, omega), 0.0, 0.0, lag=20.0, seconds=4.0)[-1, 0]) < 1e-3
+
+
+def test_admittances_for_a_stiffness() -> None:
+    assert admittance(15.0, 1500.0) == pytest.approx(0.01)
+    assert series(3000.0, 3000.0) == pytest.approx(1500.0) and series(2000.0, np.inf) == 2000.0
+    gains = StabilizerGains(
+        cop_admittance=admittance(15.0, 1500.0), max_angular_velocity=10.0, rotation_leak=0.0
+    )
+    feet_admittance = FootAdmittance(gains)
+    target, torque, times = feet(300.0, 0.0), 0.0, []
+    target[0, 3] = 10.0
+    for k in range(400):  # the ground gives back −K times the rotation
+        torque = -1500.0 * feet_admittance.correction(0).roll
+        measured = feet(300.0, 0.0)
+        measured[0, 3] = torque
+        feet_admittance.update(measured, target, (True, False), 1e-3)
+        if torque < 10.0 * (1 - np.exp(-1)):
+            times.append(k * 1e-3)
+    assert max(times) == pytest.approx(1 / 15.0, rel=0.05)
+
+
+# Symmetry, period, memory
+
+
+def test_it_mirrors() -> None:
+    mirrored = random_run(pin.SE3.Identity(), mirror=True)
+    for a, b in zip(random_run(pin.SE3.Identity()), mirrored, strict=True):
+        np.testing.assert_allclose(a.feet.wrenches * [1, -1, 1, -1, 1, -1], b.feet.wrenches[::-1], atol=0.02)
+        for p, q in zip(a.corrections, b.corrections[::-1], strict=True):
+            np.testing.assert_allclose([p.roll, p.pitch, p.height], [-q.roll, q.pitch, q.height], atol=1e-6)
+        np.testing.assert_allclose(a.com_offset * [1, -1], b.com_offset, atol=1e-7)
+
+
+def test_the_control_period_does_not_matter() -> None:
+    ends = [random_run(pin.SE3.Identity(), dt=dt)[-1] for dt in (0.005, 0.0025, 0.00125)]
+    coarse, middle, fine = ends
+
+    def state(r):
+        return np.array([
+            *r.errors.average, *r.errors.rate, *r.com_offset,
+            *[v for c in r.corrections for v in (c.roll, c.pitch, c.height)],
+        ])  # fmt: skip
+
+    first, second = np.abs(state(coarse) - state(middle)), np.abs(state(middle) - state(fine))
+    assert first.max() < 6e-3  # a period of 5 ms at 1 rad/s
+    assert (second < 0.6 * first + 1e-5).all()  # converging with the period
+
+
+def test_filters_are_exact_at_any_period() -> None:
+    for make in (
+        lambda: LowPass(0.3, 1),
+        lambda: Average(0.3, 10.0, 1),
+        lambda: LeakyIntegral(0.5, 10.0, 1),
+    ):
+        values = []
+        for dt in (0.1, 0.01):
+            f = make()
+            f.update(np.zeros(1), dt)
+            for _ in range(round(1.0 / dt)):
+                f.update(np.ones(1), dt)
+            values.append(f.value.copy())
+        np.testing.assert_allclose(values[0], values[1], atol=1e-9)
+    np.testing.assert_allclose(values[0], (1 - np.exp(-0.5)) / 0.5)
+
+
+def test_the_derivator_drops_offsets_and_keeps_motion() -> None:
+    d = Derivator(1.0, 1)
+    for k in range(4000):
+        out = d.update(np.array([0.3 + np.cos(20 * k * DT)]), None, DT)
+    assert out[0] == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
+    both = Derivator(1.0, 1)
+    for _ in range(4000):
+        out = both.update(np.array([0.5]), np.array([0.2]), DT)
+    assert out[0] == pytest.approx(0.2, abs=1e-6)
+
+
+def test_a_bias_is_taken_out_of_all_three_errors() -> None:
+    feedback = DcmFeedback(StabilizerGains())
+    truth, velocity, bias = (
+        np.array([0.01, -0.02, HEIGHT]),
+        np.array([0.1, 0.05, 0.0]),
+        np.array([0.005, 0.003]),
+    )
+    clean = feedback.errors(REST, truth, velocity, np.zeros(2), DT)
+    mended = feedback.errors(REST, truth + [*bias, 0.0], velocity, np.zeros(2), DT, bias)
+    for name in ("com", "com_velocity", "dcm"):
+        np.testing.assert_allclose(getattr(clean, name), getattr(mended, name), atol=1e-12)
+
+
+# Corrections
+
+
+def test_foot_heights_settle_and_leak() -> None:
+    gains = StabilizerGains(force_difference=1e-4, height_leak=1.0, support_height_leak=3.0)
+    f = FootAdmittance(gains.for_mass(39.0))
+    for _ in range(100):
+        f.update(feet(350.0, 250.0), feet(300.0, 300.0), (True, True), DT)
+    left, right = f.correction(0), f.correction(1)
+    assert left.height == pytest.approx(0.0025, rel=1e-3) and right.height == pytest.approx(-left.height)
+    for _ in range(200):
+        f.update(feet(600.0, 0.0), feet(600.0, 0.0), (True, False), DT)
+    assert f.correction(0).height == pytest.approx(left.height * np.exp(-3.0), rel=1e-3)
+    assert f.correction(1).height == right.height and f.correction(1).height_rate == 0.0
+    f.reset(1)
+    assert f.correction(1) == FootCorrection() and f.correction(0) != FootCorrection()
+
+
+def test_corrections_stop_at_their_bounds_and_say_so_in_the_rate() -> None:
+    f = FootAdmittance(StabilizerGains(cop_admittance=0.1))
+    hard = feet(300.0, 300.0)
+    hard[:, 3] = 100.0
+    for _ in range(400):
+        f.update(hard, feet(300.0, 300.0), (True, True), DT)
+    c = f.correction(0)
+    assert c.roll == pytest.approx(0.4) and c.roll_rate == pytest.approx(0.0)
+
+
+def test_a_correction_moves_a_foot_in_its_own_axes() -> None:
+    yawed = FootMotion.at_rest(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi / 2), np.array([1.0, 2.0, 0.0])))
+    moved = FootCorrection(roll=0.1, height=0.02, roll_rate=0.5, height_rate=-0.3).apply(yawed)
+    np.testing.assert_allclose(moved.placement.translation, [1.0, 2.0, 0.02])
+    np.testing.assert_allclose(
+        pin.log3(moved.placement.rotation @ yawed.placement.rotation.T), [0.0, 0.1, 0.0], atol=1e-12
+    )
+    np.testing.assert_allclose(moved.velocity, [0, 0, -0.3, 0, 0.5, 0], atol=1e-12)
+
+
+# Gains
+
+
+def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
+    assert (
+        StabilizerGains.preset("legacy") == LEGACY and StabilizerGains.preset("default") == StabilizerGains()
+    )
+    assert LEGACY.cop_admittance == (0.01, 0.01) and LEGACY.wrench_time == 0.0
+    with caplog.at_level(logging.WARNING):
+        gains = StabilizerGains(dcm_p=(3.0, 50.0), force_difference=1.0)
+    assert gains.dcm_p == (3.0, 20.0) and gains.force_difference == 2e-3
+    assert "dcm_p of 50 clamped to 20" in caplog.text and "force_difference of 1 clamped" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: StabilizerGains.preset("legcay"), UnknownNameError, "did you mean 'legacy'"),
+        (lambda: StabilizerGains().changed(dcm_q=1.0), UnknownNameError, "no gain 'dcm_q'"),
+        (lambda: StabilizerGains(dcm_p=-1.0), InputError, "dcm_p"),
+        (lambda: StabilizerGains(dcm_p=(1.0, 2.0, 3.0)), InputError, "one number or"),
+        (lambda: StabilizerGains(derivator_time=0.0), InputError, "derivator_time"),
+        (lambda: StabilizerGains(wrench_time=np.nan), InputError, "wrench_time"),
+        (lambda: Stabilizer(0.0, WrenchDistribution(SIZES)), InputError, "mass"),
+        (lambda: tick(stabilizer(), com=[np.nan, 0, 1]), InputError, "CoM"),
+        (lambda: tick(stabilizer(), wrenches=np.zeros((2, 5))), InputError, "foot wrenches"),
+        (lambda: tick(stabilizer(), contact=(False, False)), InputError, "neither"),
+        (lambda: tick(stabilizer(), dt=0.0), InputError, "control period"),
+    ],
+)
+def test_bad_input_is_refused(make, error, message) -> None:
+    with pytest.raises(error, match=message):
+        make()
+
+
+def test_changing_gains_keeps_what_was_learnt() -> None:
+    s = stabilizer(LEGACY.changed(dcm_i=5.0))
+    for _ in range(100):
+        before = tick(s, com=[0.01, 0.0, HEIGHT])
+    s.gains = s.gains.changed(dcm_p=6.0)
+    after = tick(s, com=[0.01, 0.0, HEIGHT])
+    np.testing.assert_allclose(after.errors.average, before.errors.average, rtol=0.05)
+    s.reset()
+    assert np.abs(tick(s, com=[0.01, 0.0, HEIGHT]).errors.average).max() < 1e-4
+
+
+def test_heavier_robots_yield_slower_unless_told_otherwise() -> None:
+    for mass, expected in ((33.0, 0.05), (39.0, 0.05), (90.0, 2.0 / 90.0)):
+        stabilizer = Stabilizer(mass, WrenchDistribution(SIZES))
+        assert stabilizer.gains.cop_admittance == pytest.approx((expected, expected))
+        stabilizer.gains = StabilizerGains(dcm_p=3.0)
+        assert stabilizer.gains.cop_admittance == pytest.approx((expected, expected))
+        stabilizer.gains = StabilizerGains(cop_admittance=0.03)
+        assert stabilizer.gains.cop_admittance == (0.03, 0.03)
+    with pytest.raises(InputError, match="mass"):
+        StabilizerGains().for_mass(0.0)

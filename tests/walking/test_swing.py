@@ -1,0 +1,183 @@
+"""The swing foot: smooth, clear of the ground, softly down, and re-targeted without jumps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError
+from wbc.walking.pattern.swing import SwingFoot
+from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.gait import Gait
+
+GAIT = Gait()
+HERE = Footstep("left", 0.0, 0.0875)
+THERE = Footstep("left", 0.29, 0.0875)
+
+
+def swing(
+    landing: Footstep = THERE, start: Footstep = HERE, gait: Gait = GAIT, duration: float = 0.8
+) -> SwingFoot:
+    return SwingFoot(start.placement, landing, duration, gait)
+
+
+def check_smooth(motion: object, times: np.ndarray, h: float = 1e-5) -> None:
+    """Velocity and acceleration are the derivatives, and the acceleration does not jump."""
+    for t in times:
+        a, b, c = (motion.at(t + d) for d in (-h, 0.0, h))  # type: ignore[attr-defined]
+        linear = (c.placement.translation - a.placement.translation) / (2 * h)
+        angular = pin.log3(c.placement.rotation @ a.placement.rotation.T) / (2 * h)
+        np.testing.assert_allclose(np.concatenate([linear, angular]), b.velocity, atol=1e-5)
+        np.testing.assert_allclose((c.velocity - a.velocity) / (2 * h), b.acceleration, rtol=1e-3, atol=2e-3)
+        near = [motion.at(t + d).acceleration for d in (-1e-8, 1e-8)]  # type: ignore[attr-defined]
+        assert np.abs(near[1] - near[0]).max() < 1e-3
+
+
+tilts = st.floats(-0.3, 0.3)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-0.3, 0.4), st.floats(0.0, 0.2), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5), tilts, tilts)
+def test_it_is_smooth_from_start_to_landing(
+    x: float, y: float, z: float, yaw: float, pitch: float, roll: float
+) -> None:
+    landing = Footstep("left", x, y, z, yaw, pitch, roll)
+    foot = swing(landing)
+    check_smooth(foot, np.linspace(0.003, 1.2, 50))
+    first, last = foot.at(0.0), foot.at(0.8)
+    np.testing.assert_allclose(first.placement.homogeneous, HERE.placement.homogeneous, atol=1e-9)
+    np.testing.assert_allclose(last.placement.homogeneous, landing.placement.homogeneous, atol=1e-9)
+    np.testing.assert_allclose(first.velocity, 0.0, atol=1e-9)
+    np.testing.assert_allclose(last.velocity, [0, 0, -GAIT.landing_speed, 0, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(last.acceleration, 0.0, atol=1e-6)
+
+
+def test_it_clears_the_ground_and_never_digs() -> None:
+    foot = swing()
+    heights = np.array([foot.at(t).placement.translation[2] for t in np.linspace(0.0, 0.8, 401)])
+    assert heights.max() == pytest.approx(GAIT.swing_height, abs=1e-6)
+    assert heights.min() > -1e-9
+    top = round(GAIT.apex * 400)
+    assert (np.diff(heights[:top]) > -1e-9).all() and (np.diff(heights[top + 1 :]) < 1e-9).all()
+    # It rises before it travels, and travels no more while it lands.
+    assert foot.at(GAIT.takeoff_time).placement.translation[0] == pytest.approx(0.0, abs=1e-12)
+    assert heights[int(0.15 / 0.8 * 400)] > 0.01
+    assert foot.at(0.8 - GAIT.landing_time).placement.translation[0] == pytest.approx(0.29)
+
+
+@pytest.mark.parametrize("apex", [0.3, 0.7])
+@pytest.mark.parametrize("duration", [0.25, 0.8])
+def test_it_is_highest_when_the_gait_says(apex: float, duration: float) -> None:
+    foot = swing(gait=replace(GAIT, apex=apex), duration=duration)
+    times = np.linspace(0.0, duration, 501)
+    heights = [foot.at(t).placement.translation[2] for t in times]
+    assert max(heights) == pytest.approx(GAIT.swing_height, abs=1e-5)
+    assert times[int(np.argmax(heights))] == pytest.approx(apex * duration, abs=0.002)
+
+
+def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time() -> None:
+    foot = swing()
+    slow = GAIT.landing_height / GAIT.landing_speed
+    for t in np.linspace(0.8 - slow, 0.8, 21):
+        motion = foot.at(t)
+        assert motion.velocity[2] == pytest.approx(-GAIT.landing_speed)
+        assert motion.placement.translation[2] == pytest.approx((0.8 - t) * GAIT.landing_speed)
+    # Asked to land in 0.15 s it has no time for that, and still lands at that speed.
+    foot.retarget(0.5, duration=0.65)
+    assert foot.at(0.65).velocity[2] == pytest.approx(-GAIT.landing_speed)
+    # Stairs are known, and leave no time either.
+    stair = swing(Footstep("left", 0.3, 0.0875, 0.1), gait=GAIT.for_stairs())
+    assert stair.apex_time == pytest.approx(0.4)
+    assert stair.at(0.8).velocity[2] == pytest.approx(-0.5 * GAIT.landing_speed)
+    assert stair.at(0.7).velocity[2] < -GAIT.landing_speed
+    quick = SwingFoot(HERE.placement, THERE, 0.8, replace(GAIT, landing_height=0.0))
+    assert quick.at(0.6).velocity[2] < -1.5 * GAIT.landing_speed
+
+
+@pytest.mark.parametrize("rise", [0.1, -0.1])
+def test_it_clears_the_edge_of_a_stair(rise: float) -> None:
+    foot = swing(Footstep("left", 0.3, 0.0875, rise))
+    edge = 0.15
+    for t in np.linspace(0.0, 0.8, 161):
+        x, _, z = foot.at(t).placement.translation
+        for corner in (x - 0.08, x, x + 0.08):
+            ground = rise if corner > edge else 0.0
+            assert z > ground - 1e-9
+            if abs(corner - edge) < 0.005:
+                assert z > max(0.0, rise) + 0.015  # the edge itself is passed with room to spare
+
+
+@pytest.mark.parametrize("now", [0.02, 0.2, 0.39, 0.41, 0.6, 0.74, 0.79])
+def test_a_new_landing_and_time_cause_no_jump(now: float) -> None:
+    foot = swing(replace(THERE, yaw=3.0), replace(HERE, yaw=3.0))
+    before = foot.at(now)
+    landing = Footstep("left", 0.35, 0.12, -0.02, -3.0)
+    foot.retarget(now, landing, 0.9)
+    after = foot.at(now)
+    np.testing.assert_allclose(after.placement.homogeneous, before.placement.homogeneous, atol=1e-9)
+    np.testing.assert_allclose(after.velocity, before.velocity, atol=1e-9)
+    np.testing.assert_allclose(after.acceleration, before.acceleration, atol=1e-7)
+    check_smooth(foot, np.linspace(now + 1e-3, 1.0, 30))
+    end = foot.at(0.9)
+    np.testing.assert_allclose(end.placement.homogeneous, landing.placement.homogeneous, atol=1e-9)
+    assert end.velocity[2] == pytest.approx(-GAIT.landing_speed)
+    spin = np.array([foot.at(t).velocity[5] for t in np.linspace(now, 0.9, 50)])
+    assert 0.0 < np.trapezoid(spin, np.linspace(now, 0.9, 50)) < 0.5  # the short way round
+
+
+def test_retargeting_to_the_same_place_changes_nothing() -> None:
+    foot, same = swing(), swing()
+    for now in (0.1, 0.25, 0.5):
+        same.retarget(now, THERE)
+    for t in np.linspace(0.0, 0.8, 41):
+        np.testing.assert_allclose(
+            foot.at(t).placement.translation, same.at(t).placement.translation, atol=1e-9
+        )
+
+
+def test_a_touchdown_that_comes_too_soon_is_put_off() -> None:
+    foot = swing()
+    foot.retarget(0.7, duration=0.6)
+    assert foot.duration == pytest.approx(0.75)
+    check_smooth(foot, np.linspace(0.701, 0.9, 30))
+
+
+def test_late_ground_is_looked_for_and_not_without_end() -> None:
+    foot = swing()
+    heights = np.array([foot.at(t).placement.translation[2] for t in np.linspace(0.8, 3.5, 100)])
+    assert (np.diff(heights) < 1e-9).all()
+    assert heights[-1] == pytest.approx(-0.04)
+    assert foot.at(0.8 + 0.5 * GAIT.search_time).placement.translation[2] < -0.4 * 0.04
+    assert foot.at(0.9).velocity[2] < -GAIT.landing_speed
+
+
+def test_it_moves_and_mirrors_with_the_world() -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.5), np.array([100.0, -30.0, 0.5]))
+    landing = Footstep("left", 0.3, 0.11, 0.03, 0.2, 0.1, -0.05)
+    here = swing(landing)
+    there = SwingFoot(world * HERE.placement, Footstep.of("left", world * landing.placement), 0.8, GAIT)
+    flipped = SwingFoot(
+        Footstep("right", 0.0, -0.0875).placement,
+        Footstep("right", 0.3, -0.11, 0.03, -0.2, 0.1, 0.05),
+        0.8,
+        GAIT,
+    )
+    sign = np.array([1, -1, 1, -1, 1, -1])
+    for t in np.linspace(0.0, 1.0, 21):
+        a, b, c = here.at(t), there.at(t), flipped.at(t)
+        np.testing.assert_allclose((world * a.placement).homogeneous, b.placement.homogeneous, atol=1e-9)
+        np.testing.assert_allclose(world.rotation @ a.velocity[3:], b.velocity[3:], atol=1e-9)
+        np.testing.assert_allclose(sign * a.velocity, c.velocity, atol=1e-9)
+        np.testing.assert_allclose(sign * a.acceleration, c.acceleration, atol=1e-8)
+
+
+def test_bad_swings_are_refused() -> None:
+    with pytest.raises(InputError, match="leaves less than"):
+        swing(duration=0.2)
+    with pytest.raises(InputError, match="landing of the right foot"):
+        swing().retarget(0.1, Footstep("right", 0.0, 0.0))

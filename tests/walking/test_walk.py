@@ -1,0 +1,579 @@
+"""A whole walk in a pendulum world: the parts together, without robot dynamics; and step adjustment on its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.core.robot import GRAVITY
+from wbc.robots import load
+from wbc.walking.control import WalkingControl
+from wbc.walking.pattern.analytic import analytic_pattern
+from wbc.walking.pattern.lipm import Pendulum, com_after, natural_frequency
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.reach import Reach
+from wbc.walking.planning.schedule import schedule, support_area
+from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.stabilizer.distribution import WrenchDistribution
+from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stabilizer.stabilizer import Stabilizer
+from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkReference, WalkSettings
+
+ROBOT = load("hrp4_class").robot()
+START = FootstepPlan.standing(ROBOT)
+SIZES = ((0.16, 0.076), (0.16, 0.076))
+HEIGHT = 0.76
+DT = 0.005
+WEIGHT = ROBOT.mass * GRAVITY
+STEADY = WalkSettings(adjustment=None)
+
+
+@dataclass
+class Result:
+    walk: Walk
+    fell: bool = False
+    references: list[WalkReference] = field(default_factory=list)
+    dcm_error: list[np.ndarray] = field(default_factory=list)
+    events: list[tuple[float, Event]] = field(default_factory=list)
+
+
+def run(
+    plan: FootstepPlan,
+    settings: WalkSettings | None = STEADY,
+    *,
+    dt: float = DT,
+    lag: float = 20.0,
+    ground: Callable[[float, float], float] | None = None,
+    push: tuple[float, tuple[float, float]] | None = None,
+    gains: StabilizerGains | None = None,
+    act: Callable[[Walk, float], None] | None = None,
+    seconds: float = 60.0,
+) -> Result:
+    """Feet go where they are told and stop on the ground; the ZMP follows with a lag, inside the loaded feet."""
+    walk = Walk(ROBOT, plan, HEIGHT, dt, settings, reach=Reach.of(ROBOT, 0.74))
+    stabilizer = Stabilizer(ROBOT.mass, WrenchDistribution(SIZES), gains)
+    result = Result(walk)
+    reference = walk.update((WEIGHT / 2, WEIGHT / 2))
+    com, velocity, zmp = reference.pendulum.com.copy(), np.zeros(3), reference.pendulum.zmp[:2].copy()
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = WEIGHT / 2
+    walk.start()
+    for k in range(round(seconds / dt)):
+        if act is not None:
+            act(walk, k * dt)
+        dcm = (com + velocity / walk.omega)[:2]
+        reference = walk.update(wrenches[:, 2], None, dcm)
+        soles = [motion.placement for motion in reference.feet]
+        output = stabilizer.update(
+            reference.pendulum, com, velocity, wrenches, soles, reference.contact, reference.heading, dt
+        )
+        result.references.append(reference)
+        result.events += [(k * dt, e) for e in reference.events]
+        result.dcm_error.append(reference.pendulum.dcm[:2] - dcm)
+        touching = []
+        for side in (0, 1):
+            x, y, z = soles[side].translation
+            level = (
+                ground(x, y)
+                if ground is not None
+                else walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)].z
+                if not reference.contact[side]
+                else z
+            )
+            touching.append(bool(reference.contact[side] or z <= level + 1e-4))
+        zmp = zmp + (1 - np.exp(-lag * dt)) * (output.zmp[:2] - zmp)
+        feet = tuple(
+            replace(Footstep.of(SIDES[i], soles[i]), z=0.0, roll=0.0, pitch=0.0)
+            for i in (0, 1)
+            if touching[i]
+        )
+        zmp = project(zmp, *support_area(feet, SIZES))
+        flat, speed = com_after(com[:2], velocity[:2], zmp, np.zeros(2), walk.omega, dt)
+        com = np.array([*flat, reference.pendulum.com[2]])
+        velocity = np.array([*speed, reference.pendulum.com_velocity[2]])
+        if push is not None and push[0] <= k * dt < push[0] + dt:
+            velocity[:2] += push[1]
+        wrenches = loads(reference, soles, touching, zmp)
+        if np.hypot(*result.dcm_error[-1]) > 0.4:
+            result.fell = True
+            return result
+        if walk.finished and not reference.events:
+            return result
+    return result
+
+
+def project(point: np.ndarray, normals: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    for _ in range(50):
+        excess = normals @ point - offsets
+        worst = int(excess.argmax())
+        if excess[worst] <= 1e-9:
+            break
+        point = point - excess[worst] * normals[worst]
+    return point
+
+
+def loads(
+    reference: WalkReference, soles: list[pin.SE3], touching: list[bool], zmp: np.ndarray
+) -> np.ndarray:
+    if all(touching):
+        left, right = (X.translation[:2] for X in soles)
+        share = float(
+            np.clip(np.dot(zmp - right, left - right) / np.dot(left - right, left - right), 0.0, 1.0)
+        )
+        if not all(reference.contact):  # just met the ground: 10 % of the weight
+            share = max(share, 0.1) if not reference.contact[0] else min(share, 0.9)
+    else:
+        share = float(touching[0])
+    wrenches = np.zeros((2, 6))
+    for side, part in enumerate((share, 1.0 - share)):
+        force = part * WEIGHT
+        wrenches[side, 2] = force
+        if part > 0.99:
+            x, y, _ = soles[side].actInv(np.array([*zmp, soles[side].translation[2]]))
+            wrenches[side, 3:5] = y * force, -x * force
+    return wrenches
+
+
+# The walk
+
+
+@pytest.fixture(scope="module")
+def metre() -> Result:
+    return run(walk_distance(START, 0.6))
+
+
+def test_it_walks_its_plan_and_stands(metre: Result) -> None:
+    walk = metre.walk
+    assert walk.finished and walk.steps_done == len(walk.phases.plan) == 6
+    kinds = [e for _, e in metre.events]
+    assert kinds == [Event.STARTED] + [Event.LIFT_OFF, Event.TOUCH_DOWN] * 6 + [Event.STOPPED]
+    for reference, motion in zip(walk.phases.plan.final, metre.references[-1].feet, strict=True):
+        np.testing.assert_allclose(motion.placement.translation, reference.position, atol=1e-9)
+        assert abs(reference.x - 0.6 - START.left.x) < 1e-3
+        # The foot sinks on while its landing is being noticed.
+        assert abs(reference.z - START.left.z) < 0.03 * walk.phases.plan.gait.landing_speed
+
+
+def test_references_are_continuous_and_consistent(metre: Result) -> None:
+    pendulums = [r.pendulum for r in metre.references]
+    com = np.array([p.com for p in pendulums])
+    velocity = np.array([p.com_velocity for p in pendulums])
+    zmp = np.array([p.zmp for p in pendulums])
+    slope = np.diff(com, axis=0) / DT
+    assert np.abs(slope - 0.5 * (velocity[1:] + velocity[:-1])).max() < 1e-3
+    assert (
+        np.abs(np.diff(zmp[:, :2], axis=0)).max() < 0.01
+    )  # 2 m/s: no jump of the ZMP, so none of the acceleration
+    for side in (0, 1):
+        places = np.array([r.feet[side].placement.translation for r in metre.references])
+        speeds = np.array([r.feet[side].velocity[:3] for r in metre.references])
+        # A foot that lands stops at once.
+        stop = 0.5 * metre.walk.phases.plan.gait.landing_speed
+        assert np.abs(np.diff(places, axis=0) / DT - 0.5 * (speeds[1:] + speeds[:-1])).max() < stop + 5e-3
+
+
+def test_the_zmp_stays_under_the_feet_and_the_com_between_them(metre: Result) -> None:
+    for reference in metre.references:
+        feet = tuple(
+            replace(Footstep.of(SIDES[i], m.placement), z=0.0, roll=0.0, pitch=0.0)
+            for i, m in enumerate(reference.feet)
+            if reference.contact[i]
+        )
+        normals, offsets = support_area(feet, SIZES)
+        assert (normals @ reference.pendulum.zmp[:2] - offsets).max() < 1e-3
+
+
+@pytest.mark.parametrize("climbing", [False, True])
+def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool) -> None:
+    plan = walk_distance(START, 0.6)
+    if climbing:
+        plan = replace(
+            plan, steps=tuple(replace(step, z=0.03 * (i // 2 + 1)) for i, step in enumerate(plan.steps))
+        )
+    settings, inward = WalkSettings(adjustment=None), []
+    for reference in run(plan, settings).references[::10]:
+        if reference.phase is Phase.SINGLE:
+            side = 0 if reference.contact[0] else 1
+            y = reference.feet[side].placement.actInv(np.array([*reference.pendulum.zmp[:2], 0.0]))[1]
+            inward.append(-y if side == 0 else y)
+    expected = settings.climbing_inward if climbing else settings.preview.target.inward
+    assert np.median(inward) == pytest.approx(expected, abs=2e-3)
+
+
+def test_the_zmps_lead_takes_out_the_lag_of_the_cop(metre: Result) -> None:
+    lead = run(walk_distance(START, 0.6), gains=StabilizerGains(zmp_d=1 / 20.0))
+    plain, led = (np.linalg.norm(r.dcm_error, axis=1).mean() for r in (metre, lead))
+    assert led < 0.25 * plain
+
+
+def test_the_control_period_does_not_matter(metre: Result) -> None:
+    fine = run(walk_distance(START, 0.6), dt=0.0025)
+    a, b = (np.linalg.norm(r.dcm_error, axis=1) for r in (metre, fine))
+    assert a.mean() == pytest.approx(b.mean(), rel=0.1) and a.max() == pytest.approx(b.max(), rel=0.1)
+
+
+def test_it_is_the_same_100_m_away_turned_and_mirrored(metre: Result) -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.0), np.array([100.0, -70.0, 0.0]))
+    plan = walk_distance(START, 0.6)
+    there = run(plan.moved(world))
+    for a, b in zip(metre.references[::20], there.references[::20], strict=True):
+        np.testing.assert_allclose(world.act(a.pendulum.com), b.pendulum.com, atol=2e-4)
+        np.testing.assert_allclose(
+            world.rotation @ a.pendulum.com_velocity, b.pendulum.com_velocity, atol=1e-3
+        )
+        assert a.phase is b.phase and a.step == b.step
+    flipped = run(walk_distance(START, 0.6, first="right"))
+    for a, b in zip(metre.references[::20], flipped.references[::20], strict=True):
+        np.testing.assert_allclose(a.pendulum.com * [1, -1, 1], b.pendulum.com, atol=2e-4)
+        for p, q in zip(a.feet, b.feet[::-1], strict=True):
+            np.testing.assert_allclose(
+                p.placement.translation * [1, -1, 1], q.placement.translation, atol=2e-3
+            )
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        walk_velocity(START, (0.1, 0.0, 0.1), 4),
+        walk_velocity(START, (0.0, 0.04, 0.0), 3),
+        walk_velocity(START, (-0.08, 0.0, 0.0), 3),
+        turn_in_place(START, 0.5),
+        climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.3),
+    ],
+    ids=["curve", "sideways", "backwards", "turn", "stairs"],
+)
+def test_it_walks_every_kind_of_plan(plan: FootstepPlan) -> None:
+    result = run(plan, replace(STEADY, ground_memory=0.0, rise_memory=0.0))
+    assert not result.fell and result.walk.finished and result.walk.steps_done == len(plan)
+    for end, wanted in zip(result.walk.phases.plan.final, plan.final, strict=True):
+        np.testing.assert_allclose(end.position, wanted.position, atol=3e-3)
+        assert end.yaw == pytest.approx(wanted.yaw, abs=1e-6)
+    assert result.references[-1].heading == pytest.approx(plan.final[0].yaw, abs=1e-6)
+
+
+def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
+    rng = np.random.default_rng(3)
+    heights = rng.uniform(-0.01, 0.01, (100, 2))
+
+    def ground(x: float, y: float) -> float:
+        return 0.0 if x < 0.1 else float(heights[int(x / 0.05) % 100, int(y > 0)])
+
+    result = run(walk_distance(START, 1.0), ground=ground)
+    kinds = [e for _, e in result.events]
+    assert not result.fell and result.walk.steps_done == 8
+    assert Event.EARLY_TOUCH_DOWN in kinds and Event.LATE_TOUCH_DOWN in kinds
+    for step in result.walk.phases.plan.steps[2:]:  # each step knows the ground that it has found
+        assert step.z == pytest.approx(ground(step.x, step.y), abs=2e-3)
+
+
+@pytest.mark.parametrize(("rise_memory", "late"), [(0.0, True), (0.1, False)])
+def test_feet_land_in_time_on_ground_that_keeps_falling(rise_memory: float, late: bool) -> None:
+    wanted: dict[int, tuple[float, float]] = {}
+
+    def note(walk: Walk, time: float) -> None:
+        if walk.phases.phase is Phase.SINGLE and walk.phases.elapsed <= 2 * DT:
+            step = walk.phases.plan.steps[walk.phases.step]
+            wanted[walk.phases.step] = step.x, step.z
+
+    def ground(x: float, y: float) -> float:
+        return -0.03 * x  # 4 mm a step
+
+    settings = replace(STEADY, rise_memory=rise_memory)
+    result = run(walk_distance(START, 3.0), settings, ground=ground, act=note)
+    assert not result.fell
+    errors = [z - ground(x, 0.0) for x, z in list(wanted.values())[-6:-1]]
+    assert (min(errors) > 0.003) if late else (np.abs(errors).max() < 0.001)
+
+
+def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_take_it() -> None:
+    """The placements may be the model's own, as a robot hands them out: they go on moving with the foot."""
+    walk = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT, STEADY)
+    soles = [pin.SE3(START.left.placement), pin.SE3(START.right.placement)]
+    walk.start()
+    landed: tuple[int, pin.SE3] | None = None
+    while not walk.finished:
+        step = walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)]
+        swing = SIDES.index(step.side)
+        share = 0.1 if walk.phases.phase is Phase.SINGLE and walk.phases.remaining <= DT else 0.0
+        weight = [WEIGHT * (1.0 - share)] * 2
+        weight[swing] = WEIGHT * share
+        reference = walk.update(weight, soles)
+        if landed is not None and reference.contact[landed[0]]:
+            assert reference.feet[landed[0]].placement.isApprox(landed[1])
+        for side in (0, 1):
+            if any(event in TOUCH_DOWNS for event in reference.events) and side == swing:
+                landed = side, pin.SE3(soles[side])
+            turn = pin.SE3(pin.rpy.rpyToMatrix(0.001, 0.0, 0.0), np.zeros(3))
+            moved = soles[side] * turn if reference.contact[side] else pin.SE3(reference.feet[side].placement)
+            soles[side].rotation, soles[side].translation = moved.rotation, moved.translation
+    assert landed is not None and walk.steps_done == len(walk.phases.plan)
+
+
+def test_until_it_starts_the_pendulum_rests_and_then_changes_its_height_smoothly() -> None:
+    com = np.array([0.5 * (START.left.x + START.right.x), 0.0, HEIGHT + 0.05])
+    walk = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT, STEADY, com=com)
+    for _ in range(round(2.0 / DT)):
+        pendulum = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
+        np.testing.assert_array_equal(pendulum.com, com)
+        assert not (pendulum.com_velocity.any() or pendulum.zmp_velocity.any())
+    walk.start()
+    heights = [com[2]]
+    while walk.phases.phase is not Phase.SINGLE:
+        heights.append(
+            walk.update((WEIGHT, 0.0) if walk.phases.remaining < DT else (0.0, WEIGHT)).pendulum.com[2]
+        )
+    assert heights[-1] == pytest.approx(HEIGHT, abs=0.01)
+    # The fastest of a quintic over the 0.8 s of the first double support and half a step.
+    assert np.abs(np.diff(heights)).max() < 1.9 * 0.05 / 0.8 * DT
+    assert np.abs(np.diff(heights, 2)).max() < 5.8 * 0.05 / 0.8**2 * DT**2
+
+
+def test_stopping_on_the_way() -> None:
+    result = run(walk_distance(START, 3.0), act=lambda w, t: w.stop() if abs(t - 3.0) < DT / 2 else None)
+    walk = result.walk
+    assert not result.fell and walk.finished and walk.steps_done < 6
+    left, right = walk.phases.plan.final
+    assert left.x == pytest.approx(right.x, abs=1e-6)
+    assert np.linalg.norm(result.dcm_error[-1]) < 0.01
+
+
+@pytest.mark.parametrize("phase", [Phase.SINGLE, Phase.DOUBLE])
+@pytest.mark.parametrize("level", [0.02, 0.0, -0.02])
+def test_the_step_that_closes_up_expects_the_ground_where_it_was(phase: Phase, level: float) -> None:
+    wanted: list[float] = []
+
+    def act(walk: Walk, time: float) -> None:
+        """Stop in the fifth step, and say so in every tick from then on."""
+        if walk.phases.step == 5 and walk.phases.phase is phase and not wanted:
+            wanted.append(math.nan)
+        if wanted:
+            walk.stop()
+            if walk._swing is not None:
+                wanted.append(walk._swing.landing.z)
+
+    walk = run(walk_distance(START, 3.0), WalkSettings(), ground=lambda x, y: level, act=act).walk
+    assert walk.finished and walk.steps_done < 8
+    assert wanted[-1] == pytest.approx(level, abs=0.005)
+    assert walk.phases.plan.final[0].z == pytest.approx(level, abs=0.003)
+    left, right = walk.phases.plan.final
+    assert left.x == pytest.approx(right.x, abs=2e-3)
+
+
+def test_stopping_plans_once_and_nothing_before_the_start() -> None:
+    walk, plans = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT), []
+    plan = walk._preview.plan
+    walk._preview.plan = lambda *given: plans.append(given) or plan(*given)  # type: ignore[method-assign,func-returns-value]
+    for _ in range(100):
+        rest = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
+    walk.stop()
+    assert not plans
+    walk.start()
+    first = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
+    np.testing.assert_allclose(first.com, rest.com, atol=1e-4)
+    np.testing.assert_allclose(first.zmp, rest.zmp, atol=3e-3)
+    plans.clear()
+    for _ in range(3):
+        walk.stop()
+    assert len(plans) == 1
+
+
+def test_a_swing_that_is_to_stop_is_compared_with_the_plan_that_stops() -> None:
+    """With a DCM that is just where the plan wants it nothing is moved, before a stop or after it."""
+    quick = replace(START, gait=Gait(step_length=0.28, single_support=0.5, double_support=0.1))
+    settings = WalkSettings(adjustment=AdjustmentSettings(threshold=1e-3, shift=10.0))
+    walk = Walk(ROBOT, walk_distance(quick, 3.0), HEIGHT, DT, settings)
+    walk.start()
+    landings = []
+    while len(landings) < 60:
+        phases = walk.phases
+        if phases.step == 3 and phases.phase is Phase.SINGLE:
+            if phases.elapsed > 0.2:
+                walk.stop()
+            step = phases.plan.steps[3]
+            landings.append((step.x, step.y, phases.duration))
+        swing = SIDES.index(phases.plan.steps[phases.step].side)
+        loads = [WEIGHT, WEIGHT]
+        loads[swing] = WEIGHT if phases.phase is Phase.SINGLE and phases.remaining <= DT else 0.0
+        walk.update(loads, None, walk._pattern.at(walk._time + DT).dcm)
+    np.testing.assert_allclose(landings, [landings[0]] * len(landings), atol=1e-3)
+
+
+def test_step_adjustment_survives_greater_pushes() -> None:
+    plan = walk_distance(START, 0.4)
+    survived = {}
+    for name, settings in (("with", WalkSettings()), ("without", STEADY)):
+        survived[name] = [
+            not run(plan, settings, push=(time, velocity), seconds=5.5).fell
+            for time, velocity in (
+                (2.2, (0.0, -0.2)),
+                (2.4, (0.0, -0.25)),
+                (2.4, (0.15, -0.15)),
+                (2.2, (0.1, 0.0)),
+            )
+        ]
+    assert all(survived["with"])
+    assert sum(survived["without"]) <= 2
+
+
+def test_without_a_push_no_step_is_moved() -> None:
+    result = run(walk_distance(START, 0.5), WalkSettings(), gains=StabilizerGains(zmp_d=0.05))
+    for step, wanted in zip(result.walk.phases.plan.steps, walk_distance(START, 0.5).steps, strict=True):
+        np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=1e-3)
+
+
+# Bad input
+
+
+@pytest.mark.parametrize("move", [(1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.3, 0.0), (0.0, 0.0, 0.0, 0.2)])
+def test_a_plan_must_begin_where_the_robot_stands(move: tuple[float, float, float, float]) -> None:
+    *shift, turn = move
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.array(shift))
+    robot = ROBOT.clone()
+    with pytest.raises(InputError, match="must begin where the robot stands"):
+        WalkingControl(robot, walk_distance(START, 0.3).moved(world), DT)
+    near = pin.SE3(np.eye(3), np.array([0.005, 0.0, 0.03]))
+    WalkingControl(robot, walk_distance(START, 0.3).moved(near), DT)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Walk(ROBOT, walk_distance(START, 1.0), 1.2, DT), "CoM height"),
+        (lambda: Walk(ROBOT, walk_distance(START, 1.0), 0.4, DT), "CoM height"),
+        (lambda: Walk(ROBOT, walk_distance(START, 1.0), HEIGHT, -DT), "control period"),
+        (
+            lambda: Walk(ROBOT, walk_distance(replace(START, gait=Gait(step_length=0.9)), 3.0), HEIGHT, DT),
+            "goes forward by",
+        ),
+        (
+            lambda: Walk(ROBOT, walk_distance(START, 3.0), HEIGHT, DT, extent=(-1, 2, -1, 1)),
+            "leaves the ground",
+        ),
+        (
+            lambda: Walk(ROBOT, replace(START, gait=Gait(double_support=0.003)), HEIGHT, DT),
+            "two control periods",
+        ),
+        (lambda: Walk(ROBOT, START, HEIGHT, DT).start(), "steps left"),
+        (lambda: WalkSettings(feedback=2.0), "feedback"),
+        (lambda: AdjustmentSettings(landing=0.0), "landing"),
+        (lambda: AdjustmentSettings(max_shift=(-1.0, 0.0)), "max_shift"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_moves(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_rounded_timings_are_said() -> None:
+    walk = Walk(ROBOT, walk_distance(replace(START, gait=Gait(single_support=0.801)), 0.5), HEIGHT, DT)
+    assert len(walk.notes) == 1 and "single_support of 0.801 s rounded to 0.8 s" in walk.notes[0]
+
+
+# Step adjustment on its own
+
+
+OMEGA = natural_frequency(HEIGHT)
+PLAN = walk_distance(START, 1.0)
+PATTERN = analytic_pattern(
+    schedule(PLAN), HEIGHT, Pendulum.at_rest(np.array([*START.left.position[:2] * [1, 0], HEIGHT]))
+)
+SECOND_SWING = 0.8 + 0.8 + 0.3
+
+
+def adjust(error: tuple[float, float], elapsed: float = 0.4, *, plan: FootstepPlan = PLAN, flip: float = 1.0,
+           world: pin.SE3 | None = None, settings: AdjustmentSettings | None = None):  # fmt: skip
+    adjuster = StepAdjuster(OMEGA, Reach.of(ROBOT, HEIGHT), SIZES, settings)
+    now, then = PATTERN.at(SECOND_SWING + elapsed).dcm, PATTERN.at(SECOND_SWING + 0.8 + 0.15).dcm
+    points = [now + [*error, 0.0], now, then]
+    points = [p * [1, flip, 1] for p in points]
+    if world is not None:
+        points = [world.act(p) for p in points]
+    return adjuster.adjust(*[p[:2] for p in points], plan.steps[1], plan.stance(1), 0.8 - elapsed, 0.15)
+
+
+def test_small_errors_are_left_to_the_stance_foot() -> None:
+    for error in ((0.0, 0.0), (0.02, 0.01), (-0.01, 0.0)):
+        result = adjust(error)
+        assert (
+            not result.changed and result.landing == PLAN.steps[1] and result.remaining == pytest.approx(0.4)
+        )
+
+
+def test_the_heel_is_counted_on_only_so_far() -> None:
+    """What the DCM lags behind by, the stance foot makes up for, or else a shorter or later step."""
+    assert not adjust((-0.03, 0.0), settings=AdjustmentSettings(backward=0.1)).changed
+    result = adjust((-0.03, 0.0))
+    assert result.changed
+    assert result.landing.x < PLAN.steps[1].x - 0.005 or result.remaining > 0.41
+    assert not adjust((0.03, 0.0)).changed  # towards the toes the whole sole is
+
+
+def test_the_dcm_ends_where_the_plan_has_it_over_the_new_foot() -> None:
+    """The law is exact for the pendulum over the ZMP that the program assumes, when no bound is reached."""
+    error = (0.05, -0.05)
+    result = adjust(error, 0.5)
+    assert result.changed
+    # Right foot swings: it lands further right and sooner; what feedback does within the sole is ±28 mm sideways.
+    assert result.landing.y < PLAN.steps[1].y - 0.01 and result.remaining < 0.3
+    grow = np.exp(OMEGA * (0.3 + 0.15))
+    now, then = PATTERN.at(SECOND_SWING + 0.5).dcm[:2], PATTERN.at(SECOND_SWING + 0.95).dcm[:2]
+    zmp = (now * grow - then) / (grow - 1)
+    taken = np.exp(OMEGA * (result.remaining + 0.15))
+    shift = np.array([0.05, -0.028])  # ahead the sole takes all of it, sideways what it can
+    landed = zmp + (now + error - zmp) * taken + shift * (1 - grow)
+    offset = then - [PLAN.steps[1].x, PLAN.steps[1].y]
+    achieved = landed - [result.landing.x, result.landing.y]
+    np.testing.assert_allclose(achieved[1], offset[1] + result.missed[1], atol=2e-3)
+
+
+def test_it_keeps_within_reach_and_time() -> None:
+    reach, settings = Reach.of(ROBOT, HEIGHT), AdjustmentSettings()
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        result = adjust(tuple(rng.uniform(-0.15, 0.15, 2)), rng.uniform(0.0, 0.69))
+        forward, left, _, _ = result.landing.seen_from(PLAN.stance(1))
+        assert (
+            -reach.max_spacing - 1e-6 <= left <= -reach.min_spacing + 1e-6
+            and abs(forward) <= reach.max_length
+        )
+        assert abs(result.landing.x - PLAN.steps[1].x) <= settings.max_shift[0] + 1e-6
+        assert abs(result.landing.y - PLAN.steps[1].y) <= settings.max_shift[1] + 1e-6
+        assert result.remaining >= settings.shortest - 1e-6
+    late = adjust((0.1, 0.1), 0.76)
+    assert not late.changed
+
+
+def test_adjustment_moves_and_mirrors_with_the_world() -> None:
+    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.5), np.array([100.0, -100.0, 0.0]))
+    mirrored = walk_distance(START, 1.0, first="right")
+    for error in ((0.08, 0.05), (-0.06, -0.07)):
+        here, there = adjust(error), adjust(error, plan=PLAN.moved(world), world=world)
+        np.testing.assert_allclose(world.act(here.landing.position), there.landing.position, atol=1e-4)
+        flipped = adjust(error, plan=mirrored, flip=-1.0)
+        np.testing.assert_allclose(here.landing.position * [1, -1, 1], flipped.landing.position, atol=1e-5)
+        assert (
+            here.remaining
+            == pytest.approx(there.remaining, abs=1e-5)
+            == pytest.approx(flipped.remaining, abs=1e-5)
+        )
+
+
+def test_phases_are_reported() -> None:
+    walk = Walk(ROBOT, walk_distance(START, 0.5), HEIGHT, DT)
+    assert walk.update((WEIGHT / 2, WEIGHT / 2)).phase is Phase.STANDING
+    walk.start()
+    reference = walk.update((WEIGHT / 2, WEIGHT / 2))
+    assert (
+        reference.phase is Phase.DOUBLE
+        and reference.events == (Event.STARTED,)
+        and reference.contact == (True, True)
+    )

@@ -1,0 +1,1 @@
+"""Benchmarks behind `wbc bench`: tick, solver, physics and walk. A new benchmark is a file here."""

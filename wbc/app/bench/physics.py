@@ -1,0 +1,155 @@
+"""How fast the physics of a standing robot is, on each sole and ground."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import InputError, non_negative, positive
+from wbc.feet import Foot, foot
+from wbc.robots import load
+from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.settings import steps_per_tick
+from wbc.sim.terrain import Terrain, terrain
+
+CONTROL_PERIOD = 0.004
+"""Of the plant, s: a multiple of both steps."""
+
+BEFORE = 1.0
+"""Rough ground before the robot, m, so that it stands on it."""
+
+SPANS = 5
+"""The time that is measured is cut into so many spans, and the fastest counts: other work only slows down."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedOptions:
+    """What stands on what.
+
+    Attributes:
+        robot: Robot, one of those that `wbc robots` lists.
+        foot: Feet, those that `wbc feet` lists.
+        terrain: Grounds, families that `wbc terrains` lists.
+        amplitude: Highest minus lowest point of grounds that are not flat, m; on higher ones servos alone do not stand.
+        seed: Of the grounds.
+        timestep: Physics steps, s.
+        seconds: Simulated time that is measured, s.
+        settle: Simulated time before, s.
+    """
+
+    robot: str = "hrp4_class"
+    foot: tuple[str, ...] = ("flat", "rigid", "soft", "variable")
+    terrain: tuple[str, ...] = ("flat", "random", "stones")
+    amplitude: float = 0.01
+    seed: int = 1
+    timestep: tuple[float, ...] = (0.001, 0.002)
+    seconds: float = 1.0
+    settle: float = 1.0
+
+    def __post_init__(self) -> None:
+        load(self.robot)
+        for name in ("foot", "terrain", "timestep"):
+            if not getattr(self, name):
+                raise InputError(f"at least one {name} is needed")
+        for name in self.foot:
+            foot(name)
+        self.grounds()
+        for timestep in self.timestep:
+            steps_per_tick(CONTROL_PERIOD, timestep)
+        positive("measured time (s)", self.seconds)
+        non_negative("time before (s)", self.settle)
+
+    def grounds(self) -> tuple[Terrain, ...]:
+        """The grounds; the robot stands in their rough part."""
+        return tuple(
+            terrain(name, 0.0 if name == "flat" else self.amplitude, self.seed, start=-BEFORE)
+            for name in self.terrain
+        )
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Speed of one robot on one ground.
+
+    Attributes:
+        robot: Its name.
+        foot: Name of its feet.
+        terrain: Family of the ground.
+        amplitude: Of the ground, m.
+        timestep: Physics step, s.
+        steps_per_s: Physics steps of MuJoCo per second of processor time on one core.
+        real_time_factor: Simulated time over that time.
+        plant_real_time_factor: The same of the whole plant: with servos, sensors and ground truth.
+        contacts: Mean number of contacts.
+        nv: Degrees of freedom, those of the soles included.
+        upright: True if the robot still stood at the end.
+    """
+
+    robot: str
+    foot: str
+    terrain: str
+    amplitude: float
+    timestep: float
+    steps_per_s: float
+    real_time_factor: float
+    plant_real_time_factor: float
+    contacts: float
+    nv: int
+    upright: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return asdict(self)
+
+
+def standing_speeds(options: SpeedOptions) -> Iterator[Speed]:
+    """Measure every physics step, ground and foot."""
+    for timestep in options.timestep:
+        for ground in options.grounds():
+            for name in options.foot:
+                yield _measured(options, name, foot(name), ground, timestep)
+
+
+def _measured(options: SpeedOptions, name: str, design: Foot, ground: Terrain, timestep: float) -> Speed:
+    plant = Plant(
+        load(options.robot), foot=design, terrain=ground, timestep=timestep, control_period=CONTROL_PERIOD
+    )
+    command = plant.hold()
+    for _ in range(round(options.settle / CONTROL_PERIOD)):
+        plant.step(command)
+    ticks = max(1, round(options.seconds / CONTROL_PERIOD / SPANS))
+    whole, contacts = [], []
+    for _ in range(SPANS):
+        before = time.process_time()
+        for _ in range(ticks):
+            plant.step(command)
+            plant.measure()
+        whole.append(time.process_time() - before)
+        contacts.append(plant.data.ncon)
+    model, data, count = plant.model, plant.data, ticks * plant.steps
+    alone = []
+    for _ in range(SPANS):
+        before = time.process_time()
+        mujoco.mj_step(model, data, count)
+        alone.append(time.process_time() - before)
+    plant.step(command)  # the truth is that of the plant
+    rate = count / min(alone)
+    return Speed(
+        robot=options.robot,
+        foot=name,
+        terrain=ground.name,
+        amplitude=ground.amplitude,
+        timestep=timestep,
+        steps_per_s=rate,
+        real_time_factor=rate * timestep,
+        plant_real_time_factor=ticks * CONTROL_PERIOD / min(whole),
+        contacts=float(np.mean(contacts)),
+        nv=int(model.nv),
+        upright=plant.diverged is None and not FallDetector(plant.robot).fallen(plant.truth().q),
+    )

@@ -1,0 +1,231 @@
+"""How reliable the solver is: many ticks of random problems, every solution checked, a sample compared with DAQP."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from time import thread_time
+from typing import Any
+
+import numpy as np
+import qpsolvers
+
+from wbc.app.bench.streams import Stream, least_violation
+from wbc.app.bench.tick import solver_counts
+from wbc.core.errors import InputError, positive
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solution import Solution
+from wbc.core.qp.solver import SolverSettings, standard_form
+from wbc.robots import load, names
+
+SLOW = 5e-3
+"""A tick that takes longer than this is too late for a 200 Hz controller, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchSolverOptions:
+    """How many random problems, and which.
+
+    Attributes:
+        ticks: Feasible problems to solve, over all robots.
+        robot: Robots that take turns, out of those that `wbc robots` lists.
+        stream: Longest stream from one random start, ticks.
+        scattered: Share of streams whose every tick has a random state of its own.
+        sample: Every how many ticks DAQP solves the same problem.
+        agreement: Largest difference from DAQP that counts as the same solution, m/s² and rad/s².
+        seed: Fixes every random draw.
+        repeat: How often all of it is solved. A tick's time is its shortest: ticks repeat bit for bit, while the
+            machine's own pauses (14 in 100,000 ticks, up to 30 ms, where this was written) fall on other ticks.
+    """
+
+    ticks: int = 100_000
+    robot: tuple[str, ...] = names()
+    stream: int = 1000
+    scattered: float = 0.2
+    sample: int = 50
+    agreement: float = 1e-3
+    seed: int = 0
+    repeat: int = 2
+
+    def __post_init__(self) -> None:
+        for name in ("ticks", "stream", "sample", "repeat"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
+        positive("agreement (rad/s²)", self.agreement)
+        if not 0.0 <= self.scattered <= 1.0:
+            raise InputError(f"the share of scattered streams must lie in [0, 1], got {self.scattered}")
+        for robot in self.robot:
+            load(robot)
+
+
+class _Tally:
+    """What has been seen so far."""
+
+    def __init__(self, options: BenchSolverOptions) -> None:
+        self.options = options
+        self.tolerance = SolverSettings().residual_tolerance
+        self.wall: list[float] = []
+        self.cpu: list[float] = []
+        self.active: list[int] = []
+        self.worst_residual = 0.0
+        self.worst_difference = 0.0
+        self.counts: Counter[str] = Counter()
+        self.solvers: Counter[str] = Counter()
+        self.violations: list[float] = []
+        self.infeasible_times: list[float] = []
+
+    def run(self, stream: Stream) -> None:
+        """Solve the problems of a stream until it ends or there were enough."""
+        for _ in range(self.options.stream):
+            start = thread_time()
+            solution = stream.step()
+            cpu = thread_time() - start
+            problem = stream.controller.problem
+            if solution.ok:
+                self.solved(problem, solution, cpu)
+            else:
+                violation = least_violation(problem)
+                feasible = violation <= self.tolerance
+                self.counts["unsolved" if feasible else "infeasible"] += 1
+                if not feasible:
+                    self.violations.append(violation)
+                    self.infeasible_times.append(solution.timings.solve)
+                if not stream.scattered:
+                    break
+            if stream.fallen and not stream.scattered:
+                self.counts["fallen"] += 1
+                break
+            if len(self.wall) >= self.options.ticks:
+                break
+
+    def solved(self, problem: Problem, solution: Solution, cpu: float) -> None:
+        """Check a solution, and now and then compare it."""
+        self.wall.append(solution.timings.solve)
+        self.cpu.append(cpu)
+        self.active.append(int(np.count_nonzero(np.abs(solution.multipliers) > 1e-9)))
+        residual = primal_residual(problem, solution)
+        self.worst_residual = max(self.worst_residual, residual)
+        self.counts["above tolerance"] += residual > self.tolerance
+        if len(self.wall) % self.options.sample == 0:
+            self._compare(problem, solution)
+
+    def _compare(self, problem: Problem, solution: Solution) -> None:
+        other = qpsolvers.solve_problem(standard_form(problem), solver="daqp")
+        if not other.found or other.x is None:
+            self.counts["DAQP failed"] += 1
+            return
+        nv = problem.nv
+        difference = float(np.abs(other.x[:nv] - solution.accelerations).max())
+        self.counts["compared"] += 1
+        self.counts["differ"] += difference > self.options.agreement
+        self.worst_difference = max(self.worst_difference, difference)
+
+
+def bench_solver(
+    options: BenchSolverOptions, *, progress: Callable[[int], None] | None = None
+) -> dict[str, Any]:
+    """Solve random problems until there were enough feasible ones.
+
+    A problem that was not solved goes to a linear program: if that, too, finds no point within the tolerance, the
+    problem is infeasible, is not counted as a tick, and a new stream begins; otherwise it counts as unsolved.
+
+    Args:
+        options: How many, and which.
+        progress: Called with the number of ticks so far, now and then.
+
+    Returns:
+        Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_daqp` should be zero.
+    """
+    logging.getLogger("wbc.core.qp.solver").setLevel(logging.ERROR)  # infeasible problems are expected here
+    passes: list[_Tally] = []
+    for done in range(options.repeat):
+
+        def report(ticks: int, done: int = done) -> None:
+            if progress is not None:
+                progress((done * options.ticks + ticks) // options.repeat)
+
+        passes.append(_pass(options, report))
+    tally = passes[0]
+    first = np.array(tally.wall)
+    for again in passes[1:]:
+        tally.wall = list(np.minimum(tally.wall, again.wall))
+        tally.cpu = list(np.minimum(tally.cpu, again.cpu))
+    return _facts(tally, first)
+
+
+def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tally:
+    """Solve all problems once."""
+    tally = _Tally(options)
+    root = np.random.SeedSequence(options.seed)
+    while len(tally.wall) < options.ticks:
+        rng = np.random.default_rng(root.spawn(1)[0])
+        description = load(options.robot[tally.counts["streams"] % len(options.robot)])
+        stream = Stream(description, rng, scattered=bool(rng.random() < options.scattered))
+        tally.counts["streams"] += 1
+        with _no_garbage_collection():
+            tally.run(stream)
+        tally.solvers.update(solver_counts(stream.controller))
+        tally.counts["switches"] += stream.switches
+        progress(len(tally.wall))
+    return tally
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Keep Python's collector, which can take 25 ms, out of the times, as `timeit` does."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def primal_residual(problem: Problem, solution: Solution) -> float:
+    """Largest violation of any constraint, computed from the solution alone."""
+    x = solution.variables
+    equality = np.abs(problem.equality @ x - problem.equality_target).max(initial=0.0)
+    values = problem.inequality @ x
+    return float(max(equality, (values - problem.upper).max(), (problem.lower - values).max(), 0.0))
+
+
+def _facts(tally: _Tally, first: np.ndarray[Any, Any]) -> dict[str, Any]:
+    wall, cpu = np.array(tally.wall), np.array(tally.cpu)
+    shares = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
+    return {
+        "ticks": len(wall),
+        "streams": tally.counts["streams"],
+        "contact_switches": tally.counts["switches"],
+        "unsolved": tally.counts["unsolved"],
+        "above_tolerance": tally.counts["above tolerance"],
+        "worst_residual": tally.worst_residual,
+        "slow_ticks": int(np.count_nonzero((wall > SLOW) & (cpu > SLOW))),
+        "slow_by_the_clock": int(np.count_nonzero(first > SLOW)),
+        "solve_us": _percentiles(1e6 * wall, shares),
+        "tick_cpu_us": _percentiles(1e6 * cpu, shares),
+        "compared_with_daqp": tally.counts["compared"],
+        "differ_from_daqp": tally.counts["differ"],
+        "worst_difference": tally.worst_difference,
+        "daqp_failed": tally.counts["DAQP failed"],
+        "solvers": dict(tally.solvers),
+        "active_limits": {"mean": round(float(np.mean(tally.active)), 2), "most": int(np.max(tally.active))},
+        "ticks_with_active_limits": int(np.count_nonzero(tally.active)),
+        "infeasible": {
+            "problems": tally.counts["infeasible"],
+            "least_violation": min(tally.violations, default=math.nan),
+            "longest_solve_ms": round(1e3 * max(tally.infeasible_times, default=0.0), 2),
+        },
+        "streams_ended_by_a_fall": tally.counts["fallen"],
+        "options": asdict(tally.options),
+    }
+
+
+def _percentiles(values: np.ndarray[Any, Any], shares: tuple[float, ...]) -> dict[str, float]:
+    return {f"{share:g}%": round(float(np.percentile(values, share)), 1) for share in shares}

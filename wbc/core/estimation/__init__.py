@@ -1,0 +1,1 @@
+"""State estimation: base pose and velocity from encoders, IMU and foot wrenches."""

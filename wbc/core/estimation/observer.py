@@ -1,0 +1,378 @@
+"""Base pose and velocity from encoders, IMU and foot wrenches, without ground truth.
+
+Each loaded foot holds the robot at one point that rests on the ground, its anchor. The anchor is the material
+point of the sole at the measured centre of pressure and moves over the sole with it, so a foot may roll over
+its edge, over a stone or on soft phalanges: nothing assumes that the sole is flat or parallel to the ground.
+The base hangs on both anchors, each in proportion to its load, and the joints' velocities with the anchors at
+rest give the velocity, which the IMU smooths (`wbc.core.estimation.inertial`).
+
+For a rigid sole that rolls without slip the construction is exact; a sole that deforms leaves the velocity
+that its material point at the centre of pressure has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative
+from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.lag import lag_gain
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.signals import Measurement
+from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned
+
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+"""What an estimate is made of, as `Measurement` calls it."""
+
+
+@dataclass(frozen=True)
+class ObserverSettings:
+    """Settings of the observer.
+
+    Attributes:
+        inertial: Time constants of the inertial part.
+        anchor_at_cop: Anchor each foot at its centre of pressure; at the sole centre when False, which takes
+            the sole for flat and resting as a whole.
+        min_load: Normal force below which a foot holds nothing, N.
+        load_time_constant: Low-pass of the normal forces, s; 0 for none.
+        cop_time_constant: Low-pass of the centres of pressure, s; 0 for none.
+        slip_time_constant: How fast loaded feet that disagree settle between themselves, s.
+        reference_time_constant: How fast anchors follow the sole placements given to `update`, s.
+    """
+
+    inertial: InertialSettings = field(default_factory=InertialSettings)
+    anchor_at_cop: bool = True
+    min_load: float = 20.0
+    load_time_constant: float = 0.01
+    cop_time_constant: float = 0.02
+    slip_time_constant: float = 0.2
+    reference_time_constant: float = 0.1
+
+    def __post_init__(self) -> None:
+        non_negative("min_load (N)", self.min_load)
+        for name in ("load", "cop", "slip", "reference"):
+            non_negative(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
+
+
+class Observer:
+    """Estimates the state of a robot from its sensors.
+
+    Attributes:
+        robot: The estimated robot; updated in place by every `update`.
+        settings: Settings.
+        inertial: Attitude, velocity and gyro bias of the IMU.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        settings: ObserverSettings | None = None,
+        *,
+        adopt: bool = False,
+        dynamics: bool = True,
+    ) -> None:
+        """Start at rest in the configuration that the robot has.
+
+        Args:
+            robot: Robot to estimate.
+            settings: Settings; the defaults when None.
+            adopt: Estimate into `robot` itself instead of a clone, as a controller of the estimated robot wants.
+            dynamics: Keep mass matrix, bias forces and Jacobians of the estimated robot up to date, too. Without them
+                (`Robot.update_kinematics`) an update is quicker; an adopted robot always has them.
+        """
+        q = np.array(robot.q)
+        self.robot = robot if adopt else robot.clone()
+        self._update_robot = self.robot.update if adopt or dynamics else self.robot.update_kinematics
+        self.settings = settings or ObserverSettings()
+        self.inertial = InertialFilter(self.settings.inertial)
+        n = len(robot.soles)
+        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._shapes = ((robot.na,), (robot.na,), (3,), (3,), (n, 6))
+        self._half = [(0.5 * sole.length, 0.5 * sole.width) for sole in robot.soles]
+        self._imu = robot.frame_id(robot.imu_frame)
+        self._data = robot.model.createData()  # kinematics with the base at the origin
+        self._q = pin.neutral(robot.model)
+        self._v = np.zeros(robot.nv)
+        # Of each foot, as plain numbers: see the properties.
+        self._loads, self._shares = [0.0] * n, [0.0] * n
+        self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
+        self._anchors: list[Vector] = [(0.0, 0.0, 0.0)] * n
+        self._anchor_yaw = [0.0] * n
+        # Live views of Pinocchio's frames.
+        imu, soles = self._data.oMf[self._imu], [self._data.oMf[sole] for sole in self._soles]
+        self._imu_rotation_t, self._imu_position = imu.rotation.T, imu.translation
+        self._sole_frames = [(sole.rotation, sole.translation) for sole in soles]
+        self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
+        self._origin = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+        self._wrenches = np.zeros((n, 6))
+        self._position: Vector = (0.0, 0.0, 0.0)
+        self._time: float | None = None
+        self.reset(q)
+
+    @property
+    def load(self) -> Array:
+        """Normal forces after the low-pass, shape (number of soles,), N."""
+        return np.array(self._loads)
+
+    @property
+    def share(self) -> Array:
+        """Part of the base that hangs on each foot, shape (number of soles,); sums to 1, or 0 in flight."""
+        return np.array(self._shares)
+
+    @property
+    def cop(self) -> Array:
+        """Centres of pressure in the sole frames after the low-pass, shape (number of soles, 2), m."""
+        return np.array(self._cops)
+
+    @property
+    def anchor(self) -> Array:
+        """Resting points of the feet in the world, shape (number of soles, 3), m."""
+        return np.array(self._anchors)
+
+    @property
+    def net_wrench(self) -> Array:
+        """What the ground does to the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
+        net = pin.Force.Zero()
+        for placement, wrench in zip(self._robot_soles, self._wrenches, strict=True):
+            net += placement.act(pin.Force(wrench))
+        return np.array(net.vector)
+
+    @property
+    def in_flight(self) -> bool:
+        """True when no foot carries more than the minimum load."""
+        return not any(self._shares)
+
+    def reset(self, q: Array | None = None, specific_force: Array | None = None) -> None:
+        """Forget everything but the gyro bias and start at rest from a configuration.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+            specific_force: Accelerometer of the robot at rest, in the IMU frame, shape (3,), m/s²: roll and
+                pitch are then taken from it instead of q.
+
+        Raises:
+            InputError: A configuration of the wrong shape or not finite.
+        """
+        robot = self.robot
+        q = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
+        robot.update(q, np.zeros(robot.nv))
+        self.inertial.reset(robot.placement(self._imu).rotation)
+        if specific_force is not None:
+            base_to_imu = robot.placement(self._imu).rotation.T @ robot.placement(robot.base_frame).rotation
+            self.inertial.align(finite_array("specific force (m/s²)", specific_force, (3,)))
+            tilted = np.array(q)
+            tilted[3:7] = pin.Quaternion(self.inertial.rotation @ base_to_imu).coeffs()
+            robot.update(tilted, np.zeros(robot.nv))
+        self._position = tuple(robot.q[:3].tolist())
+        self._time = None
+        n = len(self._soles)
+        self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
+        self._wrenches[:] = 0.0
+        for i, sole in enumerate(self._soles):
+            placement = robot.placement(sole)
+            self._anchors[i] = tuple(placement.translation.tolist())
+            self._anchor_yaw[i] = _yaw(placement.rotation[:, 0].tolist())
+
+    def update(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> Robot:
+        """Take in one measurement.
+
+        Args:
+            measurement: Sensors; its time stamp gives the period.
+            soles: Where the controller's model has its soles in the world; loaded feet are drawn there, so
+                that the estimate does not wander off from the controller's world. Odometry when None.
+
+        Returns:
+            The estimated robot, the same object each time.
+
+        Raises:
+            MeasurementError: Not finite, of the wrong shape, or older than the last one.
+        """
+        self._check(measurement)
+        first = self._time is None
+        dt = 0.0 if self._time is None else measurement.time - self._time
+        self._time = measurement.time
+
+        # Kinematics in the base frame, as if the base rested at the origin.
+        model, data = self.robot.model, self._data
+        self._q[7:] = measurement.joint_position
+        self._v[BASE_DOF:] = measurement.joint_velocity
+        pin.forwardKinematics(model, data, self._q, self._v)
+        for frame in (self._imu, *self._soles):
+            pin.updateFramePlacement(model, data, frame)
+        imu_rate = pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
+
+        gyro = measurement.angular_velocity
+        self.inertial.predict(gyro, measurement.specific_force, dt)
+        base = self.inertial.rotation.dot(self._imu_rotation_t)
+        spin = self.inertial.rotation.dot(gyro - self.inertial.gyro_bias) - base.dot(imu_rate.angular)
+
+        turn, turning = base.tolist(), spin.tolist()
+        frames = [(rotation.tolist(), position.tolist()) for rotation, position in self._sole_frames]
+        arms = self._update_loads(measurement.sole_wrench.tolist(), dt, turn, [r for r, _ in frames], first)
+        # In the base frame: centres of pressure, and which way the soles look.
+        points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
+        ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
+        yaw_error = 0.0
+        velocity = None
+        if not self.in_flight:
+            vx = vy = vz = 0.0  # less what the velocity of the anchors would be if the base only turned
+            for i, sole in enumerate(self._soles):
+                share = self._shares[i]
+                if share == 0.0:
+                    continue
+                rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
+                sliding = turned(turn, add_cross(rate.linear.tolist(), rate.angular.tolist(), arms[i]))
+                x, y, z = add_cross(sliding, turning, turned(turn, points[i]))
+                vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
+                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(turned(turn, ahead[i])))
+            velocity = np.array((vx, vy, vz))
+        at_imu = turned(turn, self._imu_position.tolist())
+        imu_arm = np.array(add_cross(turned(turn, imu_rate.linear.tolist()), turning, at_imu))
+        if velocity is not None:
+            velocity += imu_arm
+            if first:
+                self.inertial.velocity = velocity
+        self.inertial.correct(velocity, yaw_error, dt)
+
+        base = self.inertial.rotation.dot(self._imu_rotation_t)
+        base_velocity = self.inertial.velocity - imu_arm
+        turn = base.tolist()
+        self._update_position(turn, base_velocity, points, ahead, arms, soles, dt)
+
+        q, v = self._q, self._v
+        q[:3] = self._position
+        q[3:7] = quaternion(turn)
+        np.dot(base_velocity, base, out=v[:3])
+        np.dot(spin, base, out=v[3:6])
+        self._update_robot(q, v)
+        q[:7] = self._origin
+        v[:BASE_DOF] = 0.0
+        self._wrenches[:] = measurement.sole_wrench
+        return self.robot
+
+    def _check(self, measurement: Measurement) -> None:
+        m = measurement
+        shapes = (
+            m.joint_position.shape,
+            m.joint_velocity.shape,
+            m.angular_velocity.shape,
+            m.specific_force.shape,
+            m.sole_wrench.shape,
+        )
+        if shapes != self._shapes:
+            for name, got, shape in zip(SIGNALS, shapes, self._shapes, strict=True):
+                if got != shape:
+                    raise MeasurementError(f"{name} must have shape {shape} for {self.robot!r}, got {got}")
+        measurement.check_finite()
+        if self._time is not None and measurement.time < self._time:
+            raise MeasurementError(
+                f"measurement at {measurement.time:g} s is older than the last, {self._time:g} s"
+            )
+
+    def _update_loads(
+        self, wrenches: Sequence[Vector], dt: float, base: Rows, soles: Sequence[Rows], first: bool
+    ) -> list[Vector]:
+        """Loads, shares and centres of pressure; an anchor moves over the sole with the latter.
+
+        Args:
+            wrenches: Measured, N and Nm.
+            dt: Time since the last measurement, s.
+            base: Rotation of the base.
+            soles: Rotations of the soles in the base frame.
+            first: No low-pass: take it as it is.
+
+        Returns:
+            From the sole centres to the centres of pressure, in the base frame, m.
+        """
+        s = self.settings
+        gain = 1.0 if first else lag_gain(dt, s.load_time_constant)
+        self._loads = [
+            load + gain * (max(row[2], 0.0) - load) for load, row in zip(self._loads, wrenches, strict=True)
+        ]
+        shares = [max(load - s.min_load, 0.0) for load in self._loads]
+        total = sum(shares)
+        self._shares = [share / total for share in shares] if total > 0.0 else shares
+        if not s.anchor_at_cop:
+            return [(0.0, 0.0, 0.0)] * len(soles)
+        gain = 1.0 if first else lag_gain(dt, s.cop_time_constant)
+        arms: list[Vector] = []
+        for i, (_, _, force, roll, pitch, _) in enumerate(wrenches):
+            x = y = 0.0
+            if force > s.min_load:
+                length, width = self._half[i]
+                x = min(max(-pitch / force, -length), length)
+                y = min(max(roll / force, -width), width)
+            old_x, old_y = self._cops[i]
+            dx, dy = gain * (x - old_x), gain * (y - old_y)
+            self._cops[i] = x, y = old_x + dx, old_y + dy
+            (a, b, _), (c, d, _), (e, f, _) = soles[i]
+            arms.append((a * x + b * y, c * x + d * y, e * x + f * y))
+            step_x, step_y, step_z = turned(base, (a * dx + b * dy, c * dx + d * dy, e * dx + f * dy))
+            at_x, at_y, at_z = self._anchors[i]
+            self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z)
+        return arms
+
+    def _update_position(
+        self,
+        base: Rows,
+        base_velocity: Array,
+        points: Sequence[Vector],
+        ahead: Sequence[Vector],
+        arms: Sequence[Vector],
+        soles: Sequence[pin.SE3 | None] | None,
+        dt: float,
+    ) -> None:
+        """Hang the base on the anchors; anchors that carry little follow the base.
+
+        Args:
+            base: Rotation of the base.
+            base_velocity: In the world, shape (3,), m/s.
+            points: Centres of pressure in the base frame, m.
+            ahead: First axes of the soles in the base frame.
+            arms: From the sole centres to the centres of pressure, in the base frame, m.
+            soles: Where the controller has its soles.
+            dt: Time since the last measurement, s.
+        """
+        s, shares, anchors = self.settings, self._shares, self._anchors
+        reach = [turned(base, point) for point in points]
+        yaws = [_yaw(turned(base, axis)) for axis in ahead]
+        if soles is not None:
+            if len(soles) != len(shares):
+                raise InputError(f"one sole placement for each of {len(shares)} soles, got {len(soles)}")
+            gain = lag_gain(dt, s.reference_time_constant)
+            for i, reference in enumerate(soles):
+                if reference is None or shares[i] == 0.0:
+                    continue
+                (x, y, z), (u, v, w) = reference.translation.tolist(), turned(base, arms[i])
+                anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
+                yaw = _yaw(reference.rotation[:, 0].tolist())
+                self._anchor_yaw[i] += gain * _wrap(yaw - self._anchor_yaw[i])
+        if self.in_flight:
+            (x, y, z), (u, v, w) = self._position, base_velocity.tolist()
+            x, y, z = x + dt * u, y + dt * v, z + dt * w
+        else:
+            x = y = z = 0.0
+            for share, (at_x, at_y, at_z), (u, v, w) in zip(shares, anchors, reach, strict=True):
+                x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
+        self._position = (x, y, z)
+        # Feet that disagree settle between themselves; equal gains leave their common place and yaw alone.
+        common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(shares, self._anchor_yaw, yaws, strict=True))
+        slip = lag_gain(dt, s.slip_time_constant)
+        for i, (u, v, w) in enumerate(reach):
+            gain = 1.0 if shares[i] == 0.0 else slip
+            anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
+            self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
+
+
+def _yaw(axis: Vector) -> float:
+    """Heading of a direction, such as the x axis of a frame, rad."""
+    return math.atan2(axis[1], axis[0])
+
+
+def _wrap(angle: float) -> float:
+    return math.remainder(angle, 2.0 * math.pi)

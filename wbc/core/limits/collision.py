@@ -1,0 +1,313 @@
+"""Self-collision: pairs of links kept apart by a velocity damper on the distance between their shapes."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, finite_array, non_negative, positive
+from wbc.core.limits.rows import RowLimit, limit_time_constant
+from wbc.core.robot import Robot
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere around a point of a frame.
+
+    Attributes:
+        radius: m.
+        centre: In the frame, m.
+    """
+
+    radius: float
+    centre: Point = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        positive("radius of a sphere (m)", self.radius)
+        finite_array("centre of a sphere (m)", self.centre, (3,))
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All points within a radius of a line segment in a frame.
+
+    Attributes:
+        radius: m.
+        start: One end of the segment in the frame, m.
+        end: Its other end, m.
+    """
+
+    radius: float
+    start: Point
+    end: Point
+
+    def __post_init__(self) -> None:
+        positive("radius of a capsule (m)", self.radius)
+        start = finite_array("start of a capsule (m)", self.start, (3,))
+        if np.linalg.norm(finite_array("end of a capsule (m)", self.end, (3,)) - start) < 1e-9:
+            raise InputError(f"a capsule needs two different ends, got {self.start} twice; use a Sphere")
+
+
+Shape = Sphere | Capsule
+
+
+class _Body(NamedTuple):
+    """A body at one tick, in the world: what the velocities and accelerations of its points are made of."""
+
+    origin: Array
+    turning: list[float]
+    jacobian: Array
+    acceleration: Array
+
+    @staticmethod
+    def of(robot: Robot, joint: int) -> _Body:
+        """Read the state of the body behind a joint."""
+        model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
+        return _Body(
+            data.oMi[joint].translation,
+            pin.getVelocity(model, data, joint, world).angular.tolist(),
+            pin.getJointJacobian(model, data, joint, world),
+            pin.getClassicalAcceleration(model, data, joint, world).vector,
+        )
+
+
+class SelfCollisionLimit(RowLimit):
+    """Keep pairs of links at a distance.
+
+    Each pair of shapes has one row: the distance may shrink at (distance − margin) / time constant at most. Rows of
+    pairs that are far apart are empty. Of the acceleration of the distance, the turning of the common normal is left
+    out: for convex shapes that pass each other it only adds distance.
+
+    The distance is demanded to grow by no more than (distance − margin) / time constant² + recovery, m/s²: enough for
+    links that come within `influence` at no more than the speed allowed there.
+    """
+
+    def __init__(
+        self,
+        pairs: Iterable[tuple[str, str]],
+        *,
+        shapes: Mapping[str, Shape | Sequence[Shape]] | None = None,
+        urdf: str | Path | None = None,
+        margin: float = 0.02,
+        influence: float = 0.3,
+        time_constant: float = 0.1,
+        recovery: float = 10.0,
+        name: str = "self-collision",
+    ) -> None:
+        """Describe the limit.
+
+        Args:
+            pairs: Pairs of links or frames.
+            shapes: Link or frame → its shapes, in its own coordinates.
+            urdf: URDF, a path or the XML itself, whose primitive collision geometry (boxes, spheres, cylinders,
+                capsules) is the shape of links that are not in `shapes`; meshes are left out.
+            margin: Least distance, m.
+            influence: Distance beyond which a pair is not looked at, m.
+            time_constant: Of the approach, s.
+            recovery: Acceleration with which links closer than the margin are at least pushed apart, m/s². It also
+                stops links that come within `influence` too fast.
+            name: Name of the limit.
+
+        Raises:
+            InputError: No pair at all, a pair of a link with itself or twice, or a value out of range.
+        """
+        self.name, self.dim = name, 0
+        self._pairs = [(str(first), str(second)) for first, second in pairs]
+        if not self._pairs:
+            raise InputError(f"limit '{name}' needs at least one pair of links")
+        if any(first == second for first, second in self._pairs):
+            raise InputError(f"limit '{name}' cannot keep a link away from itself: {self._pairs}")
+        if len({frozenset(pair) for pair in self._pairs}) != len(self._pairs):
+            raise InputError(f"limit '{name}' has a pair twice: {self._pairs}")
+        self._shapes = {
+            frame: [shape] if isinstance(shape, Sphere | Capsule) else list(shape)
+            for frame, shape in (shapes or {}).items()
+        }
+        for frame, own in self._shapes.items():
+            if not own or not all(isinstance(shape, Sphere | Capsule) for shape in own):
+                raise InputError(f"shapes of '{frame}' must be spheres and capsules, at least one; got {own}")
+        self._urdf = urdf
+        self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
+        self._influence = positive(f"influence of limit '{name}' (m)", influence)
+        if self._influence <= self._margin:
+            raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
+        self._time = limit_time_constant(time_constant)
+        self._recovery = non_negative(f"recovery of limit '{name}' (m/s²)", recovery)
+
+    def bind(self, robot: Robot) -> None:
+        """Build the shapes.
+
+        Raises:
+            UnknownNameError: A frame that the robot does not have.
+            InputError: A link without a shape; two links that no joint lies between; a pair that is in collision in
+                half-sitting, so that its shapes must be too large.
+        """
+        self._robot = robot
+        for frame in (*self._shapes, *(frame for pair in self._pairs for frame in pair)):
+            robot.frame_id(frame)
+        geometry = pin.GeometryModel()
+        objects: dict[str, list[int]] = {}
+        radii: list[float] = []
+        primitives = None
+        for frame in dict.fromkeys(frame for pair in self._pairs for frame in pair):
+            if frame in self._shapes:
+                made = [_geometry_object(robot, frame, shape) for shape in self._shapes[frame]]
+            elif self._urdf is not None:
+                primitives = _urdf_primitives(robot, self._urdf) if primitives is None else primitives
+                made = primitives.get(frame, [])
+            else:
+                made = []
+            if not made:
+                known = ", ".join(sorted({*self._shapes, *(primitives or {})})) or "none"
+                raise InputError(
+                    f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, or a URDF in which it has "
+                    f"primitive collision geometry (it has it for: {known})"
+                )
+            objects[frame] = []
+            for number, item in enumerate(made):
+                item.name = f"{frame} {number}"
+                objects[frame].append(geometry.addGeometryObject(item))
+                radii.append(float(getattr(item.geometry, "radius", 0.0)) if _is_round(item) else 0.0)
+
+        self._rows: list[tuple[int, int, float, float]] = []
+        self._names: list[tuple[str, str]] = []
+        for first, second in self._pairs:
+            joints = [robot.model.frames[robot.frame_id(frame)].parentJoint for frame in (first, second)]
+            if joints[0] == joints[1]:
+                raise InputError(
+                    f"'{first}' and '{second}' of limit '{self.name}' are parts of one rigid body"
+                )
+            for i in objects[first]:
+                for k in objects[second]:
+                    geometry.addCollisionPair(pin.CollisionPair(i, k))
+                    self._rows.append((joints[0], joints[1], radii[i], radii[k]))
+                    self._names.append((first, second))
+        self.dim = len(self._rows)
+        self._geometry, self._geometry_data = geometry, geometry.createData()
+        self._distance = np.full(self.dim, np.inf)
+        self._check_half_sitting()
+        self._measure()
+
+    @property
+    def distances(self) -> dict[tuple[str, str], float]:
+        """Pair → least distance of its shapes at the last tick, m; negative in collision."""
+        least: dict[tuple[str, str], float] = {}
+        for pair, distance in zip(self._names, self._distance, strict=True):
+            least[pair] = min(least.get(pair, np.inf), float(distance))
+        return least
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill one row for each pair of shapes; see `RowLimit.write`."""
+        self._measure()
+        v = self._robot.v
+        results, bodies = self._geometry_data.distanceResults, dict[int, _Body]()
+        rows[:] = 0.0
+        lower[:] = -np.inf
+        upper[:] = np.inf
+        for row in (self._distance <= self._influence).nonzero()[0].tolist():
+            first, second, radius_1, radius_2 = self._rows[row]
+            result = results[row]
+            normal = result.normal
+            # Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
+            drift = self._add_side(
+                rows[row], bodies, first, result.getNearestPoint1() - radius_1 * normal, -normal
+            )
+            drift += self._add_side(
+                rows[row], bodies, second, result.getNearestPoint2() + radius_2 * normal, normal
+            )
+            room = float(self._distance[row]) - self._margin
+            wanted = -(room / self._time + float(np.dot(rows[row], v))) / dt
+            lower[row] = min(wanted, max(room, 0.0) / self._time**2 + self._recovery) - drift
+
+    def _add_side(
+        self, row: Array, bodies: dict[int, _Body], joint: int, point: Array, direction: Array
+    ) -> float:
+        """Add a point's motion along a direction to a row; return its acceleration at zero joint accelerations."""
+        if joint not in bodies:
+            bodies[joint] = _Body.of(self._robot, joint)
+        body = bodies[joint]
+        nx, ny, nz = direction.tolist()
+        rx, ry, rz = (point - body.origin).tolist()
+        wx, wy, wz = body.turning
+        lever = np.array([nx, ny, nz, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx])
+        row += np.dot(lever, body.jacobian)
+        along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
+        centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
+        return float(np.dot(lever, body.acceleration) + centripetal)
+
+    def _measure(self) -> None:
+        robot, geometry, data = self._robot, self._geometry, self._geometry_data
+        pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
+        for row in range(self.dim):
+            self._distance[row] = pin.computeDistance(geometry, data, row).min_distance
+
+    def _check_half_sitting(self) -> None:
+        robot = self._robot
+        state = robot.model.createData()
+        pin.forwardKinematics(robot.model, state, robot.half_sitting)
+        data = self._geometry.createData()
+        pin.updateGeometryPlacements(robot.model, state, self._geometry, data)
+        for row, (first, second) in enumerate(self._names):
+            distance = pin.computeDistance(self._geometry, data, row).min_distance
+            if distance <= 0.0:
+                raise InputError(
+                    f"'{first}' and '{second}' of limit '{self.name}' are {-distance:.3f} m inside each other in "
+                    "half-sitting; leave the pair out or give smaller shapes"
+                )
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.name}', pairs={len(self._pairs)}, rows={self.dim})"
+
+
+def _is_round(item: pin.GeometryObject) -> bool:
+    return isinstance(item.geometry, coal.Sphere | coal.Capsule)
+
+
+def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObject:
+    index = robot.frame_id(frame)
+    parent = robot.model.frames[index]
+    if isinstance(shape, Sphere):
+        body, local = coal.Sphere(shape.radius), pin.SE3(np.eye(3), np.array(shape.centre, dtype=float))
+    else:
+        start, end = np.array(shape.start, dtype=float), np.array(shape.end, dtype=float)
+        length = float(np.linalg.norm(end - start))
+        body = coal.Capsule(shape.radius, length)  # along z, about its middle
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (end - start) / length)
+        local = pin.SE3(turn.matrix(), 0.5 * (start + end))
+    return pin.GeometryObject(frame, parent.parentJoint, index, parent.placement * local, body)
+
+
+def _urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.GeometryObject]]:
+    """Collision geometry of a URDF that is made of primitives, by link.
+
+    Raises:
+        InputError: Not a URDF, or that of another robot.
+    """
+    text = str(urdf)
+    try:
+        root = ET.fromstring(text) if text.lstrip().startswith("<") else ET.parse(text).getroot()
+    except (ET.ParseError, OSError) as error:
+        raise InputError(f"cannot read the URDF of a collision limit: {error}") from error
+    for link in root.iter("link"):
+        for item in (*link.findall("visual"), *link.findall("collision")):
+            if item.tag == "visual" or item.find("geometry/mesh") is not None:
+                link.remove(item)
+    try:
+        geometry = pin.buildGeomFromUrdfString(
+            robot.model, ET.tostring(root, encoding="unicode"), pin.COLLISION
+        )
+    except (ValueError, RuntimeError) as error:
+        raise InputError(f"the URDF of a collision limit does not fit {robot!r}: {error}") from error
+    found: dict[str, list[pin.GeometryObject]] = {}
+    for item in geometry.geometryObjects:
+        found.setdefault(str(robot.model.frames[item.parentFrame].name), []).append(pin.GeometryObject(item))
+    return found

@@ -1,0 +1,218 @@
+"""The centre of mass over a polygon on the ground, such as the hull of the soles.
+
+Along each edge the speed towards it is bounded by distance / time constant. With the default time constant, that of
+the linear inverted pendulum, √(height / g), this says that the divergent component of motion, c + ċ / ω, stays inside:
+what the ground can then always bring about with a CoP in the same polygon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array, non_negative
+from wbc.core.limits.rows import RowLimit, damped_bound, limit_time_constant
+from wbc.core.robot import Robot
+
+
+def convex_hull(points: ArrayLike) -> Array:
+    """Corners of the convex hull of points in the plane, counter-clockwise.
+
+    Args:
+        points: Shape (n, 2), m.
+
+    Returns:
+        Shape (k, 2) without points on edges; k < 3 when the points do not span an area.
+
+    Raises:
+        InputError: Not finite points of the plane.
+
+    Source: A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", 1979.
+    """
+    array = finite_array("points (m)", points)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise InputError(f"points must have shape (n, 2), got {array.shape}")
+    ordered = sorted({(float(x), float(y)) for x, y in array})
+    chains: list[list[tuple[float, float]]] = []
+    for side in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in side:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2], chain[-1]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 1e-12:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1]).reshape(-1, 2)
+
+
+class CoMPolygonLimit(RowLimit):
+    """Keep the ground projection of the centre of mass inside a convex polygon.
+
+    The rows allow the next velocity to be in (polygon − CoM) / time constant, which is never empty, so they cannot
+    contradict each other. They demand no more than distance / time constant² + recovery of acceleration away from an
+    edge: from inside that suffices, and outside `recovery` is what brings the CoM back.
+    """
+
+    def __init__(
+        self,
+        polygon: ArrayLike | None = None,
+        *,
+        margin: float = 0.01,
+        time_constant: float | None = None,
+        recovery: float | None = None,
+        max_edges: int = 8,
+        name: str = "CoM polygon",
+    ) -> None:
+        """Describe the limit.
+
+        Args:
+            polygon: Points in world x and y, shape (n, 2), m, of which the convex hull counts; the hull of all soles
+                as they stand when the limit is added when None.
+            margin: How far inside the edges the CoM stays, m.
+            time_constant: Of the approach to an edge, s; √(height of the CoM / g) when None. With a shorter one the
+                CoM may come to speeds from which the ground cannot stop it.
+            recovery: Acceleration with which a CoM beyond an edge is at least pushed back, m/s². When None, what a CoP
+                half the margin further out brings about, margin / (2 · time constant²).
+            max_edges: Number of rows; greatest number of edges that a polygon can have.
+            name: Name of the limit.
+
+        Raises:
+            InputError: A value out of range; a polygon without area, with too many edges or narrower than the margin.
+        """
+        if max_edges < 3:
+            raise InputError(f"limit '{name}' needs at least 3 edges, got {max_edges}")
+        self.name, self.dim = name, int(max_edges)
+        self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
+        self._given_time = None if time_constant is None else limit_time_constant(time_constant)
+        self._given_recovery = (
+            None if recovery is None else non_negative(f"recovery of limit '{name}' (m/s²)", recovery)
+        )
+        self._robot: Robot | None = None
+        self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
+        self._edges = 0
+        self._polygon: Array | None = None
+        if polygon is not None:
+            self.polygon = polygon
+
+    @property
+    def polygon(self) -> Array:
+        """Corners in world x and y, counter-clockwise, shape (n, 2), m; assign points to take their convex hull.
+
+        Raises:
+            InputError: There is none before the limit has been added to a controller.
+        """
+        if self._polygon is None:
+            raise InputError(f"limit '{self.name}' has no polygon before it is added to a controller")
+        return self._polygon
+
+    @polygon.setter
+    def polygon(self, points: ArrayLike) -> None:
+        corners = convex_hull(points)
+        if not 3 <= len(corners) <= self.dim:
+            raise InputError(
+                f"polygon of limit '{self.name}' must span an area with 3 to {self.dim} corners, got {len(corners)} "
+                f"from {np.asarray(points).tolist()}"
+            )
+        edges = np.roll(corners, -1, axis=0) - corners
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+        offsets = np.einsum("ij,ij->i", normals, corners) - self._margin
+        if (normals @ corners.mean(axis=0) >= offsets).any():
+            raise InputError(
+                f"polygon of limit '{self.name}' leaves nothing inside its margin of {self._margin} m: "
+                f"{corners.tolist()}"
+            )
+        self._polygon, self._edges = corners, len(corners)
+        self._normals[: self._edges], self._offsets[: self._edges] = normals, offsets
+
+    def use_soles(self, soles: Iterable[str] | None = None) -> None:
+        """Take the hull of soles as they stand now; call it when contacts have changed.
+
+        Args:
+            soles: Names or frames of soles; all that the robot has when None.
+
+        Raises:
+            InputError: No sole at all, or the limit has not been added to a controller.
+            UnknownNameError: A sole that the robot does not have.
+        """
+        robot = self._robot
+        if robot is None:
+            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
+        chosen = robot.soles if soles is None else [robot.sole(name) for name in soles]
+        corners = []
+        for sole in chosen:
+            placement = robot.placement(sole.frame)
+            for x in (-0.5 * sole.length, 0.5 * sole.length):
+                for y in (-0.5 * sole.width, 0.5 * sole.width):
+                    corners.append(placement.act(np.array([x, y, 0.0]))[:2])
+        if not corners:
+            raise InputError(f"limit '{self.name}' needs at least one sole")
+        self.polygon = np.array(corners)
+
+    @property
+    def distance(self) -> float:
+        """How far the CoM is inside the polygon less its margin, at the last update of the robot, m; negative outside.
+
+        Raises:
+            InputError: The limit has not been added to a controller.
+        """
+        if self._robot is None:
+            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
+        used = slice(0, self._edges)
+        return float((self._offsets[used] - self._normals[used] @ self._robot.com[:2]).min())
+
+    def bind(self, robot: Robot) -> None:
+        """Take the hull of the soles when no polygon was given.
+
+        Raises:
+            InputError: The centre of mass is not above the soles, so that there is no time constant of a pendulum.
+        """
+        self._robot = robot
+        gravity = robot.model.gravity.linear
+        self._gravity = np.array(gravity[:2])
+        if self._given_time is None:
+            height = robot.com[2] - min(robot.placement(sole.frame).translation[2] for sole in robot.soles)
+            if height <= 0.0:
+                raise InputError(
+                    f"limit '{self.name}' needs a time constant: the CoM is {height:.3f} m above the soles"
+                )
+            self.time_constant = math.sqrt(height / -gravity[2])
+        else:
+            self.time_constant = self._given_time
+        if self._given_recovery is None:
+            self.recovery = 0.5 * self._margin / self.time_constant**2
+        else:
+            self.recovery = self._given_recovery
+        self._base_rotation = robot.data.oMi[1].rotation
+        if self._polygon is None:
+            self.use_soles()
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill one row for each edge; see `RowLimit.write`."""
+        robot, used = self._robot, slice(0, self._edges)
+        assert robot is not None
+        normals = self._normals[used]
+        distance = self._offsets[used] - np.dot(normals, robot.com[:2])
+        bound = damped_bound(distance, np.dot(normals, robot.com_velocity[:2]), dt, self.time_constant)
+        demand = np.maximum(distance, 0.0)
+        # On its way to the edge at distance / time constant, the CoM needs distance / time constant², and a little more
+        # because a period passes before the bound can answer.
+        demand *= (1.0 + 2.0 * dt / self.time_constant) / self.time_constant**2
+        demand += self.recovery
+        np.maximum(bound, -demand, out=bound)
+        # Acceleration of the CoM at zero generalised acceleration: the force on the base rows of the bias, less weight.
+        drift = np.dot(self._base_rotation[:2], robot.bias[:3])
+        drift /= robot.mass
+        drift += self._gravity
+        lower[:] = -np.inf
+        rows[used] = np.dot(normals, robot.com_jacobian[:2])
+        np.subtract(bound, np.dot(normals, drift), out=upper[used])
+        rows[self._edges :] = 0.0
+        upper[self._edges :] = np.inf
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.name}', edges={self._edges})"

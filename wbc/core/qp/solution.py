@@ -1,0 +1,94 @@
+"""What a tick of the controller gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.qp.solver import Status
+
+
+class Timings(NamedTuple):
+    """Wall time of the phases of a tick, s."""
+
+    model: float
+    assembly: float
+    solve: float
+    decode: float
+
+    @property
+    def total(self) -> float:
+        """Wall time of the whole tick, s."""
+        return self.model + self.assembly + self.solve + self.decode
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything stands in a problem; made anew only when tasks, contacts or limits are added or removed.
+
+    Attributes:
+        nv: Number of accelerations, the first variables.
+        contacts: Name → slice of the variables.
+        tasks: Name → slice of the residual rows.
+        units: Name of a task → unit of its residual.
+        limits: Name, one for each inequality row.
+    """
+
+    nv: int
+    contacts: Mapping[str, slice]
+    tasks: Mapping[str, slice]
+    units: Mapping[str, str]
+    limits: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Result of one tick; owns its arrays.
+
+    Attributes:
+        status: How the problem was solved. When `ok` is False the arrays hold the last good solution.
+        variables: Accelerations, then contact wrenches, shape (n,).
+        torques: Joint torques, shape (na,), Nm (or N).
+        iterations: Outer iterations of the solver.
+        timings: Wall time of each phase, s.
+        layout: Where everything stands.
+    """
+
+    status: Status
+    variables: Array
+    torques: Array
+    iterations: int
+    timings: Timings
+    layout: Layout
+    residual_rows: Array
+    multipliers: Array
+
+    @property
+    def ok(self) -> bool:
+        """True if the problem was solved."""
+        return self.status.ok
+
+    @property
+    def accelerations(self) -> Array:
+        """Generalised accelerations: base (in its own frame), then joints, shape (nv,), m/s² and rad/s²."""
+        return self.variables[: self.layout.nv]
+
+    @property
+    def wrenches(self) -> dict[str, Array]:
+        """Contact name → force variables: [force; moment] in the sole frame, or a force, N and Nm."""
+        return {name: self.variables[rows] for name, rows in self.layout.contacts.items()}
+
+    @property
+    def residuals(self) -> dict[str, Array]:
+        """Task name → achieved minus wanted acceleration (or torque, or wrench), shape (dim,)."""
+        return {name: self.residual_rows[rows] for name, rows in self.layout.tasks.items()}
+
+    @property
+    def active_limits(self) -> tuple[str, ...]:
+        """Names of the limits that push, in the order of the rows."""
+        threshold = 1e-6 * max(1.0, float(np.abs(self.multipliers).max(initial=0.0)))
+        return tuple(self.layout.limits[i] for i in np.flatnonzero(np.abs(self.multipliers) > threshold))

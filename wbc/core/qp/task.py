@@ -1,0 +1,302 @@
+"""What a task is: rows of a least-squares objective, or of a hard constraint, over the controller's variables.
+
+A task owns a block of rows in the arrays of its controller. Setting its weight, gains or feed-forward writes into
+that block at once, so that a tick only asks each task for what has changed with the state: its Jacobian, its error
+and its drift. The controller then computes the reference acceleration of all tasks together,
+
+    reference = feed-forward acceleration + stiffness · error
+                + damping · (feed-forward velocity − Jacobian · v) − drift,
+
+and minimises ½ Σ weight · (Jacobian · acceleration − reference)².
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.robot import Robot
+
+if TYPE_CHECKING:
+    from wbc.core.qp.controller import Problem
+    from wbc.core.signals import Measurement
+
+
+@dataclass(slots=True)
+class Rows:
+    """Per-row values of one or several tasks, each of shape (dim,); views into the controller's arrays once bound."""
+
+    error: Array
+    drift: Array
+    stiffness: Array
+    damping: Array
+    velocity: Array
+    acceleration: Array
+    weight: Array
+
+    @staticmethod
+    def zeros(dim: int) -> Rows:
+        """Return rows of zeros."""
+        return Rows(*(np.zeros(dim) for _ in range(7)))
+
+    def view(self, rows: slice) -> Rows:
+        """Return the given rows as views."""
+        return Rows(*(getattr(self, field)[rows] for field in Rows.__dataclass_fields__))
+
+    def copy_from(self, other: Rows) -> None:
+        """Take over all values of `other`."""
+        for field in Rows.__dataclass_fields__:
+            getattr(self, field)[:] = getattr(other, field)
+
+
+class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
+    """Base of all tasks; subclass `MotionTask`, `SelectionTask` or `VariableTask`, not this.
+
+    Attributes:
+        name: How status tables and solutions call it; unique within a controller.
+        dim: Number of rows; fixed once the task has been added to a controller.
+        unit: Unit of the error; the residual is in `unit`/s² for motion tasks.
+        hard: True if the rows are constraints instead of costs.
+        idle: True while the weight is zero: the rows are left as they were, and cost no time.
+    """
+
+    unit = "m"
+    idle = False
+
+    def __init__(
+        self,
+        name: str,
+        dim: int,
+        *,
+        weight: ArrayLike = 1.0,
+        stiffness: ArrayLike = 0.0,
+        damping: ArrayLike | None = None,
+        hard: bool = False,
+    ) -> None:
+        """Set gains; they can be changed at any time.
+
+        Args:
+            name: Name of the task, unique within a controller.
+            dim: Number of rows, at least 1.
+            weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; unused when `hard`.
+            stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
+            damping: Acceleration per velocity error, 1/s; critical, 2·√stiffness, when None.
+            hard: Make the rows a constraint.
+
+        Raises:
+            InputError: A gain that is negative, not finite or of the wrong shape.
+        """
+        if dim < 1:
+            raise InputError(f"task '{name}' must have at least one row, got {dim}")
+        self.name = name
+        self.hard = bool(hard)
+        self._dim = int(dim)
+        self._rows = Rows.zeros(dim)
+        self._critical = True
+        self._robot: Robot | None = None
+        self.weight = weight
+        self.stiffness = stiffness
+        if damping is not None:
+            self.damping = damping
+
+    @property
+    def dim(self) -> int:
+        """Number of rows."""
+        return self._dim
+
+    @property
+    def robot(self) -> Robot:
+        """The robot whose state the task reads.
+
+        Raises:
+            InputError: The task has not been added to a controller yet.
+        """
+        if self._robot is None:
+            raise InputError(f"task '{self.name}' belongs to no controller yet; add it first")
+        return self._robot
+
+    @property
+    def weight(self) -> Array:
+        """Cost per squared residual unit, shape (dim,); assign a scalar or an array."""
+        return self._rows.weight
+
+    @weight.setter
+    def weight(self, value: ArrayLike) -> None:
+        self._rows.weight[:] = self._gain("weight", value)
+        self.idle = not (self.hard or self._rows.weight.any())
+
+    @property
+    def stiffness(self) -> Array:
+        """Acceleration per error, 1/s², shape (dim,); assigning it makes the damping critical unless that was set."""
+        return self._rows.stiffness
+
+    @stiffness.setter
+    def stiffness(self, value: ArrayLike) -> None:
+        self._rows.stiffness[:] = self._gain("stiffness (1/s²)", value)
+        if self._critical:
+            np.multiply(2.0, np.sqrt(self._rows.stiffness), out=self._rows.damping)
+
+    @property
+    def damping(self) -> Array:
+        """Acceleration per velocity error, 1/s, shape (dim,); assign None to make it critical again."""
+        return self._rows.damping
+
+    @damping.setter
+    def damping(self, value: ArrayLike | None) -> None:
+        self._critical = value is None
+        if value is None:
+            self.stiffness = np.array(self._rows.stiffness)
+        else:
+            self._rows.damping[:] = self._gain("damping (1/s)", value)
+
+    @property
+    def feedforward_velocity(self) -> Array:
+        """Velocity of the target, shape (dim,), `unit`/s."""
+        return self._rows.velocity
+
+    @feedforward_velocity.setter
+    def feedforward_velocity(self, value: ArrayLike) -> None:
+        self._rows.velocity[:] = self._vector("feed-forward velocity", value)
+
+    @property
+    def feedforward_acceleration(self) -> Array:
+        """Acceleration of the target, shape (dim,), `unit`/s²."""
+        return self._rows.acceleration
+
+    @feedforward_acceleration.setter
+    def feedforward_acceleration(self, value: ArrayLike) -> None:
+        self._rows.acceleration[:] = self._vector("feed-forward acceleration", value)
+
+    @property
+    def error(self) -> Array:
+        """Target − measured at the last tick, shape (dim,), `unit`; a copy."""
+        return np.array(self._rows.error)
+
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of an acceleration of the error."""
+        return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
+
+    def reset(self) -> None:  # noqa: B027 (most tasks have no past)
+        """Forget the past: what a task with a memory, such as a yielding one, has come to; targets stay."""
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names against a robot, and take the present state as target where none was given.
+
+        Called once, when the task is added to a controller. Override it; call `super().bind(robot)` first.
+
+        Args:
+            robot: The robot of the controller, with its state up to date.
+
+        Raises:
+            UnknownNameError: A frame or joint that the robot does not have.
+        """
+        self._robot = robot
+
+    def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
+        """Take notice of the sensors before the rows are written; does nothing unless a task needs it.
+
+        Args:
+            measurement: What the sensors say.
+            dt: Control period, s.
+        """
+
+    def attach(self, rows: Rows) -> None:
+        """Move the row values into views of the controller's arrays."""
+        rows.copy_from(self._rows)
+        self._rows = rows
+
+    def detach(self) -> None:
+        """Move the row values back into arrays of the task's own."""
+        rows = Rows.zeros(self._dim)
+        rows.copy_from(self._rows)
+        self._rows = rows
+
+    def _resize(self, dim: int) -> None:
+        """Change the number of rows before the task is attached, keeping uniform gains."""
+        old, self._rows, self._dim = self._rows, Rows.zeros(dim), dim
+        for field in ("weight", "stiffness", "damping"):
+            values = getattr(old, field)
+            if values.size != dim and not (values == values[0]).all():
+                raise InputError(f"{field} of task '{self.name}' must be a scalar or have shape ({dim},)")
+            getattr(self._rows, field)[:] = values if values.size == dim else values[0]
+
+    def _gain(self, what: str, value: ArrayLike) -> Array:
+        array = finite_array(f"{what} of task '{self.name}'", value)
+        if array.shape not in ((), (self._dim,)):
+            raise InputError(
+                f"{what} of task '{self.name}' must be a scalar or have shape ({self._dim},), got {array.shape}"
+            )
+        if (array < 0.0).any():
+            raise InputError(f"{what} of task '{self.name}' must not be negative, got {array}")
+        return array
+
+    def _vector(self, what: str, value: ArrayLike) -> Array:
+        return finite_array(f"{what} of task '{self.name}'", value, (self._dim,))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
+
+
+class MotionTask(Task):
+    """A task on a motion: rows over the generalised accelerations.
+
+    A task of your own needs `bind`, to look names up, and `evaluate`, to fill its rows.
+    """
+
+    @abstractmethod
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows from the present state of `self.robot`.
+
+        Args:
+            jacobian: To fill: velocity of the task per generalised velocity, shape (dim, nv).
+            error: To fill: target − measured, shape (dim,).
+            drift: To fill: task acceleration at zero generalised acceleration, J̇·v, shape (dim,).
+        """
+
+
+class SelectionTask(Task):
+    """A task on single variables, whose Jacobian is a selection: it costs nothing but a diagonal.
+
+    Attributes:
+        columns: Velocity coordinates that the rows select, distinct, shape (dim,) or a slice.
+    """
+
+    columns: slice | np.ndarray[tuple[int], np.dtype[np.intp]]
+
+    @abstractmethod
+    def evaluate(self, error: Array) -> None:
+        """Fill target − measured, shape (dim,)."""
+
+
+class VariableTask(Task):
+    """A task on all variables of the problem, accelerations and contact forces: for torques and wrenches.
+
+    Its rows have no gains: it asks for `matrix · x = reference` directly.
+    """
+
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of the variables themselves."""
+        return self.unit
+
+    def bind_problem(self, problem: Problem) -> None:
+        """Look up contacts or torque rows; called whenever the layout of the problem has changed.
+
+        Raises:
+            UnknownNameError: A contact that the controller does not have.
+        """
+
+    @abstractmethod
+    def evaluate(self, matrix: Array, reference: Array) -> None:
+        """Fill the rows.
+
+        Args:
+            matrix: To fill, shape (dim, number of variables).
+            reference: To fill, shape (dim,).
+        """

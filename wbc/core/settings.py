@@ -1,0 +1,266 @@
+"""Validated settings: frozen dataclasses whose annotations state type, range, unit and choices.
+
+    @settings
+    class Push:
+        impulse: Annotated[NonNegative, "Ns/kg"] = 0.1
+        duration: Annotated[Positive, "s"] = 0.1
+        side: Literal["left", "right"] = "left"
+
+Pydantic checks every field when a value is made; what it refuses is raised as an `InputError` that names field, unit,
+rule and value. A rule about several fields is a check in `__post_init__`. A text in `Annotated` is the unit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, dataclass_transform, overload
+
+import numpy as np
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass as pydantic_dataclass
+from pydantic.fields import FieldInfo
+
+from wbc.core.errors import InputError, unknown_name
+
+T = TypeVar("T")
+
+Positive = Annotated[float, Field(gt=0.0)]
+"""A finite number above zero."""
+
+NonNegative = Annotated[float, Field(ge=0.0)]
+"""A finite number, zero or above."""
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+"""A number from zero to one."""
+
+Count = Annotated[int, Field(ge=1)]
+"""An integer of at least one."""
+
+Seed = Annotated[int, Field(ge=0)]
+"""Seed of a random generator: an integer, zero or above."""
+
+CONFIG = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+
+
+@overload
+def settings(kind: type[T], /) -> type[T]: ...
+@overload
+def settings(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]: ...
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Field))
+def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
+    """Make a class a frozen, hashable dataclass whose fields are checked against their annotations.
+
+    Numbers are finite; a field of type `float` takes integers, one of type `int` takes no fraction, and neither takes
+    text or truth values. Lists and NumPy arrays become tuples. Annotations are resolved at once: their names must be
+    imported at run time, not only for type checkers.
+
+    Args:
+        kind: The class.
+        kw_only: Take all fields by keyword.
+
+    Returns:
+        The dataclass. Making a value raises `InputError` for a value that breaks a rule, `UnknownNameError` for a field
+        or choice that does not exist.
+    """
+    if kind is None:
+        return functools.partial(_settings, kw_only=kw_only)
+    return _settings(kind, kw_only=kw_only)
+
+
+def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
+    made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, config=CONFIG)
+    checked = made.__init__
+
+    @functools.wraps(checked)
+    def init(self: Any, *args: Any, **values: Any) -> None:
+        try:
+            checked(self, *map(_plain, args), **{name: _plain(value) for name, value in values.items()})
+        except ValidationError as error:
+            _refuse(type(self), error)
+
+    made.__init__ = init
+    return typing.cast(type[T], made)
+
+
+def _plain(value: Any) -> Any:
+    """Return lists and arrays as tuples, and NumPy numbers as Python's."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if type(value) in (list, tuple):
+        return tuple(map(_plain, value))
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def to_json(value: Any) -> Any:
+    """Return settings as plain values: objects, lists, numbers, texts, truth values and null.
+
+    Args:
+        value: Settings, or a tuple, list or mapping of them.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_json(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, (list, tuple)):
+        return [to_json(item) for item in value]
+    if isinstance(value, Mapping):
+        return {key: to_json(item) for key, item in value.items()}
+    return value
+
+
+def from_json(kind: type[T], data: Any) -> T:
+    """Return the settings that `to_json` wrote, or shorter ones: what is left out has its default.
+
+    Args:
+        kind: Class of the settings.
+        data: Plain values, as JSON or TOML give them.
+
+    Raises:
+        UnknownNameError: A name that the settings do not have.
+        InputError: A value that breaks a rule; the message names where it stands.
+    """
+    try:
+        # As JSON, because there alone strict checks take an object for settings and a list for a tuple.
+        return _adapter(kind).validate_json(json.dumps(data))
+    except ValidationError as error:
+        _refuse(kind, error)
+
+
+@functools.cache
+def _adapter(kind: type[T]) -> TypeAdapter[T]:
+    return TypeAdapter(kind)
+
+
+def _refuse(kind: Any, error: ValidationError) -> NoReturn:
+    """Raise the first thing that was refused as an error of this library."""
+    first = error.errors(include_url=False)[0]
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, InputError):
+        raise cause from None
+    loc, value = first["loc"], first["input"]
+    if first["type"] == "missing" and isinstance(loc[-1], int):
+        loc = loc[:-1]  # too few values: the rule is that of the whole list
+    path, hint, unit = _locate(kind, loc)
+    if first["type"].startswith("unexpected"):
+        names = [field.name for field in dataclasses.fields(_class_of(hint))]
+        unknown_name(f"setting of {path or _class_of(hint).__name__}", loc[-1], names)
+    what = f"{path} ({unit})" if unit else path or getattr(kind, "__name__", str(kind))
+    if first["type"] == "missing" and loc is first["loc"]:
+        raise InputError(f"{what} is missing: {rule_of(hint)}") from None
+    if cause is not None:
+        raise InputError(f"{what}: {cause}") from None
+    choices = _choices(hint)
+    if choices and isinstance(value, str):
+        unknown_name(what, value, choices)
+    shown = repr(value)
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    raise InputError(f"{what} must be {rule_of(hint)}, got {shown}") from None
+
+
+def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
+    """Path of a value in its settings, its annotation and its unit."""
+    path, hint, unit = "", kind, ""
+    for part in loc:
+        inside = _class_of(hint)
+        if isinstance(part, int):
+            path += f"[{part}]"
+            items = next(
+                (typing.get_args(h) for h in _alternatives(hint) if typing.get_origin(h) is tuple), ()
+            )
+            hint = (
+                items[0 if len(items) == 2 and items[1] is ... else min(part, len(items) - 1)]
+                if items
+                else Any
+            )
+        elif inside is not None and part in (hints := _hints(inside)):
+            path += f".{part}" if path else part
+            hint, unit = hints[part], _unit(hints[part])
+        # What is left are Pydantic's own labels of the alternatives of a union.
+    return path, hint, unit
+
+
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:
+    return typing.get_type_hints(kind, include_extras=True)
+
+
+def _class_of(hint: Any) -> Any:
+    """The settings class of an annotation; None if it has none."""
+    return next((h for h in _alternatives(hint) if isinstance(h, type) and dataclasses.is_dataclass(h)), None)
+
+
+def _alternatives(hint: Any) -> list[Any]:
+    """The members of a union without their metadata; the annotation itself if it is no union."""
+    hint, _ = _split(hint)
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return [bare for arg in typing.get_args(hint) for bare in _alternatives(arg)]
+    return [hint]
+
+
+def _split(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    """An annotation without `Annotated`, and its metadata."""
+    if typing.get_origin(hint) is Annotated:
+        inner, *metadata = typing.get_args(hint)
+        return inner, tuple(metadata)
+    return hint, ()
+
+
+def _unit(hint: Any) -> str:
+    """The unit in an annotation or in the first member of a union that has one."""
+    inner, metadata = _split(hint)
+    own = next((item for item in metadata if isinstance(item, str)), "")
+    if own or typing.get_origin(inner) not in (typing.Union, types.UnionType):
+        return own
+    return next(filter(None, map(_unit, typing.get_args(inner))), "")
+
+
+def _choices(hint: Any) -> list[str]:
+    return [
+        choice
+        for h in _alternatives(hint)
+        if typing.get_origin(h) is Literal
+        for choice in typing.get_args(h)
+        if isinstance(choice, str)
+    ]
+
+
+NAMES = {float: "a finite number", int: "an integer", bool: "true or false", str: "text", type(None): "none"}
+BOUNDS = (("gt", "above {:g}"), ("ge", "of at least {:g}"), ("lt", "below {:g}"), ("le", "of at most {:g}"))
+
+
+def rule_of(hint: Any) -> str:
+    """Return the rule that an annotation states, in words.
+
+    Args:
+        hint: Annotation of a field, such as `Annotated[Positive, "m"] | None`.
+    """
+    inner, metadata = _split(hint)
+    origin, args = typing.get_origin(inner), typing.get_args(inner)
+    if origin in (typing.Union, types.UnionType):
+        text = " or ".join(rule_of(arg) for arg in args)
+    elif origin is Literal:
+        text = " or ".join(repr(arg) for arg in args)
+    elif origin is tuple and len(args) == 2 and args[1] is ...:
+        text = f"a list, each item {rule_of(args[0])}"
+    elif origin is tuple:
+        same = len(set(map(rule_of, args))) == 1
+        text = (
+            f"{len(args)} values, each {rule_of(args[0])}" if same else f"({', '.join(map(rule_of, args))})"
+        )
+    else:
+        text = NAMES.get(inner, getattr(inner, "__name__", str(inner)))
+    limits = dict(
+        bound
+        for item in metadata
+        for part in (item.metadata if isinstance(item, FieldInfo) else [item])
+        for bound in _bounds(part)
+    )
+    words = [words.format(limits[name]) for name, words in BOUNDS if name in limits]
+    return f"{text} {' and '.join(words)}" if words else text
+
+
+def _bounds(constraint: Any) -> list[tuple[str, float]]:
+    return [(name, getattr(constraint, name)) for name, _ in BOUNDS if hasattr(constraint, name)]

@@ -1,0 +1,80 @@
+"""Height of the support under the pendulum: level on level ground, smooth over slopes and stairs.
+
+Going up, the pendulum rises from the landing until the middle of the next single support, when the upper leg
+carries; going down, it sinks from the middle of the single support until both feet have settled, so that the
+swing foot reaches the lower stair.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.walking.pattern.quintic import Quintic
+from wbc.walking.planning.schedule import Support
+
+SHORTEST = 0.1
+"""No change of height is faster than this, s."""
+
+
+class HeightProfile:
+    """Height of the support over time, with continuous acceleration."""
+
+    def __init__(self, supports: Sequence[Support], start: tuple[float, float, float] | None = None) -> None:
+        """Lay the profile through a schedule.
+
+        Args:
+            supports: Schedule from now on.
+            start: Height (m), velocity (m/s) and acceleration (m/s²) now; level on the first support when None.
+        """
+        events = _events(supports)
+        state = (events[0][1], 0.0, 0.0) if start is None else start
+        self._starts = [0.0]
+        self._pieces = [Quintic(state, (events[0][1], 0.0, 0.0), max(SHORTEST, events[0][2]))]
+        goal = events[0][1]
+        for time, level, deadline in events[1:]:
+            if abs(level - goal) < 1e-9:
+                continue
+            state = self.at(time)
+            self._starts.append(time)
+            self._pieces.append(Quintic(state, (level, 0.0, 0.0), max(SHORTEST, deadline - time)))
+            goal = level
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Height (m), velocity (m/s) and acceleration (m/s²) at a time from now (s)."""
+        i = max(0, bisect_right(self._starts, time) - 1)
+        piece = self._pieces[i]
+        time -= self._starts[i]
+        if time >= piece.duration:
+            return piece.at(piece.duration)[0], 0.0, 0.0
+        return piece.at(max(0.0, time))
+
+
+def _events(supports: Sequence[Support]) -> list[tuple[float, float, float]]:
+    """(time, level to go to, time to be there) in order; the first at time zero."""
+    events = []
+    time = 0.0
+    for i, support in enumerate(supports):
+        following = supports[i + 1] if i + 1 < len(supports) else None
+        end = time + support.duration
+        if support.single:
+            level = support.feet[0].z
+            middle = max(time, end - 0.5 * support.total)
+            events.append((time, level, middle))
+            if following is not None and _level(supports, i + 1) < level - 1e-9:
+                events.append((middle, _level(supports, i + 1), end + following.duration))
+        else:
+            extra = 0.5 * following.total if following is not None else 0.0
+            rising = _level(supports, i) > support.feet[0].z + 1e-9
+            events.append((time, _level(supports, i), end + (extra if rising else 0.0)))
+        time = end
+    return events
+
+
+def _level(supports: Sequence[Support], i: int) -> float:
+    """Level that a double support leads to."""
+    if i + 1 < len(supports):
+        return supports[i + 1].feet[0].z
+    return float(np.mean([foot.z for foot in supports[i].feet]))

@@ -1,0 +1,197 @@
+"""Preview control: the motion of the ZMP that stays inside the supports and takes the DCM where the plan wants it.
+
+The ZMP is a broken line with knots z_0 … z_N at fixed times, the first and the last one on the reference; the
+pendulum over it is known in closed form, so that the DCM now is linear in the knots,
+
+    ξ_0 = Σ_k B_k z_k + e^{−ω T} ξ_N,
+
+and a small quadratic program of fixed size finds their distances δ_k from the reference:
+
+    minimise  Σ_k Δ_k |δ_k|² + r Σ_k |δ_k − δ_{k−1}|²/Δ_k + s |slack|²
+    subject to  ξ_0 + slack = the DCM as planned or as measured,   z_k inside the support.
+
+From the horizon on the plan is the analytic one, which comes to rest: there is no horizon effect, and a start on
+the analytic plan gives that plan back.
+
+Source: the boundedness constraint of N. Scianca et al., IEEE T-RO 36(4), 2020 (intrinsically stable MPC), with
+the tail of the analytic plan; support rows as in S. Caron et al., ICRA 2019.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive, whole_number
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solver import QpSolver, Status
+from wbc.walking.pattern.analytic import Pattern, dcm_backwards, height_profile
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.planning.schedule import EDGES, SoleSizes, Support, ZmpTarget, support_area, zmp_reference
+
+
+@dataclass(frozen=True)
+class PreviewSettings:
+    """Settings of the preview controller.
+
+    Attributes:
+        knots: Number of knots N.
+        interval: Greatest time between knots, s; each support is cut into equal parts.
+        margin: Distance of the ZMP from the edge of the support, m.
+        rate_weight: Cost r of the velocity of the ZMP against the reference's, s².
+        slack_weight: Cost s of a DCM that the supports cannot take to the plan, 1/s² against the distance of the
+            ZMP over a second; it acts only when there is no other way.
+        target: Where under a stance foot the ZMP should be.
+    """
+
+    knots: int = 16
+    interval: float = 0.1
+    margin: float = 0.008
+    rate_weight: float = 1e-3
+    slack_weight: float = 1e4
+    target: ZmpTarget = field(default_factory=ZmpTarget)
+
+    def __post_init__(self) -> None:
+        finite_scalar(
+            "number of preview knots", whole_number("number of preview knots", self.knots, low=2), high=100
+        )
+        finite_scalar("preview interval (s)", self.interval, low=0.01, high=1.0)
+        non_negative("preview margin (m)", self.margin)
+        non_negative("rate_weight (s²)", self.rate_weight)
+        positive("slack_weight", self.slack_weight)
+
+
+class PreviewController:
+    """Plans the pendulum over a horizon; call `plan` as often as wanted.
+
+    Attributes:
+        settings: Settings.
+        status: How the last problem was solved.
+        slack: DCM that the last plan could not reach, in the world, shape (2,), m; zero unless the supports are
+            too small for it.
+    """
+
+    def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
+        """Prepare the program.
+
+        Args:
+            sizes: (length, width) of the left and of the right sole, m.
+            height: Height of the CoM over the support, m.
+            settings: Settings; the defaults when None.
+
+        Raises:
+            InputError: A height that is not above zero, a margin that leaves nothing of a sole, a target outside what
+                is left.
+        """
+        self.settings = s = settings or PreviewSettings()
+        self.height = positive("height of the CoM over the support (m)", height)
+        self.omega = natural_frequency(height)
+        self._sizes = sizes
+        for length, width in sizes:
+            if 2.0 * s.margin >= min(length, width):
+                raise InputError(
+                    f"preview margin of {s.margin:g} m leaves nothing of a sole of {length:g} × {width:g} m"
+                )
+            room = 0.5 * length - s.margin, 0.5 * width - s.margin
+            if abs(s.target.forward) > room[0] or abs(s.target.inward) > room[1]:
+                raise InputError(
+                    f"target of the ZMP, {s.target.forward:g} m forward and {s.target.inward:g} m inward, must be at "
+                    f"most {room[0]:g} and {room[1]:g} m from the centre of a sole of {length:g} × {width:g} m"
+                )
+        self._free = free = s.knots - 1
+        self._problem = p = Problem(0, 0, 2 * free + 2, 2, 2 * s.knots, EDGES * free)
+        p.equality[0, -2] = p.equality[1, -1] = 1.0
+        p.soft[: 2 * free, : 2 * free] += np.eye(2 * free)
+        p.soft[2:, : 2 * free] -= np.eye(2 * free)
+        p.diagonal[-2:] = s.slack_weight
+        self._solver = QpSolver(p)
+        self.status = Status.SOLVED
+        self.slack = np.zeros(2)
+
+    def plan(self, supports: Sequence[Support], start: Pendulum) -> Pattern:
+        """Plan from a state of the pendulum, planned or measured.
+
+        Args:
+            supports: Schedule from now on.
+            start: The pendulum now; its ZMP is where the new one starts.
+
+        Returns:
+            The pattern, from now to rest. When the program fails (`status`), its ZMP is the reference.
+
+        Raises:
+            InputError: A schedule that is empty.
+        """
+        if not supports:
+            raise InputError("a schedule must have at least one support")
+        s = self.settings
+        ref_times, ref_points = zmp_reference(supports, s.target, start.zmp[:2])
+        times, areas = self._grid(supports)
+        reference = np.column_stack([np.interp(times, ref_times, ref_points[:, i]) for i in (0, 1)])
+        tail = ref_times > times[-1] + 1e-9
+        tail_times, tail_points = ref_times[tail], ref_points[tail]
+        after = np.append(times[-1], tail_times), np.vstack([reference[-1:], tail_points])
+        end_dcm = dcm_backwards(*after, after[1][-1], self.omega)[0]
+        dcm = start.com[:2] + start.com_velocity[:2] / self.omega
+
+        self._fill(times, reference, areas, end_dcm, dcm)
+        self.status = self._solver.solve()
+        knots = reference.copy()
+        self.slack = np.zeros(2)
+        if self.status.ok:
+            knots[1:-1] += self._solver.x[:-2].reshape(-1, 2)
+            self.slack = self._solver.x[-2:].copy()
+        return Pattern(
+            np.concatenate([times, tail_times]),
+            np.concatenate([knots, tail_points]),
+            start.com[:2],
+            start.com_velocity[:2],
+            self.height,
+            height_profile(supports, self.height, start),
+        )
+
+    def _grid(self, supports: Sequence[Support]) -> tuple[Array, list[tuple[Array, Array]]]:
+        """Times of knots 0 … N and the support area of the free knots 1 … N−1."""
+        s = self.settings
+        times: list[float] = [0.0]
+        areas: list[tuple[Array, Array]] = []
+        last = supports[-1]
+        for support in supports:
+            if len(times) > s.knots + 1:
+                break  # what is beyond the horizon, the analytic plan knows
+            if support.duration <= 1e-9:
+                continue
+            parts = max(1, int(np.ceil(support.duration / s.interval - 1e-6)))
+            area = support_area(support.feet, self._sizes, s.margin)
+            if support.single and areas:
+                areas[-1] = area  # the knot between both supports belongs to the smaller one
+            for _ in range(parts):
+                times.append(times[-1] + support.duration / parts)
+                areas.append(area)
+        while len(times) <= s.knots:  # at the end of the walk: stand on
+            times.append(times[-1] + s.interval)
+            areas.append(support_area(last.feet, self._sizes, s.margin))
+        return np.array(times[: s.knots + 1]), areas[: s.knots - 1]
+
+    def _fill(
+        self, times: Array, reference: Array, areas: list[tuple[Array, Array]], end_dcm: Array, dcm: Array
+    ) -> None:
+        """Write the program."""
+        p, omega = self._problem, self.omega
+        span = np.diff(times)
+        # ξ_0 = Σ_k weights_k z_k + decay ξ_N: each piece gives to its two ends (linear shape functions).
+        x = omega * span
+        fall = np.exp(-x)
+        before = np.concatenate([[1.0], np.cumprod(fall)])
+        weights = np.zeros(span.size + 1)
+        weights[:-1] = before[:-1] * (1.0 - (1.0 - fall) / x)
+        weights[1:] += before[:-1] * ((1.0 - fall) / x - fall)
+        p.equality[0, 0:-2:2] = p.equality[1, 1:-2:2] = weights[1:-1]
+        p.target[:2] = dcm - (weights @ reference + before[-1] * end_dcm)
+        p.diagonal[:-2] = np.repeat(0.5 * (span[:-1] + span[1:]), 2)
+        p.soft_weight[:] = np.repeat(self.settings.rate_weight / span, 2)
+        for k, (normals, offsets) in enumerate(areas):
+            rows = slice(EDGES * k, EDGES * (k + 1))
+            p.inequality[rows, 2 * k : 2 * k + 2] = normals
+            np.subtract(offsets, normals.dot(reference[k + 1]), out=p.upper[rows])

@@ -1,0 +1,193 @@
+"""The swing foot from lift-off to landing: continuous acceleration, and a landing that may move on the way.
+
+    up        the foot rises before it travels, and sinks the last stretch without travelling
+    apex      a little before half way in time, the swing height above the higher end
+    landing   the last stretch down at a small constant speed, so that touch-down is noticed and soft, early or not
+    late      past the planned time the foot sinks on, to a depth
+
+Up a stair the foot travels later and down earlier, so that it clears the edge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, positive
+from wbc.walking.pattern.quintic import Quintic
+from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.gait import Gait
+
+SHORTEST = 0.05
+"""No piece of the motion is shorter than this, s: ten periods of 5 ms, so that a late change stays a motion."""
+
+EDGE_SHARE = 0.2
+"""Share of the swing by which the foot travels later up, or earlier down, a stair of the swing height."""
+
+RPY = ("roll", "pitch", "yaw")
+
+COORDINATES = ("x", "y", "z", *RPY)
+
+
+class FootMotion(NamedTuple):
+    """Where a foot should be at one instant.
+
+    Attributes:
+        placement: Sole frame in the world.
+        velocity: [linear; angular] of the sole frame's origin, in world axes, shape (6,), m/s and rad/s.
+        acceleration: Its derivative, shape (6,), m/s² and rad/s².
+    """
+
+    placement: pin.SE3
+    velocity: Array
+    acceleration: Array
+
+    @staticmethod
+    def at_rest(placement: pin.SE3) -> FootMotion:
+        """A foot that stands."""
+        return FootMotion(placement, np.zeros(6), np.zeros(6))
+
+
+class _Coordinate:
+    """One coordinate as quintics in a row, at rest before the first."""
+
+    def __init__(self, value: float) -> None:
+        self._pieces: list[tuple[float, Quintic]] = []
+        self._value = value
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        for start, piece in reversed(self._pieces):
+            if time >= start:
+                return piece.at(min(time - start, piece.duration))
+        return (self._value, 0.0, 0.0)
+
+    def follow(self, start: float, *goals: tuple[float, tuple[float, float, float]]) -> None:
+        """From `start` on go to each (time, state) in turn; what came before stays as it is."""
+        state = self.at(start)
+        self._pieces = [(t, p) for t, p in self._pieces if t < start]
+        for time, goal in goals:
+            self._pieces.append((start, Quintic(state, goal, time - start)))
+            start, state = time, goal
+
+
+def shortest_swing(gait: Gait) -> float:
+    """Least duration of a swing, s."""
+    return gait.takeoff_time + gait.landing_time + 2.0 * SHORTEST
+
+
+class SwingFoot:
+    """A swing that can be re-targeted on the fly.
+
+    Attributes:
+        duration: Planned time of touch-down from lift-off, s.
+        landing: Where the foot should land.
+    """
+
+    def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
+        """Plan from a foot at rest.
+
+        Args:
+            start: Sole frame at lift-off.
+            landing: Where to land.
+            duration: Time until touch-down, s.
+            gait: Swing height, take-off and landing times, landing speed, search for late ground.
+
+        Raises:
+            InputError: A duration that the take-off and landing times do not fit into.
+        """
+        self._gait = gait
+        self.duration = positive("duration of the swing (s)", duration)
+        self.landing = landing
+        if duration < shortest_swing(gait):
+            raise InputError(
+                f"a swing of {duration:g} s leaves less than {2 * SHORTEST:g} s between take-off "
+                f"({gait.takeoff_time:g} s) and landing ({gait.landing_time:g} s)"
+            )
+        self._origin = float(start.translation[2])
+        x, y, z = (float(v) for v in start.translation)
+        roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(start.rotation))
+        self._c = {name: _Coordinate(v) for name, v in zip("xyz", (x, y, z), strict=True)}
+        self._c |= {name: _Coordinate(v) for name, v in zip(RPY, (roll, pitch, yaw), strict=True)}
+        self._plan(0.0)
+
+    @property
+    def apex_time(self) -> float:
+        """When the foot is highest, from lift-off, s."""
+        return max(self._gait.apex * self.duration, 1.02 * SHORTEST)
+
+    def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
+        """Change where or when to land; position, velocity and acceleration go on without a jump.
+
+        Args:
+            time: Now, from lift-off, s.
+            landing: New landing; unchanged when None.
+            duration: New time of touch-down from lift-off, s; unchanged when None. It is put off where less
+                than 50 ms would be left.
+
+        Raises:
+            InputError: A landing of the other foot.
+        """
+        if landing is None and duration is None:
+            return
+        if landing is not None:
+            if landing.side != self.landing.side:
+                raise InputError(
+                    f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot"
+                )
+            self.landing = landing
+        if duration is not None:
+            self.duration = duration
+        self.duration = max(self.duration, time + SHORTEST)
+        self._plan(time)
+
+    def at(self, time: float) -> FootMotion:
+        """The foot at a time from lift-off, s; past the duration it looks for the ground below."""
+        values = np.array([self._c[name].at(time) for name in COORDINATES])
+        position, rpy = values[:3, 0], values[3:, 0]
+        placement = pin.SE3(pin.rpy.rpyToMatrix(rpy), position)
+        jacobian = pin.rpy.computeRpyJacobian(rpy, pin.LOCAL_WORLD_ALIGNED)
+        drift = pin.rpy.computeRpyJacobianTimeDerivative(rpy, values[3:, 1], pin.LOCAL_WORLD_ALIGNED)
+        velocity, acceleration = np.empty(6), np.empty(6)
+        velocity[:3], acceleration[:3] = values[:3, 1], values[:3, 2]
+        np.dot(jacobian, values[3:, 1], out=velocity[3:])
+        acceleration[3:] = jacobian.dot(values[3:, 2]) + drift.dot(values[3:, 1])
+        return FootMotion(placement, velocity, acceleration)
+
+    def _plan(self, now: float) -> None:
+        """Lay all coordinates from now to the landing."""
+        gait, landing, end = self._gait, self.landing, self.duration
+        step = landing.z - self._origin
+        share = EDGE_SHARE * end * min(1.0, abs(step) / gait.swing_height)
+        leave = gait.takeoff_time + (share if step > 0.0 else 0.0)
+        arrive = end - gait.landing_time - (share if step < 0.0 else 0.0)
+        start = max(now, leave)
+        # A change that comes late uses up the landing time.
+        arrive = arrive if arrive >= start + SHORTEST else max(end, start + SHORTEST)
+        yaw = self._c["yaw"].at(now)[0]
+        goals = {
+            "x": landing.x,
+            "y": landing.y,
+            "roll": landing.roll,
+            "pitch": landing.pitch,
+            "yaw": yaw + math.remainder(landing.yaw - yaw, 2.0 * math.pi),
+        }
+        for name, goal in goals.items():
+            self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
+
+        speed, height = gait.landing_speed, gait.landing_height
+        down = [(end, (landing.z, -speed, 0.0))]
+        # A late change, or a short swing, leaves no time to be slow.
+        if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, 1e-9) + SHORTEST:
+            down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
+        if gait.search_depth > 0.0:
+            down.append((end + gait.search_time, (landing.z - gait.search_depth, 0.0, 0.0)))
+        elif speed > 0.0:
+            down.append((end + gait.search_time, (landing.z - 0.5 * speed * gait.search_time, 0.0, 0.0)))
+        top = max(self._origin, landing.z) + gait.swing_height
+        if now < self.apex_time - SHORTEST and end - self.apex_time >= SHORTEST:
+            self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)
+        else:
+            self._c["z"].follow(now, *down)

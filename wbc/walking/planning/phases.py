@@ -1,0 +1,263 @@
+"""The walk as a state machine: phases change by contact and by time, not by time alone.
+
+    STANDING ── start ──▶ DOUBLE ── lift-off ──▶ SINGLE ── touch-down ──▶ DOUBLE ── … ── time ──▶ STANDING
+
+Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is when the swing
+foot feels the ground: early (its swing is stopped, the weight may come over at once), on time, or late (it keeps
+reaching down, the pendulum is held meanwhile). Nothing here moves: the machine says what is so, and what happened.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+from wbc.core.errors import InputError, finite_scalar, non_negative, positive
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.schedule import Support, schedule
+
+
+class Phase(enum.Enum):
+    """What the feet do."""
+
+    STANDING = "standing"
+    DOUBLE = "double support"
+    SINGLE = "single support"
+
+
+class Event(enum.Enum):
+    """What happened in a tick."""
+
+    STARTED = "started"
+    LIFT_OFF = "lift-off"
+    FORCED_LIFT_OFF = "lift-off though still loaded"
+    EARLY_TOUCH_DOWN = "early touch-down"
+    TOUCH_DOWN = "touch-down"
+    LATE_TOUCH_DOWN = "late touch-down"
+    NO_TOUCH_DOWN = "no ground found"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True)
+class PhaseSettings:
+    """When phases change. Loads are shares of the robot's weight.
+
+    Attributes:
+        touch_down: Load at which a swing foot has met the ground; 0.08 is 30 N of 39 kg.
+        early: Share of the swing before which a load is a stumble, not a touch-down.
+        debounce: How long the load must last, s.
+        lift_off: Greatest load of the foot that leaves.
+        stance: Least load of the foot that stays.
+        max_wait: Longest time that lift-off waits for them, s; then it lifts all the same.
+        max_late: Longest time that a foot looks for ground, s; then it is taken to stand where it is.
+        early_credit: Share of the time saved by an early touch-down that is given to the double support: 1 keeps
+            the rhythm of the plan, 0 steps on earlier.
+        hold: Time that a phase which waits is planned to last, s.
+    """
+
+    touch_down: float = 0.08
+    early: float = 0.6
+    debounce: float = 0.01
+    lift_off: float = 0.25
+    stance: float = 0.5
+    max_wait: float = 0.3
+    max_late: float = 0.5
+    early_credit: float = 1.0
+    hold: float = 0.05
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            name, value = field.name, getattr(self, field.name)
+            if name in ("touch_down", "lift_off", "stance", "early", "early_credit"):
+                finite_scalar(name, value, low=0.0, high=1.0)
+            else:
+                non_negative(f"{name} (s)", value)
+        positive("hold (s)", self.hold)
+
+    @staticmethod
+    def by_time() -> PhaseSettings:
+        """Phases by time alone: feet lift and land when the plan says, whatever they carry."""
+        return PhaseSettings(touch_down=1.0, early=1.0, lift_off=1.0, stance=0.0, max_wait=0.0, max_late=0.0)
+
+
+class WalkPhases:
+    """The state machine of one walk.
+
+    Attributes:
+        plan: Footstep plan; replaced as landings move or the walk is stopped.
+        settings: When phases change.
+        phase: Phase now.
+        step: Index of the step that swings, or that swings next; the number of steps at the end.
+        elapsed: Time in this phase, s.
+        duration: Planned length of this phase, s.
+        completed: Single supports that have ended with a foot on the ground.
+    """
+
+    def __init__(self, plan: FootstepPlan, weight: float, settings: PhaseSettings | None = None) -> None:
+        """Stand, with a plan in hand.
+
+        Args:
+            plan: Footstep plan.
+            weight: Weight of the robot, N.
+            settings: When phases change; the defaults when None.
+
+        Raises:
+            InputError: A weight that is not above zero.
+        """
+        self.plan = plan
+        self._scheduled: tuple[FootstepPlan, tuple[Support, ...]] | None = None
+        self.settings = settings or PhaseSettings()
+        self._weight = positive("weight of the robot (N)", weight)
+        self.phase = Phase.STANDING
+        self.step = 0
+        self.elapsed = 0.0
+        self.duration = 0.0
+        self.completed = 0
+        self._loaded = 0.0
+        self._stop = False
+
+    # What is so
+
+    @property
+    def swing(self) -> str | None:
+        """Side in the air, or None."""
+        return self.plan.steps[self.step].side if self.phase is Phase.SINGLE else None
+
+    @property
+    def contact(self) -> tuple[bool, bool]:
+        """Which of left and right foot are on the ground."""
+        return self.swing != "left", self.swing != "right"
+
+    @property
+    def finished(self) -> bool:
+        """True when the walk is over and the robot stands."""
+        return self.phase is Phase.STANDING and self.step >= len(self.plan)
+
+    @property
+    def remaining(self) -> float:
+        """Time to the planned end of the phase, s; at least `hold` while it waits for a foot."""
+        return max(self.duration - self.elapsed, self.settings.hold if self._waits else 0.0)
+
+    @property
+    def overdue(self) -> bool:
+        """True while lift-off or touch-down is waited for beyond its time."""
+        return self._waits and self.elapsed >= self.duration - 1e-9
+
+    @property
+    def _waits(self) -> bool:
+        return self.phase is Phase.SINGLE or (self.phase is Phase.DOUBLE and self.step < len(self.plan))
+
+    def supports(self) -> tuple[Support, ...]:
+        """The schedule from now on, for the pattern."""
+        if self.step >= len(self.plan) > 0 and self.phase is Phase.STANDING:
+            hold = self.settings.hold
+            return (Support(hold, self.plan.final, self.step, hold),)
+        if self._scheduled is None or self._scheduled[0] is not self.plan:
+            self._scheduled = self.plan, schedule(self.plan)
+        whole = self._scheduled[1]
+        if self.phase is Phase.STANDING:
+            return whole
+        place = 2 * self.step + (1 if self.phase is Phase.SINGLE else 0)
+        now = whole[place]
+        left = max(self.remaining, 1e-3)
+        return (Support(left, now.feet, now.step, max(now.total, left)), *whole[place + 1 :])
+
+    # What one asks for
+
+    def start(self) -> Event:
+        """Begin to walk.
+
+        Raises:
+            InputError: It walks already, or there is nothing to walk.
+        """
+        if self.phase is not Phase.STANDING or self.step >= len(self.plan):
+            raise InputError("a walk can only start from standing, with steps left to take")
+        self._enter(Phase.DOUBLE, self.plan.gait.initial_double_support)
+        return Event.STARTED
+
+    def stop(self) -> None:
+        """Come to a stand safely: put down the foot in the air, bring the other beside it, stand."""
+        if self.phase is Phase.STANDING or self._stop:
+            return
+        self._stop = True
+        if self.phase is Phase.SINGLE:
+            self.plan = self.plan.stopping_after(self.step)
+            return
+        self.plan = self.plan.stopping_after(self.step - 1)
+        if self.step >= len(self.plan):
+            self.duration = self.elapsed + self.plan.gait.final_double_support
+
+    def retime(self, remaining: float) -> None:
+        """Let the present single support end after some time (s), because the pendulum asks for it."""
+        if self.phase is Phase.SINGLE:
+            self.duration = self.elapsed + non_negative("remaining time of the swing (s)", remaining)
+
+    def land(self, step: Footstep, *, carry: bool = True) -> None:
+        """Set where the swing foot lands, or has landed; see `FootstepPlan.with_step`.
+
+        Raises:
+            InputError: No foot has swung yet, or it is the other foot.
+        """
+        index = self.step if self.phase is Phase.SINGLE else self.step - 1
+        self.plan = self.plan.with_step(index, step, carry=carry)
+
+    # What happens
+
+    def update(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
+        """Let time go by.
+
+        Args:
+            loads: Normal force on left and right foot, N.
+            dt: Control period, s.
+
+        Returns:
+            What happened.
+        """
+        self.elapsed += positive("control period (s)", dt)
+        if self.phase is Phase.SINGLE:
+            return self._single(loads, dt)
+        if self.phase is Phase.DOUBLE:
+            return self._double(loads)
+        return ()
+
+    def _single(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
+        s = self.settings
+        side = SIDES.index(self.plan.steps[self.step].side)
+        felt = loads[side] >= s.touch_down * self._weight
+        self._loaded = self._loaded + dt if felt else 0.0
+        touched = felt and self._loaded >= s.debounce - 1e-9
+        left = self.duration - self.elapsed
+        if left > 1e-9:
+            if not (touched and self.elapsed >= s.early * self.duration):
+                return ()
+            event, credit = Event.EARLY_TOUCH_DOWN, s.early_credit * left
+        elif touched:
+            event, credit = (Event.TOUCH_DOWN if left > -0.5 * s.hold else Event.LATE_TOUCH_DOWN), 0.0
+        elif left <= -s.max_late + 1e-9:
+            event, credit = (Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN), 0.0
+        else:
+            return ()
+        self.step += 1
+        self.completed += 1
+        gait = self.plan.gait
+        last = self.step >= len(self.plan)
+        self._enter(Phase.DOUBLE, credit + (gait.final_double_support if last else gait.double_support))
+        return (event,)
+
+    def _double(self, loads: Sequence[float]) -> tuple[Event, ...]:
+        if self.elapsed < self.duration - 1e-9:
+            return ()
+        if self.step >= len(self.plan):
+            self._enter(Phase.STANDING, 0.0)
+            return (Event.STOPPED,)
+        s = self.settings
+        leaving = SIDES.index(self.plan.steps[self.step].side)
+        free = loads[leaving] <= s.lift_off * self._weight and loads[1 - leaving] >= s.stance * self._weight
+        if not free and self.elapsed < self.duration + s.max_wait - 1e-9:
+            return ()
+        self._enter(Phase.SINGLE, self.plan.gait.single_support)
+        return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
+
+    def _enter(self, phase: Phase, duration: float) -> None:
+        self.phase, self.duration, self.elapsed, self._loaded = phase, duration, 0.0, 0.0

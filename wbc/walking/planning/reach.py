@@ -1,0 +1,272 @@
+"""What steps a robot can take, from its legs; and whether it can walk a plan."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+
+MAX_SLOPE = 0.5
+"""Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
+
+
+STRETCHED = 0.98
+"""Share of its length to which a leg may stretch in a step: beyond, knees lose their authority."""
+
+STANDING = 0.979
+"""The same of a leg that stands: one that is stretched already can take no step at all."""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What steps a robot can take, measured from the stance sole to the landing sole in the stance frame.
+
+    Attributes:
+        max_length: Greatest distance forward or back, m.
+        min_spacing: Least lateral distance between the soles' centres, m.
+        max_spacing: Greatest lateral distance between the soles' centres, m.
+        max_yaw: Greatest turn outwards, rad; half of it inwards.
+        max_height: Greatest difference in height, m.
+        max_swing_height: Greatest swing height, m.
+    """
+
+    max_length: float
+    min_spacing: float
+    max_spacing: float
+    max_yaw: float
+    max_height: float
+    max_swing_height: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            positive(f"{field.name} of the reach", getattr(self, field.name))
+        if self.min_spacing >= self.max_spacing:
+            raise InputError(
+                f"min_spacing must be below max_spacing, got {self.min_spacing:g} and {self.max_spacing:g} m"
+            )
+
+    @staticmethod
+    def of(robot: Robot, com_height: float | None = None) -> Reach:
+        """Derive the reach from the legs.
+
+        With the hips in the middle between the feet, a leg of length L whose hip is h over its ankle spans
+        √((0.98 L)² − h²) to either side. Heights take what bending the landing leg leaves: half of the rise
+        that full extension would allow is kept in reserve, and no step is higher than a third of the leg.
+
+        Args:
+            robot: Robot with two soles.
+            com_height: Height of the CoM over the soles while walking, m; that of half-sitting when None.
+
+        Raises:
+            InputError: A CoM height that the legs cannot reach; the message gives the range.
+        """
+        leg = leg_geometry(robot)
+        hip = hip_height(robot, com_height, leg)
+        span = math.sqrt((STRETCHED * leg.length) ** 2 - hip**2)
+        spacing = sole_spacing(robot)
+        width = max(sole.width for sole in robot.soles)
+        yaw = _hip_yaw_range(robot)
+        return Reach(
+            max_length=1.6 * span,
+            min_spacing=min(width + 0.01, 0.95 * spacing),
+            max_spacing=spacing + 1.2 * span,
+            max_yaw=min(0.5, 0.8 * yaw) if yaw > 0.0 else 0.1,
+            max_height=leg.length / 3.0,
+            max_swing_height=leg.length / 2.0,
+        )
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A leg as two bars.
+
+    Attributes:
+        length: Thigh and shank together, m.
+        shortest: Hip to ankle with the knee bent as far as its limits or 120° allow, m.
+        ankle_height: Ankle over the sole, m.
+        hip_over_com: Height of the hip joint minus that of the CoM in half-sitting, m.
+        hip_height: Height of the hip over the ankle in half-sitting, m.
+        com_height: Height of the CoM over the sole in half-sitting, m.
+    """
+
+    length: float
+    shortest: float
+    ankle_height: float
+    hip_over_com: float
+    hip_height: float
+    com_height: float
+
+
+def leg_geometry(robot: Robot) -> Leg:
+    """Measure the left leg: its two longest bars are thigh and shank."""
+    model, data = robot.model, robot.model.createData()
+    pin.centerOfMass(model, data, robot.half_sitting)
+    pin.updateFramePlacements(model, data)
+    frame = model.frames[robot.frame_id(robot.soles[0].frame)]
+    chain = [joint for joint in model.supports[frame.parentJoint] if joint > 1]
+    places = [data.oMi[joint].translation for joint in chain]
+    bars = [float(np.linalg.norm(b - a)) for a, b in zip(places, places[1:], strict=False)]
+    if len(bars) < 2:
+        raise InputError(f"sole '{robot.soles[0].name}' of {robot!r} does not hang on a leg with a knee")
+    first, second = sorted(sorted(range(len(bars)), key=lambda i: bars[i])[-2:])
+    hip, ankle = places[first], places[second + 1]
+    ground = float(data.oMf[robot.frame_id(robot.soles[0].frame)].translation[2])
+    thigh, shank = bars[first], bars[second]
+    bend = math.radians(120.0)
+    return Leg(
+        length=thigh + shank,
+        shortest=math.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * math.cos(bend)),
+        ankle_height=float(ankle[2]) - ground,
+        hip_over_com=float(hip[2]) - float(data.com[0][2]),
+        hip_height=float(hip[2] - ankle[2]),
+        com_height=float(data.com[0][2]) - ground,
+    )
+
+
+def hip_height(robot: Robot, com_height: float | None, leg: Leg | None = None) -> float:
+    """Height of the hips over the ankles when the CoM walks at a height.
+
+    Args:
+        robot: Robot with two soles.
+        com_height: Height of the CoM over the soles, m; that of half-sitting when None.
+        leg: What `leg_geometry` gave, to save its time.
+
+    Raises:
+        InputError: The legs cannot reach that height; the message gives the range.
+    """
+    leg = leg or leg_geometry(robot)
+    offset = leg.hip_over_com - leg.ankle_height
+    low, high = leg.shortest - offset, STANDING * leg.length - offset
+    if com_height is None:
+        if leg.hip_height > STANDING * leg.length:
+            raise InputError(
+                f"the legs of '{robot.name}' are too straight in half-sitting to take a step; give a CoM height from "
+                f"{low:.3f} to {high:.3f} m"
+            )
+        return leg.hip_height
+    finite_scalar(
+        f"CoM height (m) of '{robot.name}' (half-sitting: {leg.com_height:.3f} m)",
+        com_height,
+        low=low,
+        high=high,
+    )
+    return float(com_height) + offset
+
+
+def sole_spacing(robot: Robot) -> float:
+    """Lateral distance between the sole centres in half-sitting, m."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    left, right = (data.oMf[robot.frame_id(sole.frame)].translation for sole in robot.soles[:2])
+    return float(np.linalg.norm(left[:2] - right[:2]))
+
+
+def _hip_yaw_range(robot: Robot) -> float:
+    """The smaller of the outward ranges of the hips' yaw, rad; 0 if no leg joint turns about the vertical."""
+    model, data = robot.model, robot.model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    ranges = []
+    for sole, outward in zip(robot.soles[:2], (1.0, -1.0), strict=True):
+        frame = model.frames[robot.frame_id(sole.frame)]
+        for joint in model.supports[frame.parentJoint]:
+            if joint <= 1:
+                continue
+            column = model.joints[joint].idx_v
+            jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+            turn = float(jacobian[5, column]) * outward
+            if abs(turn) > 0.9:
+                k = column - BASE_DOF
+                ranges.append(float(robot.position_upper[k] if turn > 0 else -robot.position_lower[k]))
+                break
+    return min(ranges) if len(ranges) == 2 else 0.0
+
+
+def check_plan(
+    plan: FootstepPlan,
+    robot: Robot,
+    reach: Reach | None = None,
+    extent: tuple[float, float, float, float] | None = None,
+) -> None:
+    """Refuse a plan that the robot cannot walk, with the step and the reason.
+
+    Args:
+        plan: Plan.
+        robot: Robot, for its soles.
+        reach: What it can reach; derived from the legs when None.
+        extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
+
+    Raises:
+        InputError: A step out of reach, soles that overlap, a swing too high, or a sole beyond the ground.
+    """
+    reach = reach or Reach.of(robot)
+    if plan.gait.swing_height > reach.max_swing_height:
+        raise InputError(
+            f"swing_height of {plan.gait.swing_height:g} m is out of reach; '{robot.name}' lifts a foot "
+            f"by up to {reach.max_swing_height:.3f} m"
+        )
+    sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
+    _check_overlap("the feet at the start", plan.left, plan.right, sizes)
+    for i, step in enumerate(plan.steps):
+        _check_step(f"step {i + 1} of {len(plan)} ({step.side})", plan.stance(i), step, reach)
+        _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), sizes)
+    if extent is not None:
+        low_x, high_x, low_y, high_y = extent
+        for i, step in enumerate((plan.left, plan.right, *plan.steps)):
+            corners = _corners(step, sizes[step.side])
+            if (
+                corners[:, 0].min() < low_x
+                or corners[:, 0].max() > high_x
+                or corners[:, 1].min() < low_y
+                or corners[:, 1].max() > high_y
+            ):
+                which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
+                raise InputError(
+                    f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
+                    f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
+                )
+
+
+def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
+    forward, left, up, turn = step.seen_from(stance)
+    outward = 1.0 if step.side == "left" else -1.0
+    spacing, open_turn = outward * left, outward * turn
+    limits = (
+        ("goes forward by", forward, -reach.max_length, reach.max_length, "m"),
+        ("stands beside the stance foot by", spacing, reach.min_spacing, reach.max_spacing, "m"),
+        ("rises by", up, -reach.max_height, reach.max_height, "m"),
+        ("turns outwards by", open_turn, -0.5 * reach.max_yaw, reach.max_yaw, "rad"),
+        ("pitches by", step.pitch, -MAX_SLOPE, MAX_SLOPE, "rad"),
+        ("rolls by", step.roll, -MAX_SLOPE, MAX_SLOPE, "rad"),
+    )
+    for verb, value, low, high, unit in limits:
+        if not low - 1e-9 <= value <= high + 1e-9:
+            raise InputError(
+                f"{what} {verb} {value:.3f} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
+            )
+
+
+def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> None:
+    """Separating axes of two rectangles in the plane."""
+    p, q = _corners(a, sizes[a.side]), _corners(b, sizes[b.side])
+    for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
+        axis = np.array([math.cos(yaw), math.sin(yaw)])
+        s, t = p @ axis, q @ axis
+        if s.max() <= t.min() or t.max() <= s.min():
+            return
+    raise InputError(
+        f"the soles overlap at {what}: {a.side} at ({a.x:.3f}, {a.y:.3f}), {b.side} at ({b.x:.3f}, {b.y:.3f}) m"
+    )
+
+
+def _corners(step: Footstep, size: tuple[float, float]) -> Array:
+    """Corners of a sole seen from above, shape (4, 2), m."""
+    half = 0.5 * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * size
+    c, s = math.cos(step.yaw), math.sin(step.yaw)
+    corners: Array = half @ np.array([[c, s], [-s, c]]) + (step.x, step.y)
+    return corners

@@ -1,0 +1,184 @@
+"""Which feet carry when, and where the ZMP may and should be meanwhile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+
+EDGES = 8
+"""Half-planes of a support area; the hull of two rectangles never has more."""
+
+SoleSizes = tuple[tuple[float, float], tuple[float, float]]
+"""(length, width) of the left and of the right sole, m."""
+
+
+@dataclass(frozen=True)
+class Support:
+    """A stretch of time with the same feet on the ground.
+
+    Attributes:
+        duration: What is left of it, s.
+        feet: The foot that stands, or the foot that leaves next and the foot that stays.
+        step: Index of the step that swings, or that swings next; the number of steps at the end.
+        total: Its whole length, s.
+    """
+
+    duration: float
+    feet: tuple[Footstep, ...]
+    step: int
+    total: float
+
+    @property
+    def single(self) -> bool:
+        """True on one foot."""
+        return len(self.feet) == 1
+
+
+def schedule(plan: FootstepPlan) -> tuple[Support, ...]:
+    """The supports of a whole plan, from standing to standing."""
+    gait, count = plan.gait, len(plan)
+    if count == 0:
+        total = gait.initial_double_support + gait.final_double_support
+        return (Support(total, (plan.left, plan.right), 0, total),)
+    supports = []
+    for k in range(count):
+        time = gait.initial_double_support if k == 0 else gait.double_support
+        supports.append(Support(time, (plan.lift_off(k), plan.stance(k)), k, time))
+        supports.append(Support(gait.single_support, (plan.stance(k),), k, gait.single_support))
+    final = gait.final_double_support
+    supports.append(Support(final, (plan.stance(count - 1), plan.steps[-1]), count, final))
+    return tuple(supports)
+
+
+def remaining(supports: Sequence[Support], elapsed: float) -> tuple[Support, ...]:
+    """What is left of a schedule after some time.
+
+    Args:
+        supports: Schedule.
+        elapsed: Time gone by, s.
+
+    Returns:
+        The rest; the last support with no time left if all of it is over.
+    """
+    for i, support in enumerate(supports):
+        if elapsed < support.duration - 1e-9:
+            return (replace(support, duration=support.duration - elapsed), *supports[i + 1 :])
+        elapsed -= support.duration
+    return (replace(supports[-1], duration=0.0),)
+
+
+@dataclass(frozen=True)
+class ZmpTarget:
+    """Where under a stance foot the ZMP should be.
+
+    Attributes:
+        forward: From the sole centre, m.
+        inward: From the sole centre towards the other foot, m.
+    """
+
+    forward: float = 0.0
+    inward: float = 0.0
+
+    def __post_init__(self) -> None:
+        finite_scalar("forward target of the ZMP (m)", self.forward)
+        finite_scalar("inward target of the ZMP (m)", self.inward)
+
+    def in_sole(self, side: str) -> tuple[float, float]:
+        """The point in the frame of a left or right sole, x and y, m."""
+        return self.forward, -self.inward if side == "left" else self.inward
+
+    def under(self, foot: Footstep) -> Array:
+        """The point under a foot, in the world, shape (2,), m."""
+        return np.array(self._under(foot))
+
+    def _under(self, foot: Footstep) -> tuple[float, float]:
+        forward, side = self.in_sole(foot.side)
+        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
+        return foot.x + c * forward - s * side, foot.y + s * forward + c * side
+
+
+def zmp_reference(supports: Sequence[Support], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
+    """The ZMP rests under the stance foot and crosses over with constant velocity on both feet.
+
+    Args:
+        supports: Schedule from now on.
+        target: Where under a stance foot.
+        start: ZMP now, shape (2,), m.
+
+    Returns:
+        Times from now, shape (k,), s, and points of the broken line, shape (k, 2), m.
+    """
+    times, points = [0.0], [tuple(np.asarray(start, dtype=float).tolist())]
+    for i, support in enumerate(supports):
+        if support.single:
+            goal = target._under(support.feet[0])
+        elif i + 1 < len(supports):
+            goal = target._under(supports[i + 1].feet[0])
+        else:
+            (x, y), (u, v) = target._under(support.feet[0]), target._under(support.feet[1])
+            goal = 0.5 * (x + u), 0.5 * (y + v)
+        times.append(times[-1] + support.duration)
+        points.append(goal)
+    return np.array(times), np.array(points)
+
+
+@lru_cache(maxsize=256)
+def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:
+    """Half-planes of the area that the ZMP may not leave, seen from above.
+
+    Args:
+        feet: One or two feet on the ground.
+        sizes: Sizes of the soles.
+        margin: Distance kept from the edge, m.
+
+    Returns:
+        Outward unit normals N, shape (8, 2), and offsets d, shape (8,), m, with N z ≤ d inside; rows that are not
+        needed are zero with d = 1. Cached: do not write into them.
+
+    Raises:
+        InputError: A margin that leaves nothing of a sole.
+    """
+    corners = []
+    for foot in feet:
+        length, width = sizes[0] if foot.side == "left" else sizes[1]
+        if 2.0 * margin >= min(length, width):
+            raise InputError(f"a margin of {margin:g} m leaves nothing of a sole of {length:g} × {width:g} m")
+        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
+        for fx, fy in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+            x, y = fx * (0.5 * length - margin), fy * (0.5 * width - margin)
+            corners.append((foot.x + c * x - s * y, foot.y + s * x + c * y))
+    hull = _hull(corners)
+    normals, offsets = np.zeros((EDGES, 2)), np.ones(EDGES)
+    for row, (a, b) in enumerate(zip(hull, hull[1:] + hull[:1], strict=True)):
+        edge = np.array([b[0] - a[0], b[1] - a[1]])
+        normals[row] = np.array([edge[1], -edge[0]]) / np.hypot(*edge)
+        offsets[row] = normals[row] @ a
+    normals.setflags(write=False)
+    offsets.setflags(write=False)
+    return normals, offsets
+
+
+def _hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Convex hull, counter-clockwise (A. M. Andrew, Information Processing Letters 9(5), 1979)."""
+    points = sorted(points)
+
+    def chain(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        result: list[tuple[float, float]] = []
+        for p in points:
+            while len(result) >= 2:
+                (ax, ay), (bx, by) = result[-2:]
+                # 1e-9 m² drops corners on an edge, such as those of parallel feet side by side.
+                if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 1e-9:
+                    break
+                result.pop()
+            result.append(p)
+        return result[:-1]
+
+    return chain(points) + chain(points[::-1])

@@ -1,0 +1,237 @@
+"""Step adjustment: where and when to land so that the pendulum can be caught.
+
+Over a ZMP that does what the plan says, a DCM that is off by e now is off by e · e^{ωT} when the foot has landed
+and taken over, T from now. What the ZMP cannot bring back within the stance foot must be met by landing
+elsewhere, or sooner or later, so that the DCM is where the plan has it relative to the new foot. With the
+exponential of time τ = e^{ωT} as unknown this is linear,
+
+    u + b = z + (ξ − z) τ + δ (1 − τ*)
+
+with the landing u, the DCM b over it, the one constant ZMP z that stands for the planned motion, and the shift δ
+of the ZMP by feedback (taken at the planned time). A small program weighs all changes within the reach of the
+sole, of the leg and of time:
+
+    minimise  w_u |u − u*|² + w_τ (τ/τ* − 1)² + w_b |b − b*|² + w_δ |δ|².
+
+Source: M. Khadiv, A. Herzog, S. A. A. Moosavian, L. Righetti, "Walking control based on step timing adaptation",
+IEEE T-RO 36(3), 2020, eq. (9)–(13).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wbc.core.errors import Array, non_negative, positive, two_of
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solver import QpSolver
+from wbc.walking.planning.footsteps import SIDES, Footstep
+from wbc.walking.planning.reach import Reach
+from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
+
+SAME_TIME = 0.05
+"""Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
+
+
+_CENTRE = ZmpTarget()
+
+_NOTHING = np.zeros(2)
+_NOTHING.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class AdjustmentSettings:
+    """Costs and limits of step adjustment.
+
+    Attributes:
+        shift: Cost of a shift of the ZMP within the stance foot, 1/m².
+        margin: Distance of the ZMP from the edge of the stance foot, m.
+        backward: Greatest shift of the ZMP towards the heel that is counted on, m. With a step that comes early the DCM
+            lags behind; the heel would have to push it on, and seldom carries on stones.
+        threshold: Change of landing below which the step is left alone, m.
+        landing: Cost of a landing away from the plan, 1/m².
+        time: Cost of another time: of a relative change of e^{ωT}, 1.
+        offset: Cost of a DCM that is not where the plan has it over the foot, 1/m².
+        max_shift: Greatest distance of a landing from the plan, forward and sideways, m.
+        shortest: Least time from now to touch-down, s.
+        longest: Greatest stretch of the time left, s.
+        freeze: Time before touch-down in which nothing is changed any more, s.
+    """
+
+    shift: float = 0.01
+    margin: float = 0.01
+    backward: float = 0.03
+    threshold: float = 0.005
+    landing: float = 1.0
+    time: float = 0.05
+    offset: float = 100.0
+    max_shift: tuple[float, float] = (0.15, 0.12)
+    shortest: float = 0.05
+    longest: float = 0.1
+    freeze: float = 0.05
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name == "max_shift":
+                pair = two_of("max_shift (m)", self.max_shift)
+                forward, sideways = (non_negative("max_shift (m)", value) for value in pair)
+                object.__setattr__(self, "max_shift", (forward, sideways))
+            elif field.name in ("shift", "landing", "time", "offset"):
+                positive(f"cost '{field.name}' of step adjustment", getattr(self, field.name))
+            else:
+                non_negative(f"{field.name} of step adjustment", getattr(self, field.name))
+
+
+@dataclass(frozen=True, slots=True)
+class Adjustment:
+    """A step as it should be now.
+
+    Attributes:
+        landing: Where to land.
+        remaining: Time from now to touch-down, s.
+        missed: DCM over the landing foot beyond the plan's that is left to feedback, in the world, shape (2,), m.
+        changed: True if it differs from the plan.
+    """
+
+    landing: Footstep
+    remaining: float
+    missed: Array
+    changed: bool
+
+
+class StepAdjuster:
+    """The program, for one robot.
+
+    Attributes:
+        settings: Costs and limits.
+    """
+
+    def __init__(
+        self, omega: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None
+    ) -> None:
+        """Prepare.
+
+        Args:
+            omega: Natural frequency, 1/s.
+            reach: What steps the robot can take.
+            sizes: (length, width) of the left and of the right sole, m.
+            settings: Costs and limits; the defaults when None.
+        """
+        self.settings = settings or AdjustmentSettings()
+        self._omega = positive("natural frequency (1/s)", omega)
+        self._reach = reach
+        margin = self.settings.margin
+        self._half = [[max(0.5 * size - margin, 1e-3) for size in sole] for sole in sizes]  # less the margin
+        # Unknowns: landing, shift of the ZMP, relative time τ/τ*, DCM over the landing; in the stance foot's axes.
+        self._problem = p = Problem(0, 0, 7, 2, 1, 5)
+        s = self.settings
+        p.equality[:, 0:2] = p.equality[:, 5:7] = np.eye(2)
+        p.inequality[:, :5] = np.eye(5)
+        p.diagonal[:] = (s.landing, s.landing, s.shift, s.shift, s.time, s.offset, s.offset)
+        p.soft_weight[:] = 1e-9  # the solver wants one soft row
+        self._solver = QpSolver(p)
+
+    def adjust(
+        self,
+        dcm: Array,
+        planned: Array,
+        at_landing: Array,
+        step: Footstep,
+        stance: Footstep,
+        remaining: float,
+        transfer: float,
+        target: ZmpTarget | None = None,
+    ) -> Adjustment:
+        """Adjust the step that swings.
+
+        Args:
+            dcm: DCM measured now, in the world, shape (2,), m.
+            planned: DCM planned for now, shape (2,), m.
+            at_landing: DCM planned for when the new foot has taken over, shape (2,), m.
+            step: Planned landing.
+            stance: Stance foot.
+            remaining: Planned time to touch-down, s.
+            transfer: Time from touch-down until the new foot has taken over, s.
+            target: Where under the stance foot the plan has the ZMP; the sole centre when None.
+
+        Returns:
+            The step to take; the planned one where the stance foot can do it or it is too late to change.
+        """
+        s, omega = self.settings, self._omega
+        keep = Adjustment(step, remaining, _NOTHING, False)
+        if remaining <= s.freeze:
+            return keep
+        c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
+        ahead, left = (target or _CENTRE).in_sole(stance.side)
+        length, width = self._half[SIDES.index(stance.side)]
+        shift_low = (min(0.0, max(-length - ahead, -s.backward)), min(0.0, -width - left))
+        shift_high = (max(0.0, length - ahead), max(0.0, width - left))
+        grow = math.exp(omega * (remaining + transfer))
+        if self._idle(dcm, planned, (c, sn), grow, shift_low, shift_high):
+            return keep
+        to_world = np.array([[c, -sn], [sn, c]])
+        origin = np.array([stance.x, stance.y])
+        now, plan_now, plan_then = (
+            (np.asarray(x[:2]) - origin) @ to_world for x in (dcm, planned, at_landing)
+        )
+        landing = (np.array([step.x, step.y]) - origin) @ to_world
+        zmp = (plan_now * grow - plan_then) / (grow - 1.0)
+        offset = plan_then - landing
+
+        p = self._problem
+        # u − δ (1 − τ*) − (ξ − z) τ* σ + b = z  with σ = τ/τ*.
+        p.equality[:, 2:4] = (grow - 1.0) * np.eye(2)
+        p.equality[:, 4] = -(now - zmp) * grow
+        p.target[:2] = zmp
+        p.linear[:] = p.diagonal * (*landing, 0.0, 0.0, 1.0, *offset)
+        low, high = self._bounds(landing, step.side, s.max_shift)
+        least = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
+        p.lower[:] = (*low, *shift_low, min(1.0, least))
+        p.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
+        if not self._solver.solve().ok:
+            return keep
+        x = self._solver.x
+        if float(np.hypot(*(x[:2] - landing))) <= s.threshold and abs(x[4] - 1.0) < SAME_TIME:
+            return keep
+        place = origin + to_world @ x[:2]
+        time = remaining + math.log(max(x[4], 1e-6)) / omega
+        missed = to_world @ (x[5:] - offset)
+        return Adjustment(replace(step, x=float(place[0]), y=float(place[1])), time, missed, True)
+
+    def _idle(
+        self,
+        dcm: Array,
+        planned: Array,
+        heading: tuple[float, float],
+        grow: float,
+        low: Sequence[float],
+        high: Sequence[float],
+    ) -> bool:
+        """True if the program need not be solved: its answer is the step as planned.
+
+        The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
+        has room for that, it bounds the least cost from above, and with it every change:
+
+            w_u |u − u*|² ≤ w_δ |δ|²,   w_τ (τ/τ* − 1)² ≤ w_δ |δ|².
+        """
+        s, (c, sn) = self.settings, heading
+        ratio = grow / (grow - 1.0)
+        x, y = ratio * float(dcm[0] - planned[0]), ratio * float(dcm[1] - planned[1])
+        x, y = c * x + sn * y, c * y - sn * x
+        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
+            return False
+        # A hundredth is kept for the solver's tolerance.
+        cost = 1.01 * s.shift * (x * x + y * y)
+        return cost <= s.landing * s.threshold**2 and cost <= s.time * SAME_TIME**2
+
+    def _bounds(self, landing: Array, side: str, shift: tuple[float, float]) -> tuple[Array, Array]:
+        """Box of landings in the stance foot's axes: within reach and not far from the plan."""
+        r = self._reach
+        sides = (r.min_spacing, r.max_spacing) if side == "left" else (-r.max_spacing, -r.min_spacing)
+        low = np.maximum([-r.max_length, sides[0]], landing - shift)
+        high = np.minimum([r.max_length, sides[1]], landing + shift)
+        # A plan at the edge of the reach, or beyond it, stays where it is.
+        return np.minimum(low, landing), np.maximum(high, landing)

@@ -1,0 +1,224 @@
+"""How wrench errors move the feet and the CoM of a robot whose joints are position-controlled.
+
+    ankle rotation       θ̇_x = A_y (τ_x − τ_x*),   θ̇_y = A_x (τ_y − τ_y*)      in the sole frame
+    foot heights         the foot that should press more moves down, the other up, and the mean leaks to zero
+    CoM                  v = −A_c (z_distributed − z_measured), with a leaky integral
+
+A foot's rotation and height are added to where the walk wants it; they stay when the foot stands, and start
+from zero with each touch-down.
+
+Through a stiffness K the ankle law is a first-order lag of rate A·K, and so is the height law.
+
+Source: S. Caron et al., ICRA 2019, section V; K. Nagasaka, PhD thesis, University of Tokyo, 1999 (CoM).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.vectors import turned
+from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.stabilizer.filters import LeakyIntegral
+from wbc.walking.stabilizer.gains import StabilizerGains, pair
+
+
+class FootCorrection(NamedTuple):
+    """What the admittances add to a foot.
+
+    Attributes:
+        roll: Rotation about the sole's x axis, rad.
+        pitch: Rotation about its y axis, rad.
+        height: Shift along the world's z axis, m.
+        roll_rate: rad/s.
+        pitch_rate: rad/s.
+        height_rate: m/s.
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    height: float = 0.0
+    roll_rate: float = 0.0
+    pitch_rate: float = 0.0
+    height_rate: float = 0.0
+
+    def apply(self, motion: FootMotion) -> FootMotion:
+        """Where the foot should be, given where the walk wants it; accelerations are left alone."""
+        placement = motion.placement
+        rotation = placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
+        x, y, z = placement.translation.tolist()
+        vx, vy, vz, wx, wy, wz = motion.velocity.tolist()
+        spin_x, spin_y, spin_z = turned(rotation.tolist(), (self.roll_rate, self.pitch_rate, 0.0))
+        place = pin.SE3(rotation, np.array((x, y, z + self.height)))
+        velocity = np.array((vx, vy, vz + self.height_rate, wx + spin_x, wy + spin_y, wz + spin_z))
+        return FootMotion(place, velocity, motion.acceleration)
+
+
+def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:
+    """Roll and pitch rate of a foot from its torque errors.
+
+    Args:
+        gains: Gains.
+        measured: [force; moment] in the sole frame, shape (6,), N and Nm.
+        target: The same, desired.
+
+    Returns:
+        Rates about the sole's x and y axes, rad/s, clamped.
+    """
+    assert gains.cop_admittance is not None, "gains.for_mass(mass) fills it in"
+    along, across = pair(gains.cop_admittance)
+    bound = gains.max_angular_velocity
+    roll = across * float(measured[3] - target[3])
+    pitch = along * float(measured[4] - target[4])
+    return min(max(roll, -bound), bound), min(max(pitch, -bound), bound)
+
+
+def height_rates(
+    gains: StabilizerGains,
+    measured: tuple[float, float],
+    target: tuple[float, float],
+    heights: tuple[float, float],
+) -> tuple[float, float]:
+    """Vertical speeds of both feet on the ground from their normal forces: foot force difference control.
+
+    Args:
+        gains: Gains.
+        measured: Normal force of left and right foot, N.
+        target: The same, desired.
+        heights: Height offsets of left and right foot, m.
+
+    Returns:
+        Speeds of left and right foot, m/s, clamped.
+    """
+    force = (target[0] - target[1]) - (measured[0] - measured[1])
+    difference = gains.force_difference * force + gains.force_difference_damping * (heights[0] - heights[1])
+    mean = -gains.height_leak * (heights[0] + heights[1])
+    bound = gains.max_linear_velocity
+    left, right = 0.5 * (mean - difference), 0.5 * (mean + difference)
+    return min(max(left, -bound), bound), min(max(right, -bound), bound)
+
+
+class FootAdmittance:
+    """Rotations and heights of both feet, integrated.
+
+    Attributes:
+        gains: Gains; assign to change them.
+    """
+
+    def __init__(self, gains: StabilizerGains) -> None:
+        self.gains = gains
+        self._state = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]  # roll, pitch, height
+        self._rate = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+
+    def reset(self, foot: int | None = None) -> None:
+        """Put one foot (0 left, 1 right), or both, back to no correction."""
+        for i in (0, 1) if foot is None else (foot,):
+            self._state[i] = [0.0, 0.0, 0.0]
+            self._rate[i] = [0.0, 0.0, 0.0]
+
+    def hold(self) -> None:
+        """Keep the corrections and stop moving them."""
+        self._rate = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+
+    def correction(self, foot: int) -> FootCorrection:
+        """What is added to a foot now."""
+        return FootCorrection(*self._state[foot], *self._rate[foot])
+
+    def update(self, measured: Array, target: Array, contact: tuple[bool, bool], dt: float) -> None:
+        """Move on by one period.
+
+        Args:
+            measured: [force; moment] of both feet in their sole frames, shape (2, 6), N and Nm.
+            target: The same, desired.
+            contact: Which feet are on the ground; the others keep their correction.
+            dt: Period, s.
+        """
+        g = self.gains
+        heights = (self._state[0][2], self._state[1][2])
+        if all(contact):
+            climb = height_rates(
+                g,
+                (float(measured[0, 2]), float(measured[1, 2])),
+                (float(target[0, 2]), float(target[1, 2])),
+                heights,
+            )
+        else:
+            # An exact decay, however long the period.
+            decay = (math.exp(-g.support_height_leak * dt) - 1.0) / dt
+            climb = (decay * heights[0], decay * heights[1])
+        bounds = (g.max_rotation, g.max_rotation, g.max_height)
+        for foot in (0, 1):
+            before = self._state[foot]
+            if not contact[foot]:
+                self._rate[foot] = [0.0, 0.0, 0.0]
+                continue
+            roll, pitch = cop_rates(g, measured[foot], target[foot])
+            rates = (roll - g.rotation_leak * before[0], pitch - g.rotation_leak * before[1], climb[foot])
+            after = [
+                min(max(value + dt * rate, -bound), bound)
+                for value, rate, bound in zip(before, rates, bounds, strict=True)
+            ]
+            self._state[foot] = after
+            self._rate[foot] = [(new - old) / dt for new, old in zip(after, before, strict=True)]
+
+
+class ComAdmittance:
+    """Shift of the CoM target towards where the distributed ZMP says it is missing (ZMP compensation control).
+
+    Attributes:
+        offset: Shift of the CoM target in the world, shape (2,), m.
+        velocity: Its velocity, shape (2,), m/s; zero at the bound.
+        acceleration: Derivative of that velocity, shape (2,), m/s²; zero at the bound, where the shift just stops.
+    """
+
+    def __init__(self, gains: StabilizerGains) -> None:
+        self.gains = gains
+        self._integral = LeakyIntegral(gains.com_admittance_leak, gains.max_com_offset, 2)
+        self._still = True
+        self.velocity: Array = np.zeros(2)
+        self.acceleration: Array = np.zeros(2)
+
+    @property
+    def offset(self) -> Array:
+        """Shift of the CoM target in the world, shape (2,), m."""
+        return self._integral.value
+
+    @property
+    def idle(self) -> bool:
+        """True if there is no shift, and nothing can make one."""
+        return self._still and not any(pair(self.gains.com_admittance))
+
+    def reset(self) -> None:
+        """Back to no shift, at once."""
+        self._integral.reset()
+        self._still = True
+        self.velocity = np.zeros(2)
+        self.acceleration = np.zeros(2)
+
+    def update(self, zmp_error: Array | None, yaw: float, dt: float) -> None:
+        """Move on by one period.
+
+        Args:
+            zmp_error: Distributed minus measured ZMP, shape (2,), m; None on one foot or in the air, where the
+                shift leaks away.
+            yaw: Heading of the robot, rad.
+            dt: Period, s.
+        """
+        velocity = np.zeros(2)
+        if zmp_error is not None:
+            c, s = math.cos(yaw), math.sin(yaw)
+            x, y = zmp_error.tolist()
+            along, across = pair(self.gains.com_admittance)
+            forward, sideways = along * (c * x + s * y), across * (c * y - s * x)
+            velocity = np.array((s * sideways - c * forward, -s * forward - c * sideways))
+        before = self.offset.copy()
+        after = self._integral.update(velocity, dt)
+        velocity = (after - before) / dt
+        bounded = np.abs(after) >= self.gains.max_com_offset
+        self.acceleration = np.where(bounded, 0.0, (velocity - self.velocity) / dt)
+        self.velocity = velocity
+        self._still = not (after.any() or velocity.any() or self.acceleration.any())

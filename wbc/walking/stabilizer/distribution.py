@@ -1,0 +1,298 @@
+"""One wrench for the whole robot → one wrench for each foot.
+
+A quadratic program of fixed size serves double and single support alike. Its unknowns are both foot wrenches, in the
+axes of their soles at the points under the ankles, and a shortfall s in newtons and newton metres, so that it always
+has a solution:
+
+    minimise    net |s|² + ankle |ankle torques|² + … + pressure ((1 − r) f_L − r f_R)²
+    subject to  wrench_L + wrench_R + s = desired, about the target ZMP
+                friction, CoP and yaw torque of a rectangle; least normal force
+
+with r the left-foot ratio: 1 when the left foot should carry everything. Taking moments about the ZMP keeps the
+numbers small wherever the robot stands. A foot in the air has no part in the sum: its wrench only costs, and is zero.
+
+Source: S. Caron, A. Kheddar, O. Tempier, "Stair climbing stabilization of the HRP-4 humanoid robot using
+whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabilizer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.core.qp.contact import rectangle_wrench_cone
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.vectors import add_cross
+
+ROWS = 17
+"""Inequalities of a foot: 16 of its cone, then its normal force."""
+
+Rectangle = tuple[float, float, float, float]
+"""Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
+
+
+@dataclass(frozen=True)
+class DistributionSettings:
+    """Limits and costs of the distribution.
+
+    Only ratios matter. Those of net moment, ankle torque and pressure are mc_rtc's. Missing force costs ten times
+    more, because the weight has to be borne whatever the CoP can do; and the costs that only pick one of many
+    solutions are small but good to compute with.
+
+    Attributes:
+        friction: Coulomb coefficient.
+        min_force: Least normal force of a foot in contact, N.
+        margin: Distance of the CoP from the edge of the carrying rectangle, m.
+        net_force: Cost of missing force, 1/N².
+        net_moment: Cost of missing moment about the target ZMP, 1/(Nm)².
+        ankle_torque: Cost of roll and pitch torque at the ankle, 1/(Nm)².
+        ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².
+        ankle_shear: Cost of horizontal force, 1/N².
+        ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
+        pressure: Cost of a load that is not shared by the ratio, 1/N².
+    """
+
+    friction: float = 0.7
+    min_force: float = 15.0
+    margin: float = 0.0
+    net_force: float = 1e3
+    net_moment: float = 1e2
+    ankle_torque: float = 1.0
+    ankle_yaw: float = 1e-2
+    ankle_shear: float = 1e-4
+    ankle_normal: float = 1e-5
+    pressure: float = 1e-2
+
+    def __post_init__(self) -> None:
+        positive("friction", self.friction)
+        for name in ("min_force", "margin"):
+            non_negative(f"{name} of the distribution", getattr(self, name))
+        for field in fields(self)[3:]:
+            positive(f"cost '{field.name}' of the distribution", getattr(self, field.name))
+
+    @staticmethod
+    def legacy() -> DistributionSettings:
+        """mc_rtc's costs (10000 net, 100 · diag(1, 1, 1e-4 | 1e-3, 1e-3, 1e-4)², 1), all over 100.
+
+        The smallest, 1e-8 and 1e-6, only pick one of many solutions. They are raised to 1e-5: no solver gets right what
+        is ten orders of magnitude below the rest.
+        """
+        tiny = 1e-5
+        return DistributionSettings(net_force=1e2, ankle_yaw=tiny, ankle_shear=tiny, ankle_normal=tiny)
+
+
+class FootWrenches(NamedTuple):
+    """What each foot should feel.
+
+    Attributes:
+        wrenches: [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm.
+        shortfall: What is missing to the desired wrench: force, and moment about the target ZMP, world axes,
+            shape (6,), N and Nm.
+        status: How the program was solved; the closed form is `SOLVED`.
+    """
+
+    wrenches: Array
+    shortfall: Array
+    status: Status
+
+
+def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
+    """Share of the left foot that puts the ZMP on the line between the feet: 1 at the left one, 0 at the right.
+
+    Args:
+        zmp: Target ZMP in the world, shape (3,), m.
+        left: Left ankle or sole centre, shape (3,), m.
+        right: Right ankle or sole centre, shape (3,), m.
+    """
+    (zx, zy, zz), (lx, ly, lz), (x, y, z) = zmp.tolist(), left.tolist(), right.tolist()
+    lx, ly, lz = lx - x, ly - y, lz - z
+    along = (zx - x) * lx + (zy - y) * ly + (zz - z) * lz
+    return float(min(max(along / (lx * lx + ly * ly + lz * lz), 0.0), 1.0))
+
+
+class WrenchDistribution:
+    """The program, solved again and again.
+
+    Attributes:
+        settings: Limits and costs.
+        rectangles: Part of each sole that carries, left then right; assign to shrink it to what touches ground.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[tuple[float, float]],
+        settings: DistributionSettings | None = None,
+        ankles: Sequence[tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0)),
+    ) -> None:
+        """Prepare the program.
+
+        Args:
+            sizes: (length, width) of the left and of the right sole, m.
+            settings: Limits and costs; the defaults when None.
+            ankles: Point of each sole under its ankle, in the sole frame, m.
+
+        Raises:
+            InputError: A margin that leaves nothing of a sole.
+        """
+        self.settings = s = settings or DistributionSettings()
+        self.rectangles: list[Rectangle] = [
+            (-0.5 * length, 0.5 * length, -0.5 * width, 0.5 * width) for length, width in sizes
+        ]
+        for rectangle in self.rectangles:
+            _cone(rectangle, s.margin, s.friction)
+        self._problem = p = Problem(0, 0, 18, 6, 1, 2 * ROWS)
+        for column, row in ((0, 0), (6, ROWS)):
+            p.diagonal[column : column + 3] = (s.ankle_shear, s.ankle_shear, s.ankle_normal)
+            p.diagonal[column + 5] = s.ankle_yaw
+            p.inequality[row + ROWS - 1, column + 2] = 1.0
+        p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
+        p.equality[:, 12:] = np.eye(6)
+        self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
+        self._ankles = [(float(x), float(y)) for x, y in ankles]
+        self._drawn: list[Rectangle | None] = [None, None]
+        self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
+        # Newtons: a millinewton is nothing.
+        self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
+
+    def solve(
+        self,
+        net: Array,
+        soles: Sequence[pin.SE3],
+        zmp: Array,
+        ratio: float,
+        contact: Sequence[bool] = (True, True),
+        max_force: Sequence[float] = (np.inf, np.inf),
+    ) -> FootWrenches:
+        """Distribute a wrench.
+
+        Args:
+            net: Desired [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+            soles: Placements of the left and of the right sole.
+            zmp: Target ZMP in the world, shape (3,), m: moments are taken about it.
+            ratio: Left-foot ratio, 0 to 1.
+            contact: Which feet carry.
+            max_force: Greatest normal force of each foot, N.
+
+        Returns:
+            The foot wrenches.
+
+        Raises:
+            InputError: No foot in contact, or a ratio outside [0, 1].
+        """
+        if not any(contact):
+            raise InputError("a wrench can only be distributed over feet in contact; neither is")
+        ratio = finite_scalar("left-foot ratio", ratio, low=0.0, high=1.0)
+        p, s = self._problem, self.settings
+        both = all(contact)
+        for foot in (0, 1):
+            self._bound(foot, bool(contact[foot]), float(max_force[foot]))
+            if contact[foot]:
+                self._write_foot(foot, soles[foot], zmp)
+        # On one foot there is nothing to choose: its torque is what the ZMP asks for.
+        p.diagonal[self._torques] = s.ankle_torque if both else s.ankle_yaw
+        p.soft[0, 2], p.soft[0, 8] = (1.0 - ratio, -ratio) if both else (0.0, 0.0)
+        p.soft_weight[0] = s.pressure if both else 0.0
+        fx, fy, fz, mx, my, mz = net.tolist()
+        x, y, z = zmp.tolist()
+        p.target[:6] = (fx, fy, fz, mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)
+        status = self._solver.solve()
+        solution = self._solver.x.copy()
+        wrenches = solution[:12].reshape(2, 6)
+        for wrench, (x, y) in zip(wrenches, self._ankles, strict=True):
+            if x or y:  # from under the ankle to the sole centre
+                wrench[3:] = add_cross(wrench[3:].tolist(), (x, y, 0.0), wrench[:3].tolist())
+        return FootWrenches(wrenches, solution[12:], status)
+
+    def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
+        """What a foot on the ground gives to the sum, and where its centre of pressure may be."""
+        p, s = self._problem, self.settings
+        column, row = 6 * foot, ROWS * foot
+        rotation, at, ankle = sole.rotation, sole.translation, self._ankles[foot]
+        if ankle != (0.0, 0.0):
+            at = sole.act(np.array((*ankle, 0.0)))
+        force, moment = slice(column, column + 3), slice(column + 3, column + 6)
+        p.equality[:3, force] = p.equality[3:6, moment] = rotation
+        p.equality[3:6, force] = pin.skew(at - zmp).dot(rotation)
+        rectangle = self.rectangles[foot]
+        if rectangle != self._drawn[foot]:
+            p.inequality[row : row + ROWS - 1, column : column + 6] = _cone(
+                rectangle, s.margin, s.friction, ankle
+            )
+            self._drawn[foot] = rectangle
+
+    def _bound(self, foot: int, contact: bool, max_force: float) -> None:
+        """Least and greatest normal force; far from zero for a foot in the air, whose bounds must not act."""
+        bounds = (min(self.settings.min_force, max_force), max_force, 0.0) if contact else (-1.0, 1.0, 1.0)
+        if bounds == self._bounds[foot]:
+            return
+        p, row, last = self._problem, ROWS * foot, ROWS * foot + ROWS - 1
+        p.lower[last], p.upper[last], p.upper[row:last] = bounds
+        self._bounds[foot] = bounds
+        if not contact:
+            p.equality[:6, 6 * foot : 6 * foot + 6] = 0.0
+
+
+def distribute_by_ratio(
+    net: Array,
+    soles: Sequence[pin.SE3],
+    zmp: Array,
+    ratio: float,
+    rectangles: Sequence[Rectangle],
+    contact: Sequence[bool] = (True, True),
+    min_force: float = 15.0,
+) -> FootWrenches:
+    """Distribute a wrench in closed form, on level feet: forces by the ratio, the rest by one offset of both CoPs.
+
+    Args:
+        net: Desired [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+        soles: Placements of the left and of the right sole.
+        zmp: ZMP of that wrench in the world, shape (3,), m.
+        ratio: Left-foot ratio, 0 to 1.
+        rectangles: Part of each sole that carries.
+        contact: Which feet carry.
+        min_force: Least normal force of a foot in contact, N.
+
+    Raises:
+        InputError: No foot in contact.
+    """
+    if not any(contact):
+        raise InputError("a wrench can only be distributed over feet in contact; neither is")
+    least = min_force / max(float(net[2]), 2.0 * min_force)
+    left = float(np.clip(ratio, least, 1.0 - least)) if all(contact) else float(bool(contact[0]))
+    shares = (left, 1.0 - left)
+    offset = zmp - (shares[0] * soles[0].translation + shares[1] * soles[1].translation)
+    wrenches, total = np.zeros((2, 6)), np.zeros(6)
+    for foot in (0, 1):
+        if not contact[foot]:
+            continue
+        sole, (x0, x1, y0, y1) = soles[foot], rectangles[foot]
+        force = sole.rotation.T @ (shares[foot] * net[:3])
+        local = sole.rotation.T @ offset
+        x, y = min(max(local[0], x0), x1), min(max(local[1], y0), y1)
+        wrenches[foot] = (*force, y * force[2], -x * force[2], x * force[1] - y * force[0])
+        total += sole.act(pin.Force(wrenches[foot])).vector
+    missing = net - total
+    missing[3:] -= pin.skew(zmp) @ missing[:3]
+    return FootWrenches(wrenches, missing, Status.SOLVED)
+
+
+@lru_cache(maxsize=256)
+def _cone(
+    rectangle: Rectangle, margin: float, friction: float, ankle: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Rows F with F w ≤ 0 for a wrench at a point of the sole and a rectangle anywhere in the sole, shape (16, 6)."""
+    x0, x1, y0, y1 = rectangle
+    half_length, half_width = 0.5 * (x1 - x0) - margin, 0.5 * (y1 - y0) - margin
+    if not (half_length > 0.0 and half_width > 0.0):
+        raise InputError(f"a margin of {margin:g} m leaves nothing of the rectangle {rectangle} m of a sole")
+    move = np.eye(6)
+    move[3:, :3] = -pin.skew(np.array((0.5 * (x0 + x1) - ankle[0], 0.5 * (y0 + y1) - ankle[1], 0.0)))
+    cone: Array = rectangle_wrench_cone(half_length, half_width, friction) @ move
+    return cone

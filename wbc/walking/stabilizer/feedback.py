@@ -1,0 +1,174 @@
+"""DCM feedback: from where the pendulum is and should be, to the acceleration and the wrench that bring it back.
+
+    c̈_d = c̈* + ω [k_p e_ξ + k_i ē_ξ + k_d ė_ξ] + ω k_v e_v − ω² k_ż ż*        in the yaw frame of the robot
+
+with errors e = target − measured, ξ the DCM, ē its average and ė its derivative. The force goes through the
+measured CoM, so that with k_v = 1 this is a feedback on the ZMP,
+
+    z_d = z* − (1 + k_p/ω) e_ξ − (k_i/ω) ē_ξ − (k_d/ω) ė_ξ,
+
+and k_p is the pole of the closed loop if the ZMP follows at once.
+
+Source: Frizza et al., Humanoids 2022, eq. (3); S. Caron et al., ICRA 2019; Morisawa et al., Humanoids 2014.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.core.errors import Array, positive
+from wbc.core.robot import GRAVITY
+from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.stabilizer.filters import Average, Derivator
+from wbc.walking.stabilizer.gains import StabilizerGains, pair
+
+LEAST_VERTICAL = -0.5 * GRAVITY
+"""Least vertical acceleration that is asked for, m/s²: the ground can only push, and where it hardly does, a CoP means
+nothing."""
+
+
+class PendulumErrors(NamedTuple):
+    """Target minus measured, in the world; heights are in the CoM alone.
+
+    Attributes:
+        com: Shape (3,), m.
+        com_velocity: Shape (3,), m/s.
+        dcm: Shape (2,), m.
+        average: Average of the DCM error, shape (2,), m.
+        rate: Its derivative, shape (2,), m/s.
+        zmp: Shape (2,), m; zero where it was not measured.
+    """
+
+    com: Array
+    com_velocity: Array
+    dcm: Array
+    average: Array
+    rate: Array
+    zmp: Array
+
+
+class DcmFeedback:
+    """The errors with their memory, and the law.
+
+    Attributes:
+        gains: Gains; assign to change them.
+    """
+
+    def __init__(self, gains: StabilizerGains) -> None:
+        self.gains = gains
+        self._average = Average(gains.integrator_time, gains.max_average_dcm_error, 2)
+        self._derivator = Derivator(gains.derivator_time, 2)
+
+    def reset(self) -> None:
+        """Forget the average and the derivative."""
+        self._average.reset()
+        self._derivator.reset()
+
+    def errors(
+        self,
+        target: Pendulum,
+        com: Array,
+        com_velocity: Array,
+        zmp: Array | None,
+        dt: float,
+        bias: Array | None = None,
+    ) -> PendulumErrors:
+        """Take in one measurement.
+
+        Args:
+            target: What the pattern wants.
+            com: Measured CoM in the world, shape (3,), m.
+            com_velocity: Its measured velocity, shape (3,), m/s.
+            zmp: Measured ZMP, shape (2,) or (3,), m; None while there is none: the memory then fades.
+            dt: Time since the last call, s.
+            bias: What the measured DCM has too much, shape (2,), m (`wbc.walking.stabilizer.bias`): CoM and DCM errors
+                are corrected, and the velocity so that the three stay consistent.
+        """
+        omega = target.omega
+        e_com, e_velocity = target.com - com, target.com_velocity - com_velocity
+        e_dcm = e_com[:2] + e_velocity[:2] / omega
+        if bias is not None:
+            e_dcm = e_dcm + bias
+            e_com[:2] += bias
+            e_velocity[:2] = omega * (e_dcm - e_com[:2])
+        if zmp is None:
+            self._derivator.reset()
+            average = self._average.update(np.zeros(2), dt)
+            return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), np.zeros(2), np.zeros(2))
+        e_zmp = target.zmp[:2] - zmp[:2]
+        average = self._average.update(e_dcm, dt)
+        rate = self._derivator.update(omega * (e_dcm - e_zmp), None, dt)
+        return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), rate.copy(), e_zmp)
+
+    def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:
+        """Desired acceleration of the CoM in the world, shape (3,), m/s²."""
+        return desired_acceleration(self.gains, target, errors, yaw)
+
+
+def desired_acceleration(
+    gains: StabilizerGains, target: Pendulum, errors: PendulumErrors, yaw: float
+) -> Array:
+    """The law of the module.
+
+    Args:
+        gains: Gains, per axis of the yaw frame.
+        target: What the pattern wants.
+        errors: Target minus measured.
+        yaw: Heading of the robot, rad.
+
+    Returns:
+        Desired acceleration of the CoM in the world, shape (3,), m/s².
+    """
+    omega, c, s = target.omega, math.cos(yaw), math.sin(yaw)
+    forward = sideways = 0.0
+    for gain, factor, value in (
+        (gains.dcm_p, 1.0, errors.dcm),
+        (gains.dcm_i, 1.0, errors.average),
+        (gains.dcm_d, 1.0, errors.rate),
+        (gains.com_v, 1.0, errors.com_velocity),
+        (gains.zmp_d, -omega, target.zmp_velocity),
+    ):
+        along, across = pair(gain)
+        x, y = value.tolist()[:2]
+        forward += factor * along * (c * x + s * y)
+        sideways += factor * across * (c * y - s * x)
+    x, y, z = target.com_acceleration.tolist()
+    return np.array(
+        (
+            x + omega * (c * forward - s * sideways),
+            y + omega * (s * forward + c * sideways),
+            max(
+                z + gains.height_p * float(errors.com[2]) + gains.height_d * float(errors.com_velocity[2]),
+                LEAST_VERTICAL,
+            ),
+        )
+    )
+
+
+def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
+    """Contact wrench that accelerates a mass without turning it.
+
+    Args:
+        com: Where the force goes through, in the world, shape (3,), m.
+        acceleration: Of the CoM, shape (3,), m/s².
+        mass: kg.
+
+    Returns:
+        [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+    """
+    mass = positive("mass (kg)", mass)
+    x, y, z = com.tolist()
+    ax, ay, az = acceleration.tolist()
+    fx, fy, fz = mass * ax, mass * ay, mass * (az + GRAVITY)
+    return np.array([fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
+
+
+def zmp_of_force(com: Array, acceleration: Array, ground: float) -> Array:
+    """Where the force through a CoM meets the level ground, shape (3,), m."""
+    x, y, z = com.tolist()
+    ax, ay, az = acceleration.tolist()
+    reach = (z - ground) / (az + GRAVITY)
+    return np.array((x - reach * ax, y - reach * ay, ground))

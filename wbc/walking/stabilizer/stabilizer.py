@@ -1,0 +1,226 @@
+"""The stabilizer on values: measured pendulum and foot wrenches in, desired wrenches and corrections out.
+
+    errors → desired acceleration → net wrench → foot wrenches → corrections of feet and CoM
+
+It knows neither tasks nor a simulator. In the air the feet stand still, the CoM's offset leaks away, and it lands with
+an empty memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, finite_array, positive
+from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.zmp import MIN_FORCE, level_zmp, net_wrench
+from wbc.walking.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
+from wbc.walking.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
+from wbc.walking.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
+from wbc.walking.stabilizer.filters import LowPass
+from wbc.walking.stabilizer.gains import StabilizerGains
+
+
+class StabilizerOutput(NamedTuple):
+    """Result of one tick, in the world unless said otherwise.
+
+    Attributes:
+        errors: Target minus measured.
+        com_acceleration: Desired acceleration of the CoM, shape (3,), m/s².
+        net_wrench: Desired [force; moment] at the world origin, shape (6,), N and Nm.
+        zmp: Where that wrench meets the support, shape (3,), m.
+        measured_zmp: Unfiltered, on the level of the target ZMP, shape (3,), m; NaN in the air.
+        feet: Desired foot wrenches in the sole frames, left then right.
+        corrections: What is added to left and right foot.
+        com_offset: What is added to the CoM target, shape (2,), m.
+        com_velocity_offset: What is added to its velocity, shape (2,), m/s.
+        com_acceleration_offset: What is added to its acceleration, shape (2,), m/s².
+        in_air: True while neither foot feels the ground: their corrections stand still.
+    """
+
+    errors: PendulumErrors
+    com_acceleration: Array
+    net_wrench: Array
+    zmp: Array
+    measured_zmp: Array
+    feet: FootWrenches
+    corrections: tuple[FootCorrection, FootCorrection]
+    com_offset: Array
+    com_velocity_offset: Array
+    com_acceleration_offset: Array
+    in_air: bool
+
+
+class Stabilizer:
+    """Feedback, distribution and admittances of one robot.
+
+    Attributes:
+        enabled: Feedback is on. Without it the desired wrench is the pattern's.
+        distribution: Wrench distribution.
+        feet: Corrections of the feet; reset a foot when it leaves or meets the ground.
+    """
+
+    def __init__(
+        self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
+    ) -> None:
+        """Start on the ground, enabled, with an empty memory.
+
+        Args:
+            mass: Mass of the robot, kg.
+            distribution: Wrench distribution for its soles.
+            gains: Gains; the default preset when None.
+
+        Raises:
+            InputError: A mass that is not above zero.
+        """
+        self.mass = positive("mass (kg)", mass)
+        self.enabled = True
+        self.distribution = distribution
+        self._gains = (gains or StabilizerGains()).for_mass(self.mass)
+        self._feedback = DcmFeedback(self._gains)
+        self.feet = FootAdmittance(self._gains)
+        self._com = ComAdmittance(self._gains)
+        self._wrench = LowPass(self._gains.wrench_time, (2, 6))
+        self._in_air = False
+
+    @property
+    def gains(self) -> StabilizerGains:
+        """Gains; assign others at any time. Filters keep their memory unless their time constants change."""
+        return self._gains
+
+    @gains.setter
+    def gains(self, gains: StabilizerGains) -> None:
+        gains = gains.for_mass(self.mass)
+        old, self._gains = self._gains, gains
+        self._feedback.gains = self.feet.gains = self._com.gains = gains
+        self._wrench.time_constant = gains.wrench_time
+        memory = ("integrator_time", "derivator_time", "max_average_dcm_error")
+        if any(getattr(old, name) != getattr(gains, name) for name in memory):
+            self._feedback = DcmFeedback(gains)
+        if (old.com_admittance_leak, old.max_com_offset) != (gains.com_admittance_leak, gains.max_com_offset):
+            self._com = ComAdmittance(gains)
+
+    @property
+    def in_air(self) -> bool:
+        """True while neither foot feels the ground."""
+        return self._in_air
+
+    @property
+    def com_still(self) -> bool:
+        """True if the CoM target is not shifted, and nothing can shift it."""
+        return self._com.idle
+
+    def reset(self) -> None:
+        """Forget everything: errors, corrections, filtered wrenches."""
+        self._feedback.reset()
+        self.feet.reset()
+        self._com.reset()
+        self._wrench.reset()
+        self._in_air = False
+
+    def update(
+        self,
+        target: Pendulum,
+        com: Array,
+        com_velocity: Array,
+        wrenches: Array,
+        soles: Sequence[pin.SE3],
+        contact: tuple[bool, bool],
+        yaw: float,
+        dt: float,
+        *,
+        bias: Array | None = None,
+        ratio: float | None = None,
+        max_force: tuple[float, float] = (math.inf, math.inf),
+    ) -> StabilizerOutput:
+        """Compute one tick.
+
+        Args:
+            target: What the pattern wants.
+            com: Measured CoM in the world, shape (3,), m.
+            com_velocity: Its measured velocity, shape (3,), m/s.
+            wrenches: What the ground does to left and right sole, [force; moment] in the sole frames, shape
+                (2, 6), N and Nm.
+            soles: Where left and right sole are.
+            contact: Which feet are to carry; at least one.
+            yaw: Heading of the robot, rad.
+            dt: Control period, s.
+            bias: What the measured DCM has too much, shape (2,), m.
+            ratio: Left-foot ratio on both feet; from the target ZMP when None.
+            max_force: Greatest normal force of each foot, N.
+
+        Raises:
+            InputError: Measurements that are not finite, or no foot in contact.
+        """
+        dt = positive("control period (s)", dt)
+        wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
+        com, com_velocity = (
+            finite_array("CoM (m)", com, (3,)),
+            finite_array("CoM velocity (m/s)", com_velocity, (3,)),
+        )
+        self._notice_air(wrenches)
+        measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
+        idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])
+        felt = None if idle else measured_zmp
+        errors = self._feedback.errors(target, com, com_velocity, felt, dt, bias)
+        if not idle:
+            acceleration = self._feedback.acceleration(target, errors, yaw)
+            pivot = com
+            if bias is not None:
+                pivot = com.copy()
+                pivot[:2] -= bias
+        else:
+            acceleration, pivot = target.com_acceleration, target.com
+        net = wrench_through(pivot, acceleration, self.mass)
+        desired_zmp = zmp_of_force(pivot, acceleration, float(target.zmp[2]))
+
+        if ratio is None:
+            ratio = left_foot_ratio(target.zmp, soles[0].translation, soles[1].translation)
+        feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact, max_force)
+        filtered = self._wrench.update(wrenches, dt)
+        if felt is None:
+            self.feet.hold()
+        else:
+            self.feet.update(filtered, feet.wrenches, contact, dt)
+        if not self._com.idle:
+            zmp_error = None
+            if felt is not None and all(contact):
+                distributed = net_wrench(feet.wrenches, soles)
+                if distributed[2] >= MIN_FORCE:
+                    zmp_error = (level_zmp(distributed, target.zmp) - measured_zmp)[:2]
+            self._com.update(zmp_error, yaw, dt)
+        return StabilizerOutput(
+            errors,
+            acceleration,
+            net,
+            desired_zmp,
+            measured_zmp,
+            feet,
+            (self.feet.correction(0), self.feet.correction(1)),
+            self._com.offset.copy(),
+            self._com.velocity,
+            self._com.acceleration,
+            self._in_air,
+        )
+
+    def _notice_air(self, wrenches: Array) -> None:
+        """Both feet without load: in the air. The first tick of ground starts with an empty memory."""
+        in_air = max(wrenches[:, 2].tolist()) < self._gains.min_force
+        if self._in_air and not in_air:
+            self._feedback.reset()
+            self._wrench.reset()
+        self._in_air = in_air
+
+    def _measured_zmp(
+        self, target: Pendulum, wrenches: Array, soles: Sequence[pin.SE3], contact: tuple[bool, bool]
+    ) -> Array:
+        """ZMP of the feet in contact, on the level of the target; NaN where there is none."""
+        used = [i for i in (0, 1) if contact[i]]
+        total = net_wrench([wrenches[i] for i in used], [soles[i] for i in used])
+        if total[2] < MIN_FORCE:
+            return np.full(3, np.nan)
+        return level_zmp(total, target.zmp)
