@@ -124,13 +124,13 @@ def from_json(kind: type[T], data: Any) -> T:
     """
     try:
         # As JSON, because there alone strict checks take an object for settings and a list for a tuple.
-        return _adapter(kind).validate_json(json.dumps(data))
+        return typing.cast(T, _adapter(typing.cast(Any, kind)).validate_json(json.dumps(data)))
     except ValidationError as error:
         _refuse(kind, error)
 
 
 @functools.cache
-def _adapter(kind: type[T]) -> TypeAdapter[T]:
+def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
