@@ -20,7 +20,7 @@ import render_walk
 from wbc.core.errors import Array
 from wbc.robots import load
 from wbc.sim.balance.push_recovery import PUSH_DURATION
-from wbc.sim.balance.standing import Stand, StandOptions
+from wbc.sim.balance.standing import Stand, StandSpec
 
 SIZE = (1600, 560)
 """Width and height of a picture, pixels."""
@@ -56,7 +56,7 @@ class Frame:
 
 def push_frames(robot: str) -> list[Frame]:
     """A robot that is pushed and recovers."""
-    stage = Stand(StandOptions(robot=robot, mode="torque"))
+    stage = Stand(StandSpec(robot=robot, mode="torque"))
     plant = stage.plant
     begin, force = 0.5, IMPULSE * plant.robot.mass / PUSH_DURATION
     torso = plant.robot.torso_frame

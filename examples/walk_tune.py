@@ -15,7 +15,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl, WalkingSettings
+from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.plans import walk_distance
 from wbc.walking.stabilizer.gains import StabilizerGains
@@ -45,7 +45,7 @@ def walk(gains: StabilizerGains, options: Any) -> dict[str, Any]:
     plant = wbc.Plant(description, noise="realistic")
     robot = description.robot()
     plan = walk_distance(FootstepPlan.standing(robot), options.distance)
-    walking = WalkingControl(robot, plan, plant.control_period, WalkingSettings(gains=gains))
+    walking = WalkingControl(robot, plan, plant.control_period, WalkingControlSettings(gains=gains))
 
     dcm, zmp, pushed = [], [], False
     with options.watch(plant, walking) as view:

@@ -14,12 +14,12 @@ from wbc.feet.soles.contact import (
     PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
-    SoleContact,
+    ContactSpheres,
     effective_time_constant,
     solver_parameters,
 )
 from wbc.feet.soles.foot import Foot
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.model import FootParts
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
 from wbc.feet.soles.soft import LongArchFoot, SoftFoot, TransverseBending, VariableStiffnessFoot
 from wbc.feet.soles.sole import FootFit, SoleGeometry
@@ -39,7 +39,7 @@ __all__ = [
     "FlatFoot",
     "Foot",
     "FootFit",
-    "FootModel",
+    "FootParts",
     "GroundScan",
     "LongArchFoot",
     "ModelSettings",
@@ -51,7 +51,7 @@ __all__ = [
     "RoughnessSettings",
     "ScanSettings",
     "SoftFoot",
-    "SoleContact",
+    "ContactSpheres",
     "SoleGeometry",
     "StiffnessActuator",
     "StiffnessModel",

@@ -21,7 +21,7 @@ from wbc.tasks.scheduling.policies import (
     stiffness_policy_names,
 )
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
-from wbc.tasks.scheduling.stiffness import StiffnessTask
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 __all__ = [
     "AdmittanceTask",
@@ -44,7 +44,7 @@ __all__ = [
     "RelativeFrameTask",
     "StepStiffness",
     "StiffnessPolicy",
-    "StiffnessTask",
+    "StiffnessScheduler",
     "StiffnessTiming",
     "WrenchTask",
     "register_stiffness_policy",

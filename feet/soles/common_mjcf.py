@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, choose
-from wbc.feet.soles.contact import SoleContact, solver_parameters
+from wbc.feet.soles.contact import ContactSpheres, solver_parameters
 from wbc.feet.soles.sole import SIDES, FootFit
 
 Point: TypeAlias = Sequence[float] | Array
@@ -72,7 +72,7 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
     return body
 
 
-def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact: SoleContact) -> str:
+def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact: ContactSpheres) -> str:
     """Add one sphere that touches whatever has collision type 1: the ground."""
     parameters = solver_parameters(contact.law)
     body.add_geom(

@@ -149,7 +149,7 @@ def effective_time_constant(
 
 
 @dataclass(frozen=True)
-class SoleContact:
+class ContactSpheres:
     """How a sole touches the ground: an even grid of small spheres, whose lowest points span the rectangle.
 
     Spheres, because a box on a height field loses contacts beyond 50 per pair and its centre of pressure

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wbc.core.errors import InputError, finite_scalar, positive
-from wbc.feet.soles.contact import SoleContact
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.model import FootParts
 from wbc.feet.soles.sole import FootFit, SoleGeometry
 
 
@@ -24,7 +24,7 @@ class Foot(ABC):
         contact: How the sole touches the ground.
     """
 
-    contact: SoleContact = field(default_factory=SoleContact)
+    contact: ContactSpheres = field(default_factory=ContactSpheres)
 
     @property
     def rotation_stiffness(self) -> float:
@@ -43,7 +43,7 @@ class Foot(ABC):
         """
 
     @abstractmethod
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootModel:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
         """Add the foot to a MuJoCo model under construction.
 
         The robot's own sole geoms must have been taken off the ankle body before.

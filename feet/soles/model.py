@@ -8,7 +8,7 @@ from wbc.feet.soles.sole import FootFit
 
 
 @dataclass(frozen=True)
-class FootModel:
+class FootParts:
     """Handle of a built foot: names, and the numbers that go with them.
 
     Attributes:

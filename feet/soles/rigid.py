@@ -7,7 +7,7 @@ from typing import Any
 
 from wbc.core.errors import finite_scalar, non_negative, positive
 from wbc.feet.soles.foot import Foot, fitted_sole
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.model import FootParts
 from wbc.feet.soles.sole import FootFit, SoleGeometry, box_inertia
 
 SOFT_LENGTH = 0.27782
@@ -28,7 +28,7 @@ class FlatFoot(Foot):
         """See `Foot.fit`."""
         return FootFit(sole, box_inertia(0.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
 
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootModel:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
         """See `Foot.build`."""
         from wbc.feet.soles.rigid_mjcf import build_rigid  # noqa: PLC0415 - the pure part needs no MuJoCo
 
@@ -77,7 +77,7 @@ class RigidFoot(Foot):
             fitted, fitted.placement.act(plate), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
         )
 
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootModel:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
         """See `Foot.build`."""
         from wbc.feet.soles.rigid_mjcf import build_rigid  # noqa: PLC0415 - the pure part needs no MuJoCo
 

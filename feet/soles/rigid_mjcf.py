@@ -13,8 +13,8 @@ from wbc.feet.soles.common_mjcf import (
     part,
     set_inertia,
 )
-from wbc.feet.soles.contact import SoleContact
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.model import FootParts
 from wbc.feet.soles.sole import FootFit, box_inertia
 
 TOE_TO_RANGE = 0.014
@@ -26,10 +26,10 @@ def build_rigid(
     ankle_body: mujoco.MjsBody,
     side: str,
     fit: FootFit,
-    contact: SoleContact,
+    contact: ContactSpheres,
     *,
     plate: tuple[float, float] | None,
-) -> FootModel:
+) -> FootParts:
     """Add a rigid sole of spheres under an ankle.
 
     Args:
@@ -55,7 +55,7 @@ def build_rigid(
         for j, y in enumerate(contact.column_positions(width))
     ]
     site = add_range_site(body, side, (length / 2.0 - TOE_TO_RANGE, 0.0, contact.radius))
-    return FootModel(
+    return FootParts(
         side=side,
         fit=fit,
         body=body.name,

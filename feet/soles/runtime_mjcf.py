@@ -11,7 +11,7 @@ import numpy as np
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.model import FootParts
 
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
@@ -26,7 +26,7 @@ def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 class WrenchSensor:
     """Six-axis force sensor between the ankle and the foot."""
 
-    def __init__(self, model: mujoco.MjModel, foot: FootModel) -> None:
+    def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
         """Look the sensor up.
 
         Raises:
@@ -58,7 +58,7 @@ class SoleStiffness:
     """
 
     def __init__(
-        self, model: mujoco.MjModel, foot: FootModel, actuator: StiffnessActuator | None = None
+        self, model: mujoco.MjModel, foot: FootParts, actuator: StiffnessActuator | None = None
     ) -> None:
         """Start at the stiffness that the model was compiled with.
 
@@ -118,7 +118,7 @@ class RangeFinder:
     def __init__(
         self,
         model: mujoco.MjModel,
-        foot: FootModel,
+        foot: FootParts,
         *,
         ground_group: int,
         sensor: RangeSensor | None = None,
@@ -194,7 +194,7 @@ class GroundContacts:
 class SoleProbe:
     """Ground truth of one foot, for logs and test rigs: never a measurement of the controller."""
 
-    def __init__(self, model: mujoco.MjModel, foot: FootModel) -> None:
+    def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
         """Look names up.
 
         Raises:

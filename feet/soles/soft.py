@@ -12,7 +12,7 @@ from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negati
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.contact import LOOP_CLOSURE, ConstraintLaw
 from wbc.feet.soles.foot import Foot, fitted_sole
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.model import FootParts
 from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
 from wbc.feet.soles.sole import FootFit, SoleGeometry, bar_inertia, box_inertia
 
@@ -216,7 +216,7 @@ class SoftFoot(Foot):
             )
         return self.contact.row_positions(self.length, per_phalanx * self.phalanges)
 
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootModel:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
         """See `Foot.build`."""
         from wbc.feet.soles.soft_mjcf import SoftFootBuilder  # noqa: PLC0415 - the pure part needs no MuJoCo
 

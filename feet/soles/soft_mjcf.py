@@ -20,7 +20,7 @@ from wbc.feet.soles.common_mjcf import (
     set_inertia,
 )
 from wbc.feet.soles.contact import solver_parameters
-from wbc.feet.soles.model import FootModel
+from wbc.feet.soles.model import FootParts
 from wbc.feet.soles.soft import ARCH_THICKNESS, SoftFoot
 from wbc.feet.soles.sole import FootFit, box_inertia
 
@@ -73,7 +73,7 @@ class SoftFootBuilder:
         self._pitch: list[str] = []
         self._transverse: list[str] = []
 
-    def build(self) -> FootModel:
+    def build(self) -> FootParts:
         """Add everything and name it."""
         parent, parent_origin = self.body, np.zeros(3)
         for i in reversed(range(self.foot.phalanges)):
@@ -86,7 +86,7 @@ class SoftFootBuilder:
         transverse = self.foot.transverse
         follows = transverse is not None and transverse.stiffness is None
         pitch_joints, transverse_joints = tuple(self._pitch[::-1]), tuple(self._transverse[::-1])
-        return FootModel(
+        return FootParts(
             side=self.side,
             fit=self.fit,
             body=self.body.name,
@@ -148,7 +148,7 @@ class SoftFootBuilder:
         self._transverse.append(_add_hinge(body, name, _FORWARD, stiffness, transverse.damping, armature))
 
     def _add_spheres(self) -> tuple[str, ...]:
-        """An even grid over the whole sole, dealt out row by row; see `SoleContact.row_positions`."""
+        """An even grid over the whole sole, dealt out row by row; see `ContactSpheres.row_positions`."""
         foot, contact = self.foot, self.foot.contact
         names = []
         for row, x in enumerate(foot.contact_rows()):

@@ -72,7 +72,7 @@ WHITE, GREY, DARK = "0.92 0.93 0.95 1", "0.55 0.58 0.62 1", "0.15 0.17 0.20 1"
 
 
 @dataclass(frozen=True)
-class Shape:
+class LinkShape:
     """A solid of uniform density.
 
     Attributes:
@@ -117,7 +117,7 @@ class Link:
 
     name: str
     mass: float
-    shapes: tuple[Shape, ...]
+    shapes: tuple[LinkShape, ...]
 
 
 @dataclass(frozen=True)
@@ -154,29 +154,29 @@ def trunk() -> tuple[list[Link], list[Joint]]:
             "pelvis",
             7.649,
             (
-                Shape("box", (0.130, 0.200, 0.080), (-0.010, 0.0, 0.062)),
-                Shape("box", (0.110, 0.150, 0.050), (-0.008, 0.0, 0.127), colour=GREY),
+                LinkShape("box", (0.130, 0.200, 0.080), (-0.010, 0.0, 0.062)),
+                LinkShape("box", (0.110, 0.150, 0.050), (-0.008, 0.0, 0.127), colour=GREY),
             ),
         ),
-        Link("waist_link", 1.777, (Shape("cylinder", (0.052, 0.130), axis="y", colour=DARK),)),
+        Link("waist_link", 1.777, (LinkShape("cylinder", (0.052, 0.130), axis="y", colour=DARK),)),
         Link(
             "chest",
             7.067,
             (
-                Shape("box", (0.120, 0.170, 0.100), (-0.018, 0.0, 0.090), colour=GREY),
-                Shape("box", (0.165, 0.210, 0.130), (-0.025, 0.0, 0.200)),
-                Shape("box", (0.120, 0.150, 0.035), (-0.036, 0.0, 0.2825)),
-                Shape("cylinder", (0.033, 0.090), (-0.036, 0.0, 0.345), colour=DARK),
+                LinkShape("box", (0.120, 0.170, 0.100), (-0.018, 0.0, 0.090), colour=GREY),
+                LinkShape("box", (0.165, 0.210, 0.130), (-0.025, 0.0, 0.200)),
+                LinkShape("box", (0.120, 0.150, 0.035), (-0.036, 0.0, 0.2825)),
+                LinkShape("cylinder", (0.033, 0.090), (-0.036, 0.0, 0.345), colour=DARK),
             ),
         ),
-        Link("neck_link", 0.339, (Shape("sphere", (0.030,), colour=DARK),)),
+        Link("neck_link", 0.339, (LinkShape("sphere", (0.030,), colour=DARK),)),
         Link(
             "head",
             3.257,
             (
-                Shape("sphere", (0.068,), (0.004, 0.0, crown - 0.068)),
-                Shape("cylinder", (0.058, 0.080), (0.004, 0.0, 0.050), colour=WHITE),
-                Shape("box", (0.030, 0.100, 0.034), (0.062, 0.0, 0.085), colour=DARK),
+                LinkShape("sphere", (0.068,), (0.004, 0.0, crown - 0.068)),
+                LinkShape("cylinder", (0.058, 0.080), (0.004, 0.0, 0.050), colour=WHITE),
+                LinkShape("box", (0.030, 0.100, 0.034), (0.062, 0.0, 0.085), colour=DARK),
             ),
         ),
     ]
@@ -200,26 +200,38 @@ def arm(side: str) -> tuple[list[Link], list[Joint]]:
 
     links = [
         Link(
-            f"{side}_shoulder_pitch_link", 0.412, (Shape("cylinder", (0.042, 0.050), axis="y", colour=DARK),)
+            f"{side}_shoulder_pitch_link",
+            0.412,
+            (LinkShape("cylinder", (0.042, 0.050), axis="y", colour=DARK),),
         ),
-        Link(f"{side}_shoulder_roll_link", 0.576, (Shape("sphere", (0.046,), (0.0, 0.010 * s, 0.0)),)),
+        Link(f"{side}_shoulder_roll_link", 0.576, (LinkShape("sphere", (0.046,), (0.0, 0.010 * s, 0.0)),)),
         Link(
             f"{side}_upper_arm",
             1.218,
             (
-                Shape("cylinder", (0.034, 0.170), (0.0, 0.010 * s, -0.120)),
-                Shape("cylinder", (0.032, 0.060), (0.0, 0.005 * s, -upper), axis="y", colour=DARK),
+                LinkShape("cylinder", (0.034, 0.170), (0.0, 0.010 * s, -0.120)),
+                LinkShape("cylinder", (0.032, 0.060), (0.0, 0.005 * s, -upper), axis="y", colour=DARK),
             ),
         ),
         Link(
-            f"{side}_elbow_link", 0.338, (Shape("cylinder", (0.029, 0.060), (0.0, 0.0, -0.045), colour=GREY),)
+            f"{side}_elbow_link",
+            0.338,
+            (LinkShape("cylinder", (0.029, 0.060), (0.0, 0.0, -0.045), colour=GREY),),
         ),
-        Link(f"{side}_forearm", 0.218, (Shape("cylinder", (0.029, 0.100), (0.0, 0.0, -0.125)),)),
-        Link(f"{side}_wrist_link", 0.060, (Shape("sphere", (0.023,), colour=DARK),)),
-        Link(f"{side}_hand", 0.260, (Shape("box", (0.060, 0.026, 0.070), (0.0, 0.0, -0.055), colour=GREY),)),
-        Link(f"{side}_thumb", 0.050, (Shape("box", (0.018, 0.018, 0.050), (0.0, 0.0, -0.025), colour=DARK),)),
+        Link(f"{side}_forearm", 0.218, (LinkShape("cylinder", (0.029, 0.100), (0.0, 0.0, -0.125)),)),
+        Link(f"{side}_wrist_link", 0.060, (LinkShape("sphere", (0.023,), colour=DARK),)),
         Link(
-            f"{side}_fingers", 0.090, (Shape("box", (0.058, 0.018, 0.065), (0.0, 0.0, -0.0325), colour=DARK),)
+            f"{side}_hand", 0.260, (LinkShape("box", (0.060, 0.026, 0.070), (0.0, 0.0, -0.055), colour=GREY),)
+        ),
+        Link(
+            f"{side}_thumb",
+            0.050,
+            (LinkShape("box", (0.018, 0.018, 0.050), (0.0, 0.0, -0.025), colour=DARK),),
+        ),
+        Link(
+            f"{side}_fingers",
+            0.090,
+            (LinkShape("box", (0.058, 0.018, 0.065), (0.0, 0.0, -0.0325), colour=DARK),),
         ),
     ]
     chain: list[tuple[str, str, Triple, str, tuple[float, float], float, float]] = [
@@ -259,33 +271,33 @@ def leg(side: str) -> tuple[list[Link], list[Joint]]:
         Link(
             f"{side}_hip_yaw_link",
             1.173,
-            (Shape("cylinder", (0.046, 0.070), (0.0, 0.0, 0.050), colour=DARK),),
+            (LinkShape("cylinder", (0.046, 0.070), (0.0, 0.0, 0.050), colour=DARK),),
         ),
-        Link(f"{side}_hip_roll_link", 0.604, (Shape("sphere", (0.048,), colour=GREY),)),
+        Link(f"{side}_hip_roll_link", 0.604, (LinkShape("sphere", (0.048,), colour=GREY),)),
         Link(
             f"{side}_thigh",
             2.363,
             (
-                Shape("cylinder", (0.054, 0.160), (0.002, 0.0, -0.125)),
-                Shape("cylinder", (0.046, 0.110), (0.002, 0.0, -0.255)),
+                LinkShape("cylinder", (0.054, 0.160), (0.002, 0.0, -0.125)),
+                LinkShape("cylinder", (0.046, 0.110), (0.002, 0.0, -0.255)),
             ),
         ),
         Link(
             f"{side}_shin",
             2.215,
             (
-                Shape("cylinder", (0.045, 0.090), axis="y", colour=DARK),
-                Shape("cylinder", (0.043, 0.150), (-0.006, 0.0, -0.125)),
-                Shape("cylinder", (0.035, 0.100), (-0.006, 0.0, -0.250)),
+                LinkShape("cylinder", (0.045, 0.090), axis="y", colour=DARK),
+                LinkShape("cylinder", (0.043, 0.150), (-0.006, 0.0, -0.125)),
+                LinkShape("cylinder", (0.035, 0.100), (-0.006, 0.0, -0.250)),
             ),
         ),
-        Link(f"{side}_ankle_link", 0.278, (Shape("cylinder", (0.028, 0.060), axis="y", colour=DARK),)),
+        Link(f"{side}_ankle_link", 0.278, (LinkShape("cylinder", (0.028, 0.060), axis="y", colour=DARK),)),
         Link(
             f"{side}_foot",
             1.475,
             (
-                Shape("box", (0.070, 0.062, 0.050), (0.0, 0.0, -0.048), colour=GREY),
-                Shape("box", (*SOLE, plate), (SOLE_FORWARD, 0.0, 0.5 * plate - ANKLE_HEIGHT)),
+                LinkShape("box", (0.070, 0.062, 0.050), (0.0, 0.0, -0.048), colour=GREY),
+                LinkShape("box", (*SOLE, plate), (SOLE_FORWARD, 0.0, 0.5 * plate - ANKLE_HEIGHT)),
             ),
         ),
     ]

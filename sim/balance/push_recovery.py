@@ -12,7 +12,7 @@ import numpy as np
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive
 from wbc.robots import load
 from wbc.sim.balance.controller import BalanceGains
-from wbc.sim.balance.standing import MODES, Feedback, Mode, Stand, StandOptions
+from wbc.sim.balance.standing import MODES, Feedback, Mode, Stand, StandSpec
 
 PUSH_DURATION = 0.1
 """Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
@@ -23,7 +23,7 @@ make a standing robot sway by, and below the speed of a fall at any time that ma
 
 
 @dataclass(frozen=True, kw_only=True)
-class PushSpec:
+class StandPushSpec:
     """One push at a standing robot: a constant horizontal force on the torso's centre of mass.
 
     Attributes:
@@ -38,7 +38,7 @@ class PushSpec:
         noise: Errors of the sensors, none or realistic.
         seed: Fixes every random draw.
         feedback: In position control, whether the controller sees the robot as commanded or as estimated.
-        control_period: s; that of `StandOptions` when not given.
+        control_period: s; that of `StandSpec` when not given.
         timestep: Physics step, s.
         gains: Weights and gains of the controller.
     """
@@ -66,9 +66,9 @@ class PushSpec:
         positive("time after the push (s)", self.after)
         self.stand_options()
 
-    def stand_options(self) -> StandOptions:
+    def stand_options(self) -> StandSpec:
         """The options of standing that go with it."""
-        return StandOptions(
+        return StandSpec(
             robot=self.robot,
             mode=self.mode,
             seconds=self.before + self.duration + self.after,
@@ -100,7 +100,7 @@ class PushResult:
     failures: int
 
 
-def push(spec: PushSpec) -> PushResult:
+def push(spec: StandPushSpec) -> PushResult:
     """Push a standing robot and see whether it stays up; the same spec gives the same result.
 
     Args:
@@ -130,7 +130,7 @@ def push(spec: PushSpec) -> PushResult:
     )
 
 
-def largest_push(spec: PushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
+def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
     """Largest impulse from which a robot recovers, by bisection.
 
     Bisection takes recovery to be monotonic: whoever survives a push survives weaker ones. The number found lies
@@ -165,7 +165,7 @@ def largest_push(spec: PushSpec, *, highest: float = 1.0, resolution: float = 0.
 
 
 @dataclass(frozen=True, kw_only=True)
-class PushTableOptions:
+class PushTableSpec:
     """Which pushes go into the table.
 
     Attributes:
@@ -203,10 +203,10 @@ class PushTableOptions:
             load(robot)
         self.specs()
 
-    def specs(self) -> list[PushSpec]:
+    def specs(self) -> list[StandPushSpec]:
         """One spec for each cell of the table, robot by robot, mode by mode, direction by direction."""
         return [
-            PushSpec(
+            StandPushSpec(
                 robot=robot,
                 mode=mode,
                 direction=2.0 * math.pi * i / self.directions,
@@ -244,7 +244,7 @@ class PushCell:
         return asdict(self)
 
 
-def push_table(options: PushTableOptions) -> Iterator[PushCell]:
+def push_table(options: PushTableSpec) -> Iterator[PushCell]:
     """Find the largest push for every robot, mode and direction.
 
     Args:

@@ -33,7 +33,7 @@ CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002}
 
 
 @dataclass(frozen=True, kw_only=True)
-class StandOptions:
+class StandSpec:
     """Which robot stands, and how.
 
     Attributes:
@@ -129,7 +129,7 @@ class Stand:
         fallen: True once the robot has fallen or the simulation has diverged.
     """
 
-    def __init__(self, options: StandOptions) -> None:
+    def __init__(self, options: StandSpec) -> None:
         """Build the robot, the plant and the controller.
 
         Raises:
@@ -210,7 +210,7 @@ class Stand:
         )
 
 
-def stand(options: StandOptions) -> StandResult:
+def stand(options: StandSpec) -> StandResult:
     """Let a robot stand.
 
     Args:

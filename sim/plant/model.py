@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.core.conventions import Index
 from wbc.core.errors import InputError, ModelError, unknown_name
 from wbc.core.robot import Robot
-from wbc.feet import Foot, FootModel, SoleGeometry
+from wbc.feet import Foot, FootParts, SoleGeometry
 from wbc.feet.soles.sole import SIDES
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.settings import PhysicsSettings
@@ -48,7 +48,7 @@ class PlantModel:
     """
 
     model: mujoco.MjModel
-    feet: tuple[FootModel, ...]
+    feet: tuple[FootParts, ...]
     ground: AddedTerrain
     joint_qpos: Index
     joint_dof: Index
@@ -200,7 +200,7 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
             joint.actfrcrange, actuator.forcerange = [-limit, limit], [-limit, limit]
 
 
-def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootModel, ...]:
+def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootParts, ...]:
     soles = sole_geometries(robot)
     if len(soles) > len(SIDES):
         raise ModelError(f"the plant has feet for {len(SIDES)} soles, '{robot.name}' has {len(soles)}")
@@ -231,7 +231,7 @@ def _most_pairs(model: mujoco.MjModel) -> int:
 
 
 def _places(
-    model: mujoco.MjModel, robot: Robot, feet: Sequence[FootModel], ground: AddedTerrain, base: str
+    model: mujoco.MjModel, robot: Robot, feet: Sequence[FootParts], ground: AddedTerrain, base: str
 ) -> PlantModel:
     def find(kind: mujoco.mjtObj, name: str) -> int:
         index = mujoco.mj_name2id(model, kind, name)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from wbc.sim.rig.actions import drop, pitch, press, slide
 from wbc.sim.rig.plot import plot_curves, plot_pitch, plot_press
-from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, Support, to_json
+from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon, to_json
 from wbc.sim.rig.spec import OWN_SOLE, FootTest
 from wbc.sim.rig.study import (
     LOADS,
@@ -44,7 +44,7 @@ __all__ = [
     "SlideResult",
     "StabilityRow",
     "StiffnessRow",
-    "Support",
+    "SupportPolygon",
     "bumps",
     "deflection_table",
     "drop",

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.sim.rig.fixture import Rig
-from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, Support, hull
+from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon, hull
 from wbc.sim.rig.spec import FootTest
 
 REBOUND_TIME = 0.3
@@ -201,7 +201,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
     )
 
 
-def _support(rig: Rig) -> Support | None:
+def _support(rig: Rig) -> SupportPolygon | None:
     """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
     centres = [rig.centre_of_pressure()]
     every, count = rig.steps(_SAMPLE), rig.steps(_RAMP)
@@ -223,7 +223,7 @@ def _support(rig: Rig) -> Support | None:
     points = np.array(centres)
     corners, area = hull(points[np.isfinite(points).all(axis=1)])
     (backward, right), (forward, left) = corners.min(axis=0), corners.max(axis=0)
-    return Support(
+    return SupportPolygon(
         tilt=SUPPORT_TILT,
         polygon=_rows(corners),
         area=area,

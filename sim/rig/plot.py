@@ -13,7 +13,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.rig.results import Hold, PitchResult, PressResult, Support
+from wbc.sim.rig.results import Hold, PitchResult, PressResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.rig.study import Deflection, StiffnessRow
 
@@ -130,7 +130,7 @@ def _figure(width: float, height: float) -> Figure:
     return figure
 
 
-def _support_text(support: Support | None) -> str:
+def _support_text(support: SupportPolygon | None) -> str:
     return "" if support is None else f", support {1e4 * support.area:.0f} cm²"
 
 
@@ -170,7 +170,7 @@ def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
     axes.set_aspect("equal")
 
 
-def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: Support | None) -> QuadMesh:
+def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: SupportPolygon | None) -> QuadMesh:
     fitted = test.foot.fit(test.own_sole).sole
     half = (fitted.length / 2.0 + MARGIN, fitted.width / 2.0 + MARGIN)
     x, y = np.arange(-half[0], half[0], _GRID), np.arange(-half[1], half[1], _GRID)

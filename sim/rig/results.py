@@ -92,7 +92,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Support:
+class SupportPolygon:
     """Equivalent support polygon: where the foot can put its centre of pressure.
 
     It holds every centre of pressure that was seen while the ankle was tilted a little in all directions.
@@ -130,7 +130,7 @@ class PressResult:
     diverged: bool
     impact: Impact | None = None
     hold: Hold | None = None
-    support: Support | None = None
+    support: SupportPolygon | None = None
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,7 @@ def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PushLimitSpec:
+class WalkPushLimitSpec:
     """The largest push from which a walk recovers, found by bisection.
 
     Bisection takes recovery to be monotonic; what is found lies within `resolution` of a change.
@@ -189,15 +189,15 @@ class PushLimitSpec:
         return {"kind": self.kind, **walk, "highest": self.highest, "resolution": self.resolution}
 
     @staticmethod
-    def from_json(data: Mapping[str, Any]) -> PushLimitSpec:
+    def from_json(data: Mapping[str, Any]) -> WalkPushLimitSpec:
         """The spec that `to_json` wrote; pushes may leave the impulse out."""
         values = {key: value for key, value in data.items() if key != "kind"}
         search = {name: values.pop(name) for name in ("highest", "resolution") if name in values}
         pushes = [{"impulse": 0.0, **push} for push in values.pop("pushes", [])]
-        return PushLimitSpec(walk=WalkSpec.from_json(values | {"pushes": pushes}), **search)
+        return WalkPushLimitSpec(walk=WalkSpec.from_json(values | {"pushes": pushes}), **search)
 
 
-def push_limit_outcome(spec: PushLimitSpec, check: Check) -> Outcome:
+def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
     """Find the largest push from which a walk recovers; it does if the whole plan is walked."""
     begin = time.perf_counter()
     tried: list[tuple[float, bool, int, str | None]] = []
@@ -241,4 +241,4 @@ def push_limit_outcome(spec: PushLimitSpec, check: Check) -> Outcome:
 
 
 register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome))
-register_trial(PushLimitSpec.kind, TrialKind(PushLimitSpec.from_json, push_limit_outcome))
+register_trial(WalkPushLimitSpec.kind, TrialKind(WalkPushLimitSpec.from_json, push_limit_outcome))

@@ -28,7 +28,7 @@ from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.soles import SoleMeter
 from wbc.sim.walks.spec import PreparedWalk, WalkSpec, moved, time_limit
 from wbc.tasks.scheduling.policies import PolicyLike
-from wbc.tasks.scheduling.stiffness import StiffnessTask
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
 from wbc.walking.planning.phases import Event
@@ -273,7 +273,7 @@ def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None
 
 def _stiffness_task(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, policy: PolicyLike | None
-) -> StiffnessTask | None:
+) -> StiffnessScheduler | None:
     """What sets the soles while they swing; None of soles without a stiffness to set."""
     foot, settings = prepared.foot, prepared.settings
     if not isinstance(foot, VariableStiffnessFoot) or spec.policy is None:
@@ -284,7 +284,7 @@ def _stiffness_task(
     # The result tells of every swing, and there may be some more than were planned.
     history = max(settings.stiffness.history, 2 * len(prepared.plan))
     timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate, history=history)
-    return StiffnessTask(robot, foot, chosen, timing)
+    return StiffnessScheduler(robot, foot, chosen, timing)
 
 
 LIFTED = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)

@@ -10,7 +10,7 @@ from wbc.core.estimation.observer import ObserverSettings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
-from wbc.walking.control import Mode, WalkingSettings
+from wbc.walking.control import Mode, WalkingControlSettings
 from wbc.walking.pattern.preview import PreviewSettings
 from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings
@@ -29,8 +29,8 @@ ELSEWHERE = {
 
 
 @dataclass(frozen=True)
-class TrialSettings(WalkingSettings):
-    """Settings of a walk in the simulator: those of `WalkingSettings`, and what is around the controller.
+class TrialSettings(WalkingControlSettings):
+    """Settings of a walk in the simulator: those of `WalkingControlSettings`, and what is around the controller.
 
     Attributes:
         observer: Of the base estimator.

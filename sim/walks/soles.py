@@ -28,7 +28,7 @@ class SoleMeter:
 
         Args:
             plant: The plant.
-            walking: The controller, with a `StiffnessTask`.
+            walking: The controller, with a `StiffnessScheduler`.
         """
         assert walking.stiffness is not None
         self._plant, self._walking, self._task = plant, walking, walking.stiffness

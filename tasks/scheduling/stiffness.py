@@ -23,10 +23,10 @@ from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingSc
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 
 
-class StiffnessTask:
+class StiffnessScheduler:
     """Owns the timing of the variable sole: scan, decide, set, look back.
 
-        task = StiffnessTask(robot, foot, ModelPolicy.load("model.json"))
+        task = StiffnessScheduler(robot, foot, ModelPolicy.load("model.json"))
         ...
         stiffness = task.update("left", progress, time_left, robot, measurement)    # every tick
         plant.step(replace(command, sole_stiffness=stiffness))

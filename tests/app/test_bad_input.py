@@ -20,8 +20,8 @@ from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNam
 from wbc.core.qp.solver import SolverSettings, Status
 from wbc.core.signals import Measurement
 from wbc.sim.balance.controller import BalanceGains, balance_controller
-from wbc.sim.balance.push_recovery import PushSpec, PushTableOptions
-from wbc.sim.balance.standing import StandOptions
+from wbc.sim.balance.push_recovery import PushTableSpec, StandPushSpec
+from wbc.sim.balance.standing import StandSpec
 from wbc.tasks import AdmittanceTask, CoMTask, OrientationTask, PoseTask, PositionTask, PostureTask
 
 NAN, INF = float("nan"), float("inf")
@@ -49,7 +49,7 @@ def setting(task: Callable[[], Any], attribute: str, value: Any) -> Callable[[],
 
 CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
     "unknown robot": (lambda: wbc.load_robot("talso"), UnknownNameError, "talos"),
-    "unknown robot of a study": (lambda: StandOptions(robot="hrp4"), UnknownNameError, "hrp4_class"),
+    "unknown robot of a study": (lambda: StandSpec(robot="hrp4"), UnknownNameError, "hrp4_class"),
     "unknown frame": (
         lambda: controller().add(PositionTask("left_ankle_lnk")),
         UnknownNameError,
@@ -96,7 +96,7 @@ CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
     "no period": (lambda: wbc.Controller(shared_robot().clone(), 0.0), InputError, "control period"),
     "negative period": (lambda: wbc.Controller(shared_robot().clone(), -0.01), InputError, "control period"),
     "period with NaN": (lambda: wbc.Controller(shared_robot().clone(), NAN), InputError, "finite"),
-    "period that is no multiple": (lambda: StandOptions(control_period=0.0015), InputError, "whole multiple"),
+    "period that is no multiple": (lambda: StandSpec(control_period=0.0015), InputError, "whole multiple"),
     "contact on what is no sole": (
         lambda: controller().add(wbc.SoleContact(shared_robot().torso_frame)),
         UnknownNameError,
@@ -111,13 +111,13 @@ CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
     "solver setting of zero": (lambda: SolverSettings(tolerance=0.0), InputError, "tolerance"),
     "failure policy": (lambda: FailurePolicy(damping_time=-1.0), InputError, "damping time"),
     "negative gain": (lambda: BalanceGains(com_weight=-1.0), InputError, "com_weight"),
-    "no time": (lambda: StandOptions(seconds=0.0), InputError, "seconds"),
-    "unknown foot": (lambda: StandOptions(foot="sotf"), UnknownNameError, "soft"),
-    "unknown noise": (lambda: StandOptions(noise="realist"), UnknownNameError, "realistic"),
-    "unknown mode": (lambda: StandOptions(mode="velocity"), UnknownNameError, "torque"),  # type: ignore[arg-type]
-    "push of no duration": (lambda: PushSpec(duration=0.0), InputError, "duration"),
-    "push with NaN": (lambda: PushSpec(impulse=NAN), InputError, "impulse"),
-    "table without directions": (lambda: PushTableOptions(directions=0), InputError, "directions"),
+    "no time": (lambda: StandSpec(seconds=0.0), InputError, "seconds"),
+    "unknown foot": (lambda: StandSpec(foot="sotf"), UnknownNameError, "soft"),
+    "unknown noise": (lambda: StandSpec(noise="realist"), UnknownNameError, "realistic"),
+    "unknown mode": (lambda: StandSpec(mode="velocity"), UnknownNameError, "torque"),  # type: ignore[arg-type]
+    "push of no duration": (lambda: StandPushSpec(duration=0.0), InputError, "duration"),
+    "push with NaN": (lambda: StandPushSpec(impulse=NAN), InputError, "impulse"),
+    "table without directions": (lambda: PushTableSpec(directions=0), InputError, "directions"),
 }
 
 

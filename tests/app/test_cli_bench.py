@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver, primal_residual
-from wbc.app.bench.streams import Stream, least_violation
+from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import BenchTickOptions, bench_tick, start_configuration
 from wbc.robots import load, names
 from wbc.sim.balance.controller import balance_controller
@@ -77,7 +77,7 @@ def test_the_judge_tells_feasible_from_infeasible() -> None:
 
 def test_random_streams_are_hard_and_repeat_themselves() -> None:
     def accelerations(seed: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        stream = Stream(load("hrp4_class"), np.random.default_rng(seed), scattered=False)
+        stream = ProblemStream(load("hrp4_class"), np.random.default_rng(seed), scattered=False)
         return np.array([stream.step().accelerations for _ in range(30)])
 
     first = accelerations(3)
@@ -97,7 +97,7 @@ def test_random_problems_are_solved_within_tolerance() -> None:
 
 
 def test_a_wrong_solution_has_a_residual() -> None:
-    stream = Stream(load("g1"), np.random.default_rng(0), scattered=False)
+    stream = ProblemStream(load("g1"), np.random.default_rng(0), scattered=False)
     solution = stream.step()
     problem = stream.controller.problem
     assert primal_residual(problem, solution) < 1e-5

@@ -27,7 +27,15 @@ from tornado.websocket import websocket_connect
 import wbc
 from wbc.app.view.channel import NOTE, Channel
 from wbc.app.view.scene import ROOT
-from wbc.app.view.shapes import Box, Cylinder, Ellipsoid, MeshFile, Part, Surface, robot_parts
+from wbc.app.view.shapes import (
+    MeshFile,
+    Part,
+    Surface,
+    VisualBox,
+    VisualCylinder,
+    VisualEllipsoid,
+    robot_parts,
+)
 from wbc.app.view.source import PlantSource, RobotSource
 from wbc.app.view.view import MeshcatView, PortError, ViewError
 from wbc.core.errors import InputError
@@ -245,14 +253,14 @@ def parts_of(shin: str) -> dict[str, list[Part]]:
 def test_a_robot_without_shapes_is_a_stick_figure() -> None:
     parts = parts_of("")
     assert len(parts) == 11
-    rod = next(part for part in parts["l_shin"] if isinstance(part.shape, Cylinder))
-    assert isinstance(rod.shape, Cylinder)
+    rod = next(part for part in parts["l_shin"] if isinstance(part.shape, VisualCylinder))
+    assert isinstance(rod.shape, VisualCylinder)
     ends = [(rod.placement @ [0.0, 0.0, s * rod.shape.length / 2.0, 1.0])[:3] for s in (-1, 1)]
     assert sorted(end[2] for end in ends) == pytest.approx(
         [-0.3, 0.0], abs=1e-9
     )  # from the knee to the ankle
-    plate = next(part for part in parts["l_foot"] if isinstance(part.shape, Box))
-    assert isinstance(plate.shape, Box)
+    plate = next(part for part in parts["l_foot"] if isinstance(part.shape, VisualBox))
+    assert isinstance(plate.shape, VisualBox)
     assert plate.shape.size[:2] == (0.18, 0.1)
     assert plate.placement[2, 3] - plate.shape.size[2] / 2.0 == pytest.approx(-0.05)
 
@@ -261,15 +269,15 @@ def test_collision_shapes_stand_in_for_a_mesh_that_is_not_there() -> None:
     missing = '<visual><geometry><mesh filename="package://nowhere/shin.stl"/></geometry></visual>'
     simple = '<collision><origin xyz="0 0 -0.1"/><geometry><sphere radius="0.05"/></geometry></collision>'
     (shin,) = parts_of(missing + simple)["l_shin"]
-    assert shin.shape == Ellipsoid((0.05, 0.05, 0.05))
+    assert shin.shape == VisualEllipsoid((0.05, 0.05, 0.05))
     assert shin.placement[2, 3] == -0.1
-    assert any(isinstance(part.shape, Cylinder) for part in parts_of(missing)["l_shin"])
+    assert any(isinstance(part.shape, VisualCylinder) for part in parts_of(missing)["l_shin"])
 
 
 def test_colours_are_those_of_the_urdf() -> None:
     (shin,) = parts_of(f'<visual><geometry><box size=".1 .1 .3"/></geometry>{MATERIAL}</visual>')["l_shin"]
     assert shin.colour == (0.2, 0.4, 0.6, 1.0)
-    assert shin.shape == Box((0.1, 0.1, 0.3))
+    assert shin.shape == VisualBox((0.1, 0.1, 0.3))
 
 
 # ---- the page -------------------------------------------------------------------------------------------------------

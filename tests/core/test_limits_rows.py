@@ -21,7 +21,7 @@ from task_factory import (
 )
 
 from wbc.core.errors import Array, InputError, UnknownNameError
-from wbc.core.limits.collision import Capsule, SelfCollisionLimit, Sphere
+from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit, convex_hull
 from wbc.core.limits.rows import JointLimits, RowLimit
 from wbc.core.qp.contact import SoleContact
@@ -44,20 +44,20 @@ def rows_of(limit: RowLimit, robot: Robot, dt: float = 0.002) -> tuple[Array, Ar
 
 def balls(robot: Robot, radius: float = 0.05, **options: float) -> SelfCollisionLimit:
     hands = (left_hand(robot), right_hand(robot))
-    return SelfCollisionLimit([hands], shapes={hand: Sphere(radius) for hand in hands}, **options)
+    return SelfCollisionLimit([hands], shapes={hand: CollisionSphere(radius) for hand in hands}, **options)
 
 
 def capsules(robot: Robot, **options: float) -> SelfCollisionLimit:
     """A capsule along each lower arm, and one for the torso."""
-    shapes: dict[str, Capsule] = {}
+    shapes: dict[str, CollisionCapsule] = {}
     for hand in (left_hand(robot), right_hand(robot)):
         frame = robot.model.frames[robot.frame_id(hand)]
         back = frame.placement.inverse().translation
         back = back / max(float(np.linalg.norm(back)), 1e-3) * 0.15
-        shapes[hand] = Capsule(
+        shapes[hand] = CollisionCapsule(
             0.03, (0.0, 0.0, 0.0), tuple(back) if np.linalg.norm(back) > 0.1 else (0, 0, 0.15)
         )
-    shapes[robot.torso_frame] = Capsule(0.05, (0.0, 0.0, 0.0), (0.0, 0.0, 0.2))
+    shapes[robot.torso_frame] = CollisionCapsule(0.05, (0.0, 0.0, 0.0), (0.0, 0.0, 0.2))
     hands = list(shapes)[:2]
     pairs = [(hands[0], hands[1]), (hands[0], robot.torso_frame), (hands[1], robot.torso_frame)]
     return SelfCollisionLimit(pairs, shapes=shapes, **options)
@@ -222,7 +222,7 @@ def test_primitive_geometry_of_the_urdf_is_used() -> None:
 
 def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
     robot = make_robot("hrp4_class")
-    ball = Sphere(0.05)
+    ball = CollisionSphere(0.05)
     with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
         SelfCollisionLimit([("left_hant", "chest")], shapes={"chest": ball}).bind(robot)
     with pytest.raises(UnknownNameError, match="did you mean 'chest'"):
@@ -246,9 +246,9 @@ def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=tmp_path / "no.urdf").bind(robot),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf="<robot").bind(robot),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=description("g1").urdf).bind(robot),
-        lambda: Sphere(0.0),
-        lambda: Sphere(0.1, (0.0, float("nan"), 0.0)),
-        lambda: Capsule(0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        lambda: CollisionSphere(0.0),
+        lambda: CollisionSphere(0.1, (0.0, float("nan"), 0.0)),
+        lambda: CollisionCapsule(0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
     ):
         with pytest.raises(InputError):
             make()

@@ -19,12 +19,12 @@ from wbc.feet import (
     PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
+    ContactSpheres,
     Foot,
     RangeSampler,
     RangeSensor,
     RigidFoot,
     SoftFoot,
-    SoleContact,
     SoleGeometry,
     StiffnessActuator,
     TransverseBending,
@@ -112,11 +112,11 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: SoleContact(friction=0.0), "friction"),
-        (lambda: SoleContact(condim=2), "3, 4 or 6"),
-        (lambda: SoleContact(columns=1), "at least 2"),
-        (lambda: SoleContact(radius=0.0), "radius"),
-        (lambda: SoleContact(inset=0.06).column_positions(0.1), "leaves nothing"),
+        (lambda: ContactSpheres(friction=0.0), "friction"),
+        (lambda: ContactSpheres(condim=2), "3, 4 or 6"),
+        (lambda: ContactSpheres(columns=1), "at least 2"),
+        (lambda: ContactSpheres(radius=0.0), "radius"),
+        (lambda: ContactSpheres(inset=0.06).column_positions(0.1), "leaves nothing"),
         (lambda: ConstraintLaw(0.0), "time constant"),
         (lambda: ConstraintLaw(0.01, impedance=(0.9, 1.0)), "d_max"),
         (lambda: TransverseBending("roll"), "twist"),  # type: ignore[arg-type]
@@ -223,7 +223,9 @@ def test_inertia_of_a_bar_is_that_of_its_points() -> None:
 def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> None:
     for phalanges in (2, 3, 10, 13):
         for rows in (1, 2, 3):
-            design = SoftFoot(phalanges=phalanges, loop_phalanx=1, contact=SoleContact(rows_per_phalanx=rows))
+            design = SoftFoot(
+                phalanges=phalanges, loop_phalanx=1, contact=ContactSpheres(rows_per_phalanx=rows)
+            )
             x = design.contact_rows()
             np.testing.assert_allclose(np.diff(x), np.diff(x)[0], atol=1e-12)
             np.testing.assert_allclose(x, -x[::-1], atol=1e-12)

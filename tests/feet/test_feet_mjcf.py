@@ -17,10 +17,10 @@ from wbc.feet import (
     PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
+    ContactSpheres,
     Foot,
-    FootModel,
+    FootParts,
     RangeSensor,
-    SoleContact,
     SoleGeometry,
     StiffnessActuator,
     TransverseBending,
@@ -43,7 +43,7 @@ DESIGNS: dict[str, Foot] = {
     "rigid": foot("rigid"),
     "soft": foot("soft"),
     "variable": foot("variable", stiffness=40.0),
-    "one row": foot("soft", contact=SoleContact(rows_per_phalanx=1)),
+    "one row": foot("soft", contact=ContactSpheres(rows_per_phalanx=1)),
     "no loop": foot("soft", loop=False, stiffness=80.0),
     "twist": foot("soft", transverse=TransverseBending("twist")),
     "flaps": foot("soft", transverse=TransverseBending("flaps", stiffness=20.0)),
@@ -91,7 +91,7 @@ class Stand:
                 carriage.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis).damping[0] = 10.0
         quat = Rotation.from_matrix(turned).as_quat()[[3, 0, 1, 2]]
         ankle = carriage.add_body(name=own.ankle_link, quat=quat)
-        self.foot: FootModel = design.build(spec, ankle, "left", own)
+        self.foot: FootParts = design.build(spec, ankle, "left", own)
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.probe = SoleProbe(self.model, self.foot)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.feet import ConstraintLaw, Foot, SoleContact, foot
+from wbc.feet import ConstraintLaw, ContactSpheres, Foot, foot
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig import (
     FootTest,
@@ -130,9 +130,9 @@ def test_a_dropped_foot_obeys_free_fall_and_loses_no_energy_to_nowhere(name: str
 
 
 def test_a_springy_contact_gives_energy_back() -> None:
-    springy = SoleContact(law=ConstraintLaw(0.1, damping_ratio=0.1, impedance=(0.9, 0.9)))
+    springy = ContactSpheres(law=ConstraintLaw(0.1, damping_ratio=0.1, impedance=(0.9, 0.9)))
     bouncing, dead = (
-        drop(FootTest(foot("flat", contact=c), FLAT), height=0.02).impact for c in (springy, SoleContact())
+        drop(FootTest(foot("flat", contact=c), FLAT), height=0.02).impact for c in (springy, ContactSpheres())
     )
     assert bouncing is not None and dead is not None
     assert bouncing.absorbed < 0.6
@@ -190,7 +190,7 @@ def test_hulls() -> None:
 @pytest.mark.parametrize("name", ["rigid", "soft"])
 @pytest.mark.parametrize("friction", [0.4, 0.8])
 def test_a_pushed_foot_creeps_little_and_slides_at_its_friction(name: str, friction: float) -> None:
-    result = slide(FootTest(foot(name, contact=SoleContact(friction=friction)), FLAT))
+    result = slide(FootTest(foot(name, contact=ContactSpheres(friction=friction)), FLAT))
     assert not result.diverged
     assert abs(result.creep) * 1.5 < 1e-4  # m in a stance of 1.5 s
     assert result.slip_share == pytest.approx(friction, rel=0.02)

@@ -11,12 +11,12 @@ import pytest
 
 from wbc.core.errors import InputError, MeasurementError, UnknownNameError
 from wbc.core.signals import Command
-from wbc.feet import FlatFoot, SoleContact
+from wbc.feet import ContactSpheres, FlatFoot
 from wbc.robots import load
 from wbc.sim import DivergedError, PhysicsSettings, Plant, SensorNoise, SignalNoise, real_time_factor
 from wbc.sim.plant.settings import steps_per_tick
 
-FEW_SPHERES = FlatFoot(SoleContact(row_spacing=0.1))
+FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ import pytest
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command
-from wbc.feet import FlatFoot, SoleContact
+from wbc.feet import ContactSpheres, FlatFoot
 from wbc.robots import load
 from wbc.sim import PhysicsSettings, Plant, real_time_factor
 from wbc.sim.terrain import terrain, terrain_families
 
 ROBOTS = ("hrp4_class", "talos", "g1")
-FEW_SPHERES = FlatFoot(SoleContact(row_spacing=0.1))
+FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 IN_SPACE = PhysicsSettings(gravity=0.0)
 
 

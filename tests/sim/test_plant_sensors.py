@@ -11,13 +11,13 @@ import pytest
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command, Measurement
-from wbc.feet import FlatFoot, RangeSensor, SoleContact, StiffnessActuator, VariableStiffnessFoot
+from wbc.feet import ContactSpheres, FlatFoot, RangeSensor, StiffnessActuator, VariableStiffnessFoot
 from wbc.robots import load
 from wbc.sim import PhysicsSettings, Plant, SensorNoise, SignalNoise
 from wbc.sim.plant.sensors import REALISTIC, SensorChain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
-FEW_SPHERES = FlatFoot(SoleContact(row_spacing=0.1))
+FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 IN_SPACE = PhysicsSettings(gravity=0.0)
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 

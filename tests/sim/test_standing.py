@@ -17,12 +17,12 @@ from wbc.sim.balance.falls import LARGEST_TILT, LOWEST_BASE, FallDetector
 from wbc.sim.balance.push_recovery import (
     PushCell,
     PushResult,
-    PushSpec,
+    StandPushSpec,
     format_push_table,
     largest_push,
     push,
 )
-from wbc.sim.balance.standing import MODES, Mode, Stand, StandOptions, StandResult, centre_of_pressure, stand
+from wbc.sim.balance.standing import MODES, Mode, Stand, StandResult, StandSpec, centre_of_pressure, stand
 from wbc.sim.plant import Plant
 from wbc.sim.plant.shod import shod
 
@@ -34,7 +34,7 @@ def without_clock(result: StandResult) -> dict[str, Any]:
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("robot", names())
 def test_every_robot_stands_still_in_both_modes(robot: str, mode: Mode) -> None:
-    result = stand(StandOptions(robot=robot, mode=mode, seconds=1.0))
+    result = stand(StandSpec(robot=robot, mode=mode, seconds=1.0))
     assert result.upright and result.failures == 0
     assert result.seconds == pytest.approx(1.0)
     assert result.com_error_mm < 3.0
@@ -44,11 +44,11 @@ def test_every_robot_stands_still_in_both_modes(robot: str, mode: Mode) -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        StandOptions(mode="torque", noise="realistic", seconds=1.5),
-        StandOptions(mode="position", feedback="closed", noise="realistic", seconds=1.5),
+        StandSpec(mode="torque", noise="realistic", seconds=1.5),
+        StandSpec(mode="position", feedback="closed", noise="realistic", seconds=1.5),
     ],
 )
-def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: StandOptions) -> None:
+def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: StandSpec) -> None:
     first, second = stand(options), stand(options)
     assert first.upright and first.failures == 0 and first.com_error_mm < 30.0
     assert without_clock(first) == without_clock(second)
@@ -61,10 +61,10 @@ def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: Stand
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("robot", names())
 def test_every_robot_stands_for_long(robot: str, mode: Mode, noise: str) -> None:
-    result = stand(StandOptions(robot=robot, mode=mode, noise=noise, seconds=10.0))
+    result = stand(StandSpec(robot=robot, mode=mode, noise=noise, seconds=10.0))
     assert result.upright and result.failures == 0
     if mode == "position":
-        closed = stand(StandOptions(robot=robot, noise=noise, feedback="closed", seconds=10.0))
+        closed = stand(StandSpec(robot=robot, noise=noise, feedback="closed", seconds=10.0))
         assert closed.upright and closed.failures == 0
 
 
@@ -89,12 +89,12 @@ def test_a_robots_own_soles_are_left_alone() -> None:
 
 
 def test_stands_on_soft_feet() -> None:
-    result = stand(StandOptions(foot="soft", seconds=1.5))
+    result = stand(StandSpec(foot="soft", seconds=1.5))
     assert result.upright and result.com_error_mm < 5.0
 
 
 def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
-    stage = Stand(StandOptions(robot="g1", seconds=1.0))
+    stage = Stand(StandSpec(robot="g1", seconds=1.0))
     *_, truth = stage.run(1.0)
     np.testing.assert_allclose(centre_of_pressure(truth), truth.com[:2], atol=1e-4)
     flying = replace(truth, contact_force=np.zeros((0, 3)), contact_position=np.zeros((0, 3)))
@@ -129,14 +129,16 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
 
 
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
-    weak = push(PushSpec(impulse=0.2, after=2.5))
+    weak = push(StandPushSpec(impulse=0.2, after=2.5))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
-    strong = push(PushSpec(impulse=0.8, after=2.5))
+    strong = push(StandPushSpec(impulse=0.8, after=2.5))
     assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
 
 
 def test_pushes_to_the_left_and_to_the_right_are_mirror_images() -> None:
-    left, right = (push(PushSpec(impulse=0.15, direction=d, after=1.0)) for d in (math.pi / 2, -math.pi / 2))
+    left, right = (
+        push(StandPushSpec(impulse=0.15, direction=d, after=1.0)) for d in (math.pi / 2, -math.pi / 2)
+    )
     assert left.com_offset == pytest.approx(right.com_offset, rel=0.02)
 
 
@@ -145,7 +147,7 @@ def test_bisection_finds_any_threshold(monkeypatch: pytest.MonkeyPatch, threshol
     monkeypatch.setattr(
         push_recovery, "push", lambda spec: PushResult(spec.impulse <= threshold, None, 0.0, 0)
     )
-    found = largest_push(PushSpec(), highest=1.0, resolution=0.01)
+    found = largest_push(StandPushSpec(), highest=1.0, resolution=0.01)
     assert found <= threshold and found >= min(threshold, 1.0) - 0.01
 
 

@@ -27,7 +27,7 @@ from wbc.sim.studies.stiffness import DATA
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.tables import study_table
-from wbc.sim.studies.trials import PushLimitSpec, register_trial, run_trial, trial_from_json
+from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 
 SUPPORT = str(Path(__file__).parents[1] / "support")
@@ -216,16 +216,16 @@ def test_a_push_limit_lies_between_a_push_that_is_survived_and_one_that_is_not()
     walk = WalkSpec(
         plan=WalkPlan(distance=0.05), noise="none", pushes=(WalkPush(impulse=0.3, step=1, phase=0.5),)
     )
-    spec = PushLimitSpec(walk=walk, highest=1.2, resolution=0.6)
+    spec = WalkPushLimitSpec(walk=walk, highest=1.2, resolution=0.6)
     assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
-    assert PushLimitSpec(walk=spec.with_impulse(0.7), highest=1.2, resolution=0.6) == spec
+    assert WalkPushLimitSpec(walk=spec.with_impulse(0.7), highest=1.2, resolution=0.6) == spec
     result = run_trial(spec).result
     assert result is not None and result["impulse"] in (0.0, 0.6)
     tried = {one["impulse"]: one["recovered"] for one in result["tried"]}
     assert tried[0.0] and not tried[1.2] and tried[result["impulse"]]
     assert not tried[result["impulse"] + 0.6]
     with pytest.raises(InputError, match="one push"):
-        PushLimitSpec(walk=WalkSpec(plan=WalkPlan(distance=0.05)))
+        WalkPushLimitSpec(walk=WalkSpec(plan=WalkPlan(distance=0.05)))
 
 
 # Studies and tables

@@ -17,8 +17,8 @@ from wbc.sim.plant.shod import shod
 from wbc.sim.terrain import terrain
 from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
-from wbc.tasks.scheduling.stiffness import StiffnessTask
-from wbc.walking.control import WalkingControl, WalkingSettings
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.plans import walk_distance
@@ -37,7 +37,7 @@ def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.
     model = description.robot()
     model.velocity_limit *= velocity_ratio
     plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.15)
-    settings = WalkingSettings(mode="torque" if mode == "torque" else "position")
+    settings = WalkingControlSettings(mode="torque" if mode == "torque" else "position")
     return plant, WalkingControl(model, plan, period, settings)
 
 
@@ -76,7 +76,7 @@ def recorded_scans() -> tuple[Path, tuple[StepStiffness, ...]]:
         height = float(np.ptp(swing.profile.z))
         return StiffnessDecision(10.0 + 20.0 * swing.step, cluster=2, features={"height": height})
 
-    task = StiffnessTask(model, variable, policy, StiffnessTiming(min_length=0.05))
+    task = StiffnessScheduler(model, variable, policy, StiffnessTiming(min_length=0.05))
     walk = WalkingControl(model, plan, plant.control_period, stiffness=task)
     with Recorder(path) as record:
         run(plant, walk, 2.5, record)

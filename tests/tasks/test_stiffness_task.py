@@ -34,7 +34,7 @@ from wbc.tasks.scheduling.policies import (
     stiffness_policy_names,
 )
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
-from wbc.tasks.scheduling.stiffness import StiffnessTask, reachable
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler, reachable
 
 DT = 0.005
 WINDOW = ProfileRecipe().window
@@ -70,7 +70,7 @@ class Rig:
 
     def __init__(
         self,
-        task: StiffnessTask,
+        task: StiffnessScheduler,
         ground: Terrain | None = None,
         *,
         tamper: Callable[[float, float], float] = lambda progress, reading: reading,
@@ -131,9 +131,11 @@ class Rig:
         return self.task.steps[-1]
 
 
-def make_task(policy: object = None, foot: VariableStiffnessFoot = FOOT, **timing: object) -> StiffnessTask:
+def make_task(
+    policy: object = None, foot: VariableStiffnessFoot = FOOT, **timing: object
+) -> StiffnessScheduler:
     chosen = FixedPolicy(20.0) if policy is None else policy
-    return StiffnessTask(ROBOT, foot, chosen, StiffnessTiming(**{**PAPER, **timing}))  # type: ignore[arg-type]
+    return StiffnessScheduler(ROBOT, foot, chosen, StiffnessTiming(**{**PAPER, **timing}))  # type: ignore[arg-type]
 
 
 PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
@@ -575,7 +577,7 @@ def test_timing_is_checked(timing: dict[str, object], message: str) -> None:
 
 def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="foot of variable stiffness is needed, got SoftFoot"):
-        StiffnessTask(ROBOT, SoftFoot(), FixedPolicy(5.0))  # type: ignore[arg-type]
+        StiffnessScheduler(ROBOT, SoftFoot(), FixedPolicy(5.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="commanded sole stiffness"):
         make_task(fallback=100.0)
     for policy in (5.0, FixedPolicy):
@@ -583,7 +585,7 @@ def test_bad_input_is_refused() -> None:
             make_task(policy)
     one_legged = Robot(ROBOT.model, ROBOT.soles[:1], ROBOT.half_sitting)
     with pytest.raises(InputError, match="two soles are needed"):
-        StiffnessTask(one_legged, FOOT, FixedPolicy(5.0))
+        StiffnessScheduler(one_legged, FOOT, FixedPolicy(5.0))
     rig = Rig(make_task())
     with pytest.raises(UnknownNameError, match="swing foot 'links'"):
         rig.tick("links", 0.0, 1.0, np.zeros(3))

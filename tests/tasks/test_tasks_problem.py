@@ -8,7 +8,7 @@ import qpsolvers
 from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, right_hand, standing
 
 from wbc.core.errors import Array
-from wbc.core.limits.collision import SelfCollisionLimit, Sphere
+from wbc.core.limits.collision import CollisionSphere, SelfCollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
@@ -41,7 +41,7 @@ def everything(name: str) -> Controller:
     controller.add(ImpedanceTask(hands[0], weight=0.1), JointTorqueTask(weight=1e-5))
     controller.add(WrenchTask("left_foot", axes=("roll", "pitch"), weight=1e-3))
     controller.add(JointLimits(), TorqueLimits(ratio=0.9), CoMPolygonLimit())
-    controller.add(SelfCollisionLimit([hands], shapes={hand: Sphere(0.05) for hand in hands}))
+    controller.add(SelfCollisionLimit([hands], shapes={hand: CollisionSphere(0.05) for hand in hands}))
     return controller
 
 

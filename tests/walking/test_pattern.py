@@ -20,7 +20,14 @@ from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.plans import climb_stairs, walk_distance, walk_velocity
-from wbc.walking.planning.schedule import Support, ZmpTarget, remaining, schedule, support_area, zmp_reference
+from wbc.walking.planning.schedule import (
+    SupportPhase,
+    ZmpTarget,
+    remaining,
+    schedule,
+    support_area,
+    zmp_reference,
+)
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 SIZES = ((0.16, 0.076), (0.16, 0.076))
@@ -29,7 +36,7 @@ REST = Pendulum.at_rest(np.array([0.0, 0.0, HEIGHT]))
 WALK = schedule(walk_distance(START, 0.6))
 
 
-def support_at(supports: tuple[Support, ...], time: float) -> Support:
+def support_at(supports: tuple[SupportPhase, ...], time: float) -> SupportPhase:
     return remaining(supports, time)[0]
 
 

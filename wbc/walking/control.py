@@ -32,7 +32,7 @@ from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.scheduling.stiffness import StiffnessTask
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading
 from wbc.walking.planning.schedule import support_area
@@ -83,7 +83,7 @@ class TaskGains:
 
 
 @dataclass(frozen=True)
-class WalkingSettings:
+class WalkingControlSettings:
     """Everything about a walk but its footsteps.
 
     Attributes:
@@ -156,10 +156,10 @@ class WalkingControl:
         robot: Robot,
         plan: FootstepPlan,
         dt: float,
-        settings: WalkingSettings | None = None,
+        settings: WalkingControlSettings | None = None,
         *,
         observer: Observer | None = None,
-        stiffness: StiffnessTask | None = None,
+        stiffness: StiffnessScheduler | None = None,
         extent: tuple[float, float, float, float] | None = None,
     ) -> None:
         """Make everything ready for a robot that stands at the start of a plan; the walk begins with the first tick.
@@ -180,7 +180,7 @@ class WalkingControl:
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
         _check_start(robot, plan)
-        self.settings = s = settings or WalkingSettings()
+        self.settings = s = settings or WalkingControlSettings()
         self.dt = positive("control period (s)", dt)
         self._robot, self._torque = robot, s.mode == "torque"
         # Of the robot that the program moves: the commanded one, or the estimated one in torque control.

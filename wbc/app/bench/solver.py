@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import qpsolvers
 
-from wbc.app.bench.streams import Stream, least_violation
+from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import solver_counts
 from wbc.core.errors import InputError, positive
 from wbc.core.qp.problem import Problem
@@ -79,7 +79,7 @@ class _Tally:
         self.violations: list[float] = []
         self.infeasible_times: list[float] = []
 
-    def run(self, stream: Stream) -> None:
+    def run(self, stream: ProblemStream) -> None:
         """Solve the problems of a stream until it ends or there were enough."""
         for _ in range(self.options.stream):
             start = thread_time()
@@ -165,7 +165,7 @@ def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tall
     while len(tally.wall) < options.ticks:
         rng = np.random.default_rng(root.spawn(1)[0])
         description = load(options.robot[tally.counts["streams"] % len(options.robot)])
-        stream = Stream(description, rng, scattered=bool(rng.random() < options.scattered))
+        stream = ProblemStream(description, rng, scattered=bool(rng.random() < options.scattered))
         tally.counts["streams"] += 1
         with _no_garbage_collection():
             tally.run(stream)

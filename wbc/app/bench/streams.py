@@ -32,7 +32,7 @@ LIMIT_ROOM = 0.01
 """Distance of random starting postures from the position limits, rad."""
 
 
-class Stream:
+class ProblemStream:
     """One robot with random tasks, limits and contact switches, in closed loop with itself.
 
     Attributes:

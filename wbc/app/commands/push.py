@@ -7,12 +7,12 @@ import logging
 from rich.progress import track
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.sim.balance.push_recovery import PushTableOptions, format_push_table, push_table
+from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
 
 
 @reports
 def push(
-    options: Flat[PushTableOptions] = PushTableOptions(),
+    options: Flat[PushTableSpec] = PushTableSpec(),
     *,
     output: OutputOptions = Output(),
 ) -> Report:

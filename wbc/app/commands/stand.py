@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.sim.balance.standing import Stand, StandOptions
+from wbc.sim.balance.standing import Stand, StandSpec
 
 
 @reports
 def stand(
-    options: Flat[StandOptions] = StandOptions(),
+    options: Flat[StandSpec] = StandSpec(),
     *,
     live: LiveOptions = Live(),
     output: OutputOptions = Output(),

@@ -26,7 +26,7 @@ from wbc.sim.walks.hooks import WalkHook
 if TYPE_CHECKING:
     from wbc.sim import Plant
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
-    from wbc.tasks.scheduling.stiffness import StiffnessTask
+    from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 
 class Recorder(WalkHook):
@@ -43,7 +43,7 @@ class Recorder(WalkHook):
         spec: Any = None,
         title: str = "",
         seed: int | None = None,
-        stiffness: StiffnessTask | None = None,
+        stiffness: StiffnessScheduler | None = None,
     ) -> None:
         """Open the file.
 

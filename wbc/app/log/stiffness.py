@@ -13,13 +13,13 @@ from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:
-    from wbc.tasks.scheduling.stiffness import StiffnessTask
+    from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 
 class StiffnessSource(Source):
     """One set of values for each step, in the tick in which its foot is noticed to have landed."""
 
-    def __init__(self, columns: Columns, task: StiffnessTask, keep: Callable[[Array], int]) -> None:
+    def __init__(self, columns: Columns, task: StiffnessScheduler, keep: Callable[[Array], int]) -> None:
         """Take the columns.
 
         Args:

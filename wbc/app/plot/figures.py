@@ -16,7 +16,7 @@ from wbc.core.errors import InputError, choose
 
 
 @dataclass(frozen=True)
-class Drawing:
+class LogFigure:
     """A ready-made figure.
 
     Attributes:
@@ -33,24 +33,24 @@ class Drawing:
 _FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/left/contact")
 
 FIGURES = {
-    "balance": Drawing(
+    "balance": LogFigure(
         "centre of mass, DCM and ZMP in both axes, with the support region and the DCM's error",
         ("com/reference", "dcm/reference", "zmp/measured", *_FEET),
         draw_balance,
     ),
-    "plan": Drawing(
+    "plan": LogFigure(
         "footsteps from above, planned and real, with the paths of centre of mass, DCM and ZMP",
         ("com/reference", "zmp/measured", *_FEET),
         draw_plan,
     ),
-    "feet": Drawing(
+    "feet": LogFigure(
         "forces and ankle moments of the feet, measured and desired",
         ("foot/left/wrench_measured", "foot/right/wrench_measured"),
         draw_feet,
     ),
-    "torque": Drawing("joint torques over their limits", ("truth/joint/torque_ratio",), draw_torque),
-    "timing": Drawing("time that the controller's ticks took", ("tick",), draw_timing),
-    "stiffness": Drawing(
+    "torque": LogFigure("joint torques over their limits", ("truth/joint/torque_ratio",), draw_torque),
+    "timing": LogFigure("time that the controller's ticks took", ("tick",), draw_timing),
+    "stiffness": LogFigure(
         "stiffness of the soles, commanded and actual, and the ground scanned in each step",
         ("foot/left/stiffness", "foot/right/stiffness"),
         draw_stiffness,

@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull
 
 from wbc.app.log import Log
 from wbc.app.plot.support import Stance, stances
-from wbc.app.view.scene import HIDDEN, LEGEND, ROOT, Drawing, Scene
-from wbc.app.view.shapes import Colour, Cylinder, Surface
+from wbc.app.view.scene import HIDDEN, LEGEND, ROOT, Scene, SceneObject
+from wbc.app.view.shapes import Colour, Surface, VisualCylinder
 from wbc.core.errors import Array
 
 DCM_COLOUR: Colour = (0.34, 0.71, 0.91, 1.0)
@@ -38,7 +38,7 @@ class Overlays:
         legend: What their colours mean.
     """
 
-    drawings: tuple[Drawing, ...]
+    drawings: tuple[SceneObject, ...]
     moving: tuple[str, ...]
     legend: tuple[tuple[str, Colour], ...]
     _spans: tuple[tuple[int, int], ...]
@@ -77,7 +77,7 @@ def make_overlays(log: Log, size: float) -> Overlays:
     """
     if "foot/left/contact" not in log or "dcm/reference/x" not in log:
         return Overlays((), (), LEGEND, (), None)
-    drawings: list[Drawing] = []
+    drawings: list[SceneObject] = []
     moving: list[str] = []
     spans: list[tuple[int, int]] = []
     for i, (name, which) in enumerate((("planned", "reference"), ("real", "truth"))):
@@ -102,9 +102,9 @@ def make_overlays(log: Log, size: float) -> Overlays:
         drawings.append(_flat(f"{path}/shape", _ribbon(points), SCAN_COLOUR))
         moving.append(path)
         spans.append((landed, len(log)))
-    disc = Cylinder(0.022 * size, 0.004 * size)
+    disc = VisualCylinder(0.022 * size, 0.004 * size)
     dcm = f"{ROOT}/markers/dcm"
-    drawings.append(Drawing(f"{dcm}/shape", disc, DCM_COLOUR, np.eye(4), on_top=True, shaded=False))
+    drawings.append(SceneObject(f"{dcm}/shape", disc, DCM_COLOUR, np.eye(4), on_top=True, shaded=False))
     points = np.column_stack([log["dcm/estimated"], log["zmp/reference/z"]])
     legend = (
         *LEGEND,
@@ -169,8 +169,8 @@ def _level(log: Log, stance: Stance, which: str) -> float:
     return height if math.isfinite(height) else 0.0
 
 
-def _flat(path: str, shape: Surface, colour: Colour) -> Drawing:
-    return Drawing(path, shape, colour, np.eye(4), shaded=False)
+def _flat(path: str, shape: Surface, colour: Colour) -> SceneObject:
+    return SceneObject(path, shape, colour, np.eye(4), shaded=False)
 
 
 def _polygon(corners: Array, height: float) -> Surface:

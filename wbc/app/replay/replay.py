@@ -17,7 +17,7 @@ from wbc.app.view.scene import Scene, Snapshot
 from wbc.app.view.shapes import Colour
 from wbc.app.view.source import FOOT, PlantSource
 from wbc.core.errors import Array, InputError, positive
-from wbc.feet import FootModel
+from wbc.feet import FootParts
 from wbc.sim.plant.plant import Plant
 from wbc.walking.pattern.zmp import NoContactForceError, cop
 
@@ -101,7 +101,7 @@ class Replay:
         values = [float(stiffness[tick]) for stiffness in self._stiffness]
         return [stiffness_colour(value if math.isfinite(value) else 0.0) for value in values]
 
-    def _sole_paths(self, foot: FootModel) -> tuple[str, ...]:
+    def _sole_paths(self, foot: FootParts) -> tuple[str, ...]:
         """Paths of a foot's bodies whose hinges change their stiffness."""
         model = self.plant.model
         bodies = sorted({int(model.joint(name).bodyid[0]) for name in foot.variable_joints})

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from wbc.app.replay.replay import Replay
-from wbc.app.view.scene import ROOT, TILE, TILE_COLOURS, Drawing
-from wbc.app.view.shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
+from wbc.app.view.scene import ROOT, TILE, TILE_COLOURS, SceneObject
+from wbc.app.view.shapes import Colour, MeshFile, Shape, Surface, VisualBox, VisualCylinder, VisualEllipsoid
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.render import add_to_spec
 
@@ -115,7 +115,7 @@ def _light(spec: mujoco.MjSpec, width: int, height: int) -> None:
     )
 
 
-def _add(spec: mujoco.MjSpec, body: Any, drawing: Drawing, number: int) -> None:
+def _add(spec: mujoco.MjSpec, body: Any, drawing: SceneObject, number: int) -> None:
     """Add a geom for an object."""
     rotation = np.zeros(4)
     mujoco.mju_mat2Quat(rotation, np.ascontiguousarray(drawing.placement[:3, :3]).ravel())
@@ -129,11 +129,11 @@ def _add(spec: mujoco.MjSpec, body: Any, drawing: Drawing, number: int) -> None:
         mass=0.0,
     )
     shape = drawing.shape
-    if isinstance(shape, Box):
+    if isinstance(shape, VisualBox):
         geom.type, geom.size = _T.mjGEOM_BOX, np.array(shape.size) / 2.0
-    elif isinstance(shape, Ellipsoid):
+    elif isinstance(shape, VisualEllipsoid):
         geom.type, geom.size = _T.mjGEOM_ELLIPSOID, np.array(shape.semi_axes)
-    elif isinstance(shape, Cylinder):
+    elif isinstance(shape, VisualCylinder):
         geom.type = _T.mjGEOM_CAPSULE if shape.round_ends else _T.mjGEOM_CYLINDER
         geom.size = np.array([shape.radius, 0.5 * shape.length, 0.0])
     else:

@@ -141,7 +141,7 @@ class LiveControls:
 
     def _set_stiffness(self, order: dict[str, Any]) -> dict[str, Any]:
         from wbc.tasks.scheduling.policies import FixedPolicy  # noqa: PLC0415
-        from wbc.tasks.scheduling.stiffness import StiffnessTask  # noqa: PLC0415 - most runs need none
+        from wbc.tasks.scheduling.stiffness import StiffnessScheduler  # noqa: PLC0415 - most runs need none
 
         assert self._walking is not None and self._plant is not None
         foot = self._plant.foot
@@ -149,7 +149,7 @@ class LiveControls:
         value = foot.actuator.check(_number("stiffness (Nm/rad)", order.get("value")))
         if self._walking.stiffness is None:
             robot = self._walking.controller.robot
-            self._walking.stiffness = StiffnessTask(robot, foot, FixedPolicy(value))
+            self._walking.stiffness = StiffnessScheduler(robot, foot, FixedPolicy(value))
         else:
             self._walking.stiffness.policy = FixedPolicy(value)
         return {"value": value}

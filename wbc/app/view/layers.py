@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.app.view.flat import polygon, polygon_corners, ribbon, ribbon_edges, ring, segment
-from wbc.app.view.scene import ROOT, ZMP_COLOUR, Drawing, Note
-from wbc.app.view.shapes import Colour, Cylinder, Shape
+from wbc.app.view.scene import ROOT, ZMP_COLOUR, Note, SceneObject
+from wbc.app.view.shapes import Colour, Shape, VisualCylinder
 from wbc.core.errors import Array
 from wbc.sim.rig.results import hull
 from wbc.walking.pattern.lipm import natural_frequency
@@ -55,7 +55,7 @@ class Layer:
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self.drawings: list[Drawing] = []
+        self.drawings: list[SceneObject] = []
         self.moving: list[str] = []
         self.legend: list[tuple[str, Colour]] = []
 
@@ -72,7 +72,7 @@ class Layer:
         path = f"{ROOT}/{path}"
         name = path if bends else f"{path}/shape"
         self.drawings.append(
-            Drawing(name, shape, colour, np.eye(4), on_top=on_top, shaded=False, bends=bends)
+            SceneObject(name, shape, colour, np.eye(4), on_top=on_top, shaded=False, bends=bends)
         )
         if not bends:
             self.moving.append(path)
@@ -105,7 +105,7 @@ class BalanceLayer(Layer):
         self._level = float(plant.terrain.surface.floor)
         radius, height = 0.022 * size, 0.004 * size
         self.add("support/polygon", polygon(CORNERS), SUPPORT_COLOUR, on_top=True, bends=True)
-        self._dcm = self.add("balance/dcm", Cylinder(radius, height), DCM_COLOUR, on_top=True)
+        self._dcm = self.add("balance/dcm", VisualCylinder(radius, height), DCM_COLOUR, on_top=True)
         self.legend = [("DCM", DCM_COLOUR), ("support polygon: hull of the contacts", SUPPORT_COLOUR)]
         if walking is not None:
             mark = ring(1.6 * radius, 0.4 * radius)
@@ -181,7 +181,7 @@ class RangeLayer(Layer):
         self._sites = [plant.model.site(foot.range_site).id for foot in plant.feet]
         self._ray: list[int] = []
         for i in range(len(self._sites)):
-            self._ray.append(self.add(f"range/ray_{i}", Cylinder(0.002, 1.0), RAY_COLOUR, on_top=True))
+            self._ray.append(self.add(f"range/ray_{i}", VisualCylinder(0.002, 1.0), RAY_COLOUR, on_top=True))
             self.add(f"range/scan_{i}", ribbon(POINTS), SCAN_COLOUR, on_top=True, bends=True)
         self._hits: list[list[Array]] = [[] for _ in self._sites]
         self._scanned = [False for _ in self._sites]

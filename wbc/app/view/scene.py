@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.view.shapes import Colour, Cylinder, Part, Shape, Surface, sphere
+from wbc.app.view.shapes import Colour, Part, Shape, Surface, VisualCylinder, sphere
 from wbc.core.errors import Array
 from wbc.sim.terrain import Terrain
 
@@ -56,7 +56,7 @@ _LOW, _HIGH = np.array([0.40, 0.36, 0.33]), np.array([0.82, 0.77, 0.68])
 
 
 @dataclass(frozen=True, eq=False)
-class Drawing:
+class SceneObject:
     """An object of the viewer.
 
     Attributes:
@@ -140,7 +140,7 @@ class Scene:
 
     title: str
     bodies: tuple[str, ...]
-    drawings: tuple[Drawing, ...]
+    drawings: tuple[SceneObject, ...]
     moving: tuple[str, ...]
     floor: float
     size: float
@@ -177,7 +177,7 @@ class Scene:
 
     def extended(
         self,
-        drawings: Sequence[Drawing],
+        drawings: Sequence[SceneObject],
         moving: Sequence[str],
         legend: Sequence[tuple[str, Colour]],
     ) -> Scene:
@@ -261,12 +261,12 @@ def make_scene(
     bodies = tuple(dict.fromkeys(part.body for part in parts))
     paths = {body: f"{ROOT}/robot/{body.replace('/', '_')}" for body in bodies}
     drawings = [
-        Drawing(f"{paths[part.body]}/{i}", part.shape, part.colour, part.placement)
+        SceneObject(f"{paths[part.body]}/{i}", part.shape, part.colour, part.placement)
         for i, part in enumerate(parts)
     ]
     floor = 0.0 if terrain is None else float(terrain.surface.floor)
     drawings += _ground(terrain, floor)
-    disc = Cylinder(0.022 * size, 0.004 * size)
+    disc = VisualCylinder(0.022 * size, 0.004 * size)
     markers: dict[str, tuple[Shape, Colour]] = {
         "com": (sphere(0.022 * size), COM_COLOUR),
         "com_shadow": (disc, COM_COLOUR),
@@ -274,7 +274,9 @@ def make_scene(
     }
     moving = [*paths.values(), *(f"{ROOT}/markers/{name}" for name in markers)]
     drawings += [
-        Drawing(f"{ROOT}/markers/{name}/shape", shape, colour, np.eye(4), on_top=True, shaded=name == "com")
+        SceneObject(
+            f"{ROOT}/markers/{name}/shape", shape, colour, np.eye(4), on_top=True, shaded=name == "com"
+        )
         for name, (shape, colour) in markers.items()
     ]
     places = {}
@@ -283,21 +285,23 @@ def make_scene(
         arrows = [f"{ROOT}/forces/{kind}_{i}" for i in range(count)]
         moving += arrows
         drawings += [
-            Drawing(f"{path}/shape", _UNIT_ARROW, ARROW_COLOURS[kind], np.eye(4), on_top=True, shaded=False)
+            SceneObject(
+                f"{path}/shape", _UNIT_ARROW, ARROW_COLOURS[kind], np.eye(4), on_top=True, shaded=False
+            )
             for path in arrows
         ]
     return Scene(title, bodies, tuple(drawings), tuple(moving), floor, size, size / weight, places)
 
 
-def _ground(terrain: Terrain | None, floor: float) -> list[Drawing]:
+def _ground(terrain: Terrain | None, floor: float) -> list[SceneObject]:
     """The endless plane, and the rough part as a mesh."""
     under = np.eye(4)
     under[2, 3] = floor - TILES_DEPTH
-    ground = [Drawing(f"{ROOT}/ground/plane", _tiles(), (1.0, 1.0, 1.0, 1.0), under, shaded=False)]
+    ground = [SceneObject(f"{ROOT}/ground/plane", _tiles(), (1.0, 1.0, 1.0, 1.0), under, shaded=False)]
     if terrain is not None:
         relief = _relief(terrain)
         if np.ptp(relief.vertices[:, 2]) > 0.0:
-            ground.append(Drawing(f"{ROOT}/ground/relief", relief, (1.0, 1.0, 1.0, 1.0), np.eye(4)))
+            ground.append(SceneObject(f"{ROOT}/ground/relief", relief, (1.0, 1.0, 1.0, 1.0), np.eye(4)))
     return ground
 
 

@@ -32,8 +32,8 @@ from meshcat import geometry
 from wbc.app.view.channel import Channel
 from wbc.app.view.controls import Wishes
 from wbc.app.view.page import SCRIPT, Page
-from wbc.app.view.scene import HIDDEN, ROOT, SKY_COLOURS, Drawing, Setup
-from wbc.app.view.shapes import Box, Colour, Cylinder, Ellipsoid, MeshFile, Shape, Surface
+from wbc.app.view.scene import HIDDEN, ROOT, SKY_COLOURS, SceneObject, Setup
+from wbc.app.view.shapes import Colour, MeshFile, Shape, Surface, VisualBox, VisualCylinder, VisualEllipsoid
 from wbc.core.errors import Array
 
 FIRST_PORT, PORTS = 7000, 200
@@ -46,7 +46,7 @@ SLOWEST_TICK = 0.03
 # ---- commands of the viewer -----------------------------------------------------------------------------------------
 
 
-def object_commands(drawing: Drawing) -> Iterator[bytes]:
+def object_commands(drawing: SceneObject) -> Iterator[bytes]:
     """Yield the packed commands that create an object."""
     for i, (shape, placement) in enumerate(_geometries(drawing.shape)):
         path = f"{drawing.path}/{i}"
@@ -91,11 +91,11 @@ def transform_tail(columns: Array) -> bytes:
 def _geometries(shape: Shape) -> Iterator[tuple[Any, Array]]:
     """Yield MeshCat's geometries for a shape, each with its placement."""
     here = np.eye(4)
-    if isinstance(shape, Box):
+    if isinstance(shape, VisualBox):
         yield geometry.Box(list(shape.size)), here
-    elif isinstance(shape, Ellipsoid):
+    elif isinstance(shape, VisualEllipsoid):
         yield geometry.Sphere(1.0), np.diag([*shape.semi_axes, 1.0])
-    elif isinstance(shape, Cylinder):
+    elif isinstance(shape, VisualCylinder):
         along_z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # theirs is along y
         yield geometry.Cylinder(shape.length, shape.radius), along_z
         if shape.round_ends:
@@ -120,7 +120,7 @@ def _mesh(path: str) -> Any:
     return kinds[os.path.splitext(path)[1].lower()].from_file(path)
 
 
-def _material(drawing: Drawing) -> Any:
+def _material(drawing: SceneObject) -> Any:
     options: dict[str, Any] = {"color": _colour_number(drawing.colour), "opacity": drawing.colour[3]}
     if isinstance(drawing.shape, Surface) and drawing.shape.colours is not None:
         options["vertexColors"] = True
@@ -158,7 +158,7 @@ class Show:
         self._number, self.time = 0, 0.0
         self._matrices = np.tile(HIDDEN.ravel(), (len(scene.moving), 1))
         self._note: dict[str, Any] = {}
-        self._streams: set[Stream] = set()
+        self._streams: set[FrameStream] = set()
 
     @property
     def text(self) -> str:
@@ -179,7 +179,7 @@ class Show:
             bent += list(object_commands(replace(drawing, shape=shape)))
         return [*self._first, *moves, *self._objects, *bent, *self._colours({})]
 
-    def add(self, stream: Stream) -> None:
+    def add(self, stream: FrameStream) -> None:
         """Take a page in."""
         stream.send(json.dumps({"hello": self._hello}))
         for command in self.commands():
@@ -189,7 +189,7 @@ class Show:
         self._streams.add(stream)
         self._channel.pages = len(self._streams)
 
-    def remove(self, stream: Stream) -> None:
+    def remove(self, stream: FrameStream) -> None:
         """Forget a page."""
         self._streams.discard(stream)
         if not self._streams:  # nobody could end the pause
@@ -245,7 +245,7 @@ class Show:
         return json.dumps({"time": self.time, **facts, **state})
 
 
-class Stream(tornado.websocket.WebSocketHandler):
+class FrameStream(tornado.websocket.WebSocketHandler):
     """The connection to one page; pages of other sites are refused by tornado's check of the origin."""
 
     shown: Array
@@ -326,7 +326,7 @@ async def serve(setup: Setup, channel: Channel, ended: asyncio.Event) -> None:
     """
     sockets = listen(setup.host, setup.port)
     show = Show(setup, channel)
-    routes: list[Any] = [(r"/stream", Stream, {"show": show})]
+    routes: list[Any] = [(r"/stream", FrameStream, {"show": show})]
     for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
         routes.append((pattern, Text, {"show": show, "kind": kind}))
     server = tornado.httpserver.HTTPServer(tornado.web.Application(routes))

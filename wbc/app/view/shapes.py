@@ -25,21 +25,21 @@ MESH_FORMATS = (".stl", ".obj", ".dae")
 
 
 @dataclass(frozen=True)
-class Box:
+class VisualBox:
     """A box of the given full extents, m."""
 
     size: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
+class VisualEllipsoid:
     """An ellipsoid of the given semi-axes, m; a sphere when they are equal."""
 
     semi_axes: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class VisualCylinder:
     """A cylinder along z, m; with round ends beyond its length, a capsule."""
 
     radius: float
@@ -64,7 +64,7 @@ class Surface:
     colours: Array | None = None
 
 
-Shape = Box | Ellipsoid | Cylinder | MeshFile | Surface
+Shape = VisualBox | VisualEllipsoid | VisualCylinder | MeshFile | Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +117,9 @@ def homogeneous(placement: pin.SE3) -> Array:
     return np.array(placement.homogeneous)
 
 
-def sphere(radius: float) -> Ellipsoid:
+def sphere(radius: float) -> VisualEllipsoid:
     """Return a sphere."""
-    return Ellipsoid((radius, radius, radius))
+    return VisualEllipsoid((radius, radius, radius))
 
 
 def _parts(
@@ -142,12 +142,12 @@ def _parts(
 def _shape(element: ElementTree.Element, directories: tuple[Path, ...]) -> Shape | None:
     if element.tag == "box":
         x, y, z = _numbers(element.get("size", "0 0 0"))
-        return Box((x, y, z))
+        return VisualBox((x, y, z))
     if element.tag == "sphere":
         return sphere(float(element.get("radius", "0")))
     if element.tag in ("cylinder", "capsule"):
         radius, length = float(element.get("radius", "0")), float(element.get("length", "0"))
-        return Cylinder(radius, length, round_ends=element.tag == "capsule")
+        return VisualCylinder(radius, length, round_ends=element.tag == "capsule")
     if element.tag == "mesh":
         path = _find(element.get("filename", ""), directories)
         if path is not None and path.suffix.lower() in MESH_FORMATS:
@@ -210,7 +210,9 @@ def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
                 ends.append(np.array(frame.placement.translation))
                 plate = frame.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4 * thickness]))
                 parts.append(
-                    Part(body, Box((sole.length, sole.width, 0.8 * thickness)), PLAIN, homogeneous(plate))
+                    Part(
+                        body, VisualBox((sole.length, sole.width, 0.8 * thickness)), PLAIN, homogeneous(plate)
+                    )
                 )
         parts += [_rod(body, end, thickness) for end in ends if np.linalg.norm(end) > thickness]
         sticks[body] = parts
@@ -220,4 +222,4 @@ def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
 def _rod(body: str, end: Array, thickness: float) -> Part:
     length = float(np.linalg.norm(end))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length).matrix()
-    return Part(body, Cylinder(thickness, length), PLAIN, homogeneous(pin.SE3(turn, 0.5 * end)))
+    return Part(body, VisualCylinder(thickness, length), PLAIN, homogeneous(pin.SE3(turn, 0.5 * end)))

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.view.scene import Scene, Snapshot, make_scene
-from wbc.app.view.shapes import Box, Cylinder, Ellipsoid, Part, Shape, robot_parts
+from wbc.app.view.shapes import Part, Shape, VisualBox, VisualCylinder, VisualEllipsoid, robot_parts
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
@@ -157,13 +157,13 @@ def _geom_shape(kind: int, size: Sequence[float]) -> Shape | None:
 
     types = mujoco.mjtGeom
     if kind == types.mjGEOM_BOX:
-        return Box((2.0 * size[0], 2.0 * size[1], 2.0 * size[2]))
+        return VisualBox((2.0 * size[0], 2.0 * size[1], 2.0 * size[2]))
     if kind in (types.mjGEOM_CAPSULE, types.mjGEOM_CYLINDER):
-        return Cylinder(size[0], 2.0 * size[1], round_ends=kind == types.mjGEOM_CAPSULE)
+        return VisualCylinder(size[0], 2.0 * size[1], round_ends=kind == types.mjGEOM_CAPSULE)
     if kind == types.mjGEOM_SPHERE:
-        return Ellipsoid((size[0], size[0], size[0]))
+        return VisualEllipsoid((size[0], size[0], size[0]))
     if kind == types.mjGEOM_ELLIPSOID:
-        return Ellipsoid((size[0], size[1], size[2]))
+        return VisualEllipsoid((size[0], size[1], size[2]))
     return None
 
 

@@ -7,7 +7,7 @@
 
     run_walk(spec, hooks=[WatchWalk()])     # a simulated walk, with footsteps and all
 
-Drawing happens in a process of its own. `update` takes a snapshot at most 30 times a second and leaves it in shared
+SceneObject happens in a process of its own. `update` takes a snapshot at most 30 times a second and leaves it in shared
 memory; all other calls return at once. It reads the plant and never writes to it, so that a run gives the same numbers
 with and without a view, as long as nobody uses the page's controls that change a run (`wbc.app.view.controls`): what
 they have done is in `MeshcatView.interventions`.

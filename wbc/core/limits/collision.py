@@ -20,7 +20,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Sphere:
+class CollisionSphere:
     """A sphere around a point of a frame.
 
     Attributes:
@@ -37,7 +37,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Capsule:
+class CollisionCapsule:
     """All points within a radius of a line segment in a frame.
 
     Attributes:
@@ -54,10 +54,12 @@ class Capsule:
         positive("radius of a capsule (m)", self.radius)
         start = finite_array("start of a capsule (m)", self.start, (3,))
         if np.linalg.norm(finite_array("end of a capsule (m)", self.end, (3,)) - start) < 1e-9:
-            raise InputError(f"a capsule needs two different ends, got {self.start} twice; use a Sphere")
+            raise InputError(
+                f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
+            )
 
 
-Shape = Sphere | Capsule
+Shape = CollisionSphere | CollisionCapsule
 
 
 class _Body(NamedTuple):
@@ -129,11 +131,11 @@ class SelfCollisionLimit(RowLimit):
         if len({frozenset(pair) for pair in self._pairs}) != len(self._pairs):
             raise InputError(f"limit '{name}' has a pair twice: {self._pairs}")
         self._shapes = {
-            frame: [shape] if isinstance(shape, Sphere | Capsule) else list(shape)
+            frame: [shape] if isinstance(shape, CollisionSphere | CollisionCapsule) else list(shape)
             for frame, shape in (shapes or {}).items()
         }
         for frame, own in self._shapes.items():
-            if not own or not all(isinstance(shape, Sphere | Capsule) for shape in own):
+            if not own or not all(isinstance(shape, CollisionSphere | CollisionCapsule) for shape in own):
                 raise InputError(f"shapes of '{frame}' must be spheres and capsules, at least one; got {own}")
         self._urdf = urdf
         self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
@@ -275,8 +277,11 @@ def _is_round(item: pin.GeometryObject) -> bool:
 def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObject:
     index = robot.frame_id(frame)
     parent = robot.model.frames[index]
-    if isinstance(shape, Sphere):
-        body, local = coal.Sphere(shape.radius), pin.SE3(np.eye(3), np.array(shape.centre, dtype=float))
+    if isinstance(shape, CollisionSphere):
+        body, local = (
+            coal.Sphere(shape.radius),
+            pin.SE3(np.eye(3), np.array(shape.centre, dtype=float)),
+        )
     else:
         start, end = np.array(shape.start, dtype=float), np.array(shape.end, dtype=float)
         length = float(np.linalg.norm(end - start))

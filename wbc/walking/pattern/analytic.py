@@ -18,7 +18,7 @@ import numpy as np
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.planning.schedule import Support, ZmpTarget, zmp_reference
+from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
 
 
 def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Array:
@@ -154,7 +154,7 @@ class Pattern:
         )
 
 
-def height_profile(supports: Sequence[Support], height: float, start: Pendulum) -> HeightProfile:
+def height_profile(supports: Sequence[SupportPhase], height: float, start: Pendulum) -> HeightProfile:
     """Height of the support from now on, such that the CoM moves on smoothly from where it is."""
     return HeightProfile(
         supports,
@@ -163,7 +163,7 @@ def height_profile(supports: Sequence[Support], height: float, start: Pendulum) 
 
 
 def analytic_pattern(
-    supports: Sequence[Support],
+    supports: Sequence[SupportPhase],
     height: float,
     start: Pendulum,
     *,

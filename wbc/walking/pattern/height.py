@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.walking.pattern.quintic import Quintic
-from wbc.walking.planning.schedule import Support
+from wbc.walking.planning.schedule import SupportPhase
 
 SHORTEST = 0.1
 """No change of height is faster than this, s."""
@@ -22,7 +22,9 @@ SHORTEST = 0.1
 class HeightProfile:
     """Height of the support over time, with continuous acceleration."""
 
-    def __init__(self, supports: Sequence[Support], start: tuple[float, float, float] | None = None) -> None:
+    def __init__(
+        self, supports: Sequence[SupportPhase], start: tuple[float, float, float] | None = None
+    ) -> None:
         """Lay the profile through a schedule.
 
         Args:
@@ -52,7 +54,7 @@ class HeightProfile:
         return piece.at(max(0.0, time))
 
 
-def _events(supports: Sequence[Support]) -> list[tuple[float, float, float]]:
+def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]]:
     """(time, level to go to, time to be there) in order; the first at time zero."""
     events = []
     time = 0.0
@@ -73,7 +75,7 @@ def _events(supports: Sequence[Support]) -> list[tuple[float, float, float]]:
     return events
 
 
-def _level(supports: Sequence[Support], i: int) -> float:
+def _level(supports: Sequence[SupportPhase], i: int) -> float:
     """Level that a double support leads to."""
     if i + 1 < len(supports):
         return supports[i + 1].feet[0].z

@@ -29,7 +29,14 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
 from wbc.walking.pattern.analytic import Pattern, dcm_backwards, height_profile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.planning.schedule import EDGES, SoleSizes, Support, ZmpTarget, support_area, zmp_reference
+from wbc.walking.planning.schedule import (
+    EDGES,
+    SoleSizes,
+    SupportPhase,
+    ZmpTarget,
+    support_area,
+    zmp_reference,
+)
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,7 @@ class PreviewController:
         self.status = Status.SOLVED
         self.slack = np.zeros(2)
 
-    def plan(self, supports: Sequence[Support], start: Pendulum) -> Pattern:
+    def plan(self, supports: Sequence[SupportPhase], start: Pendulum) -> Pattern:
         """Plan from a state of the pendulum, planned or measured.
 
         Args:
@@ -151,7 +158,7 @@ class PreviewController:
             height_profile(supports, self.height, start),
         )
 
-    def _grid(self, supports: Sequence[Support]) -> tuple[Array, list[tuple[Array, Array]]]:
+    def _grid(self, supports: Sequence[SupportPhase]) -> tuple[Array, list[tuple[Array, Array]]]:
         """Times of knots 0 … N and the support area of the free knots 1 … N−1."""
         s = self.settings
         times: list[float] = [0.0]

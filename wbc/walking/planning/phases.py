@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields
 
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
-from wbc.walking.planning.schedule import Support, schedule
+from wbc.walking.planning.schedule import SupportPhase, schedule
 
 
 class Phase(enum.Enum):
@@ -106,7 +106,7 @@ class WalkPhases:
             InputError: A weight that is not above zero.
         """
         self.plan = plan
-        self._scheduled: tuple[FootstepPlan, tuple[Support, ...]] | None = None
+        self._scheduled: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None
         self.settings = settings or PhaseSettings()
         self._weight = positive("weight of the robot (N)", weight)
         self.phase = Phase.STANDING
@@ -148,11 +148,11 @@ class WalkPhases:
     def _waits(self) -> bool:
         return self.phase is Phase.SINGLE or (self.phase is Phase.DOUBLE and self.step < len(self.plan))
 
-    def supports(self) -> tuple[Support, ...]:
+    def supports(self) -> tuple[SupportPhase, ...]:
         """The schedule from now on, for the pattern."""
         if self.step >= len(self.plan) > 0 and self.phase is Phase.STANDING:
             hold = self.settings.hold
-            return (Support(hold, self.plan.final, self.step, hold),)
+            return (SupportPhase(hold, self.plan.final, self.step, hold),)
         if self._scheduled is None or self._scheduled[0] is not self.plan:
             self._scheduled = self.plan, schedule(self.plan)
         whole = self._scheduled[1]
@@ -161,7 +161,7 @@ class WalkPhases:
         place = 2 * self.step + (1 if self.phase is Phase.SINGLE else 0)
         now = whole[place]
         left = max(self.remaining, 1e-3)
-        return (Support(left, now.feet, now.step, max(now.total, left)), *whole[place + 1 :])
+        return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[place + 1 :])
 
     # What one asks for
 

@@ -20,7 +20,7 @@ SoleSizes = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Support:
+class SupportPhase:
     """A stretch of time with the same feet on the ground.
 
     Attributes:
@@ -41,23 +41,23 @@ class Support:
         return len(self.feet) == 1
 
 
-def schedule(plan: FootstepPlan) -> tuple[Support, ...]:
+def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     """The supports of a whole plan, from standing to standing."""
     gait, count = plan.gait, len(plan)
     if count == 0:
         total = gait.initial_double_support + gait.final_double_support
-        return (Support(total, (plan.left, plan.right), 0, total),)
+        return (SupportPhase(total, (plan.left, plan.right), 0, total),)
     supports = []
     for k in range(count):
         time = gait.initial_double_support if k == 0 else gait.double_support
-        supports.append(Support(time, (plan.lift_off(k), plan.stance(k)), k, time))
-        supports.append(Support(gait.single_support, (plan.stance(k),), k, gait.single_support))
+        supports.append(SupportPhase(time, (plan.lift_off(k), plan.stance(k)), k, time))
+        supports.append(SupportPhase(gait.single_support, (plan.stance(k),), k, gait.single_support))
     final = gait.final_double_support
-    supports.append(Support(final, (plan.stance(count - 1), plan.steps[-1]), count, final))
+    supports.append(SupportPhase(final, (plan.stance(count - 1), plan.steps[-1]), count, final))
     return tuple(supports)
 
 
-def remaining(supports: Sequence[Support], elapsed: float) -> tuple[Support, ...]:
+def remaining(supports: Sequence[SupportPhase], elapsed: float) -> tuple[SupportPhase, ...]:
     """What is left of a schedule after some time.
 
     Args:
@@ -104,7 +104,7 @@ class ZmpTarget:
         return foot.x + c * forward - s * side, foot.y + s * forward + c * side
 
 
-def zmp_reference(supports: Sequence[Support], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
+def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
     """The ZMP rests under the stance foot and crosses over with constant velocity on both feet.
 
     Args:

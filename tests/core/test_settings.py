@@ -1,0 +1,132 @@
+"""Validated settings and registries: what is refused, and in which words."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import field, replace
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.registry import Registry, call_checked
+from wbc.core.settings import Count, NonNegative, Positive, Seed, Share, from_json, settings, to_json
+
+
+@settings
+class Push:
+    impulse: Annotated[NonNegative, "Ns/kg"] = 0.1
+    time: Annotated[Positive, "s"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.impulse == 7.0:
+            raise InputError("an impulse of seven is a rule of its own")
+
+
+@settings(kw_only=True)
+class Spec:
+    kind: ClassVar[str] = "spec"
+    name: str = "walk"
+    length: Annotated[Positive, "m"] = 0.1
+    count: Count = 3
+    seed: Seed = 0
+    share: Share = 0.5
+    side: Literal["left", "right"] = "left"
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    open: bool = False
+    push: Push = field(default_factory=Push)
+    pushes: tuple[Push, ...] = ()
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"length": -1}, r"^length \(m\) must be a finite number above 0, got -1$"),
+    ({"length": math.nan}, r"^length \(m\) must be a finite number above 0, got nan$"),
+    ({"length": math.inf}, "finite"),
+    ({"length": "1"}, "got '1'"),
+    ({"length": True}, "got True"),
+    ({"length": None}, "got None"),
+    ({"length": 10**400}, r"got 1000.*\.\.\.$"),
+    ({"count": 0}, "^count must be an integer of at least 1, got 0$"),
+    ({"count": 2.0}, "integer"),
+    ({"seed": -1}, "at least 0"),
+    ({"share": 1.5}, "^share must be a finite number of at least 0 and of at most 1, got 1.5$"),
+    ({"side": "lef"}, "did you mean 'left'"),
+    ({"side": 3}, "^side must be 'left' or 'right', got 3$"),
+    ({"start": (1, 2)}, "^start must be 3 values, each a finite number, got "),
+    ({"start": (1, 2, "x")}, r"^start\[2\] must be a finite number, got 'x'$"),
+    ({"open": 1}, "true or false"),
+    ({"name": 3}, "text"),
+    ({"push": 3}, "^push must be Push, got 3$"),
+    ({"lenght": 1.0}, "did you mean 'length'"),
+]
+
+
+@pytest.mark.parametrize(("values", "message"), REFUSED)
+def test_a_value_that_breaks_a_rule_is_refused_with_name_rule_and_value(
+    values: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        Spec(**values)
+    if list(values.values()) != [10**400]:
+        with pytest.raises(InputError, match=message):
+            from_json(Spec, values)
+
+
+def test_an_unknown_field_or_choice_is_an_unknown_name() -> None:
+    for values in ({"lenght": 1.0}, {"side": "lef"}):
+        with pytest.raises(UnknownNameError):
+            Spec(**values)  # type: ignore[arg-type]
+
+
+def test_messages_name_the_place_of_what_is_nested() -> None:
+    with pytest.raises(InputError, match=r"^pushes\[1\].impulse \(Ns/kg\) must be .* at least 0, got -2$"):
+        from_json(Spec, {"pushes": [{}, {"impulse": -2}]})
+    with pytest.raises(UnknownNameError, match="no setting of push 'impuls'"):
+        from_json(Spec, {"push": {"impuls": 1}})
+    with pytest.raises(InputError, match="rule of its own"):
+        from_json(Spec, {"push": {"impulse": 7}})
+    with pytest.raises(InputError, match="^Spec must be Spec, got"):
+        from_json(Spec, [1])
+
+
+def test_settings_are_frozen_hashable_and_checked_again_when_replaced() -> None:
+    spec = Spec(start=[1, 2, 3], count=np.int64(4), length=np.float64(2.0))  # type: ignore[arg-type]
+    assert spec.start == (1.0, 2.0, 3.0) and type(spec.count) is int and spec.length == 2.0
+    assert hash(spec) == hash(replace(spec)) and Spec(start=np.zeros(3)) == Spec()  # type: ignore[arg-type]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        spec.count = 5  # type: ignore[misc]
+    with pytest.raises(InputError, match="count"):
+        replace(spec, count=0)
+
+
+def test_json_goes_there_and_back() -> None:
+    spec = Spec(pushes=(Push(), Push(time=2.0)), start=(0.1, 1 / 3, 0.0))
+    assert from_json(Spec, to_json(spec)) == spec
+    assert from_json(Spec, {}) == Spec()
+
+
+def test_a_registry_names_what_is_near_and_refuses_what_is_taken() -> None:
+    feet = Registry("foot", {"flat": 1, "soft": 2})
+    assert feet["flat"] == 1
+    with pytest.raises(UnknownNameError, match="no foot 'flt'; did you mean 'flat'"):
+        feet["flt"]
+    with pytest.raises(InputError, match="registered already"):
+        feet.add("soft", 3)
+    for name in ("", "  ", 3):
+        with pytest.raises(InputError, match="must be text"):
+            feet.add(name, 3)  # type: ignore[arg-type]
+    feet.add("long", 3)
+    assert list(feet) == ["flat", "soft", "long"]
+
+
+def test_parameters_are_looked_up_before_the_call() -> None:
+    def make(size: float, colour: str = "red") -> tuple[float, str]:
+        return size, colour
+
+    assert call_checked("foot 'x'", make, {"size": 2.0}) == (2.0, "red")
+    with pytest.raises(UnknownNameError, match="no parameter of the foot 'x' 'sise'"):
+        call_checked("foot 'x'", make, {"sise": 2.0})
+    with pytest.raises(InputError, match="the foot 'x' needs a value for 'size'"):
+        call_checked("foot 'x'", make, {})
