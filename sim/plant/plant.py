@@ -37,11 +37,11 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
+from wbc.sim.plant.foot_devices import FootDevices
 from wbc.sim.plant.model import build_model
 from wbc.sim.plant.pushes import Push, Pushes
-from wbc.sim.plant.sensors import NO_NOISE, SensorChain, SensorNoise, noise_preset
+from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import PhysicsSettings, steps_per_tick
-from wbc.sim.plant.soles import Soles
 from wbc.sim.plant.truth import GroundTruth, TruthReader
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
@@ -77,6 +77,7 @@ class Plant:
         robot: The robot as a model, for names and sizes; its state is not kept up to date.
         foot: The feet.
         feet: Names and sizes of what was built under the ankles, left first.
+        sole_sites: MuJoCo site at each sole centre, left first.
         terrain: The ground as drawn.
         physics: Settings of the physics.
         timestep: Physics step, s.
@@ -143,7 +144,7 @@ class Plant:
         self.steps = steps_per_tick(control_period, timestep)
         self.averaging = bool(averaging)
         self.control_period, self.timestep = float(control_period), float(timestep)
-        self.noise = noise_preset(noise) if isinstance(noise, str) else noise
+        self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
         self.physics = _with_timestep(physics, timestep)
         self.seed = whole_number("seed", seed, low=0)
@@ -158,6 +159,7 @@ class Plant:
         )
         self.terrain = self._plant.ground.terrain
         self.feet = self._plant.feet
+        self.sole_sites = self._plant.sole_sites
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
         self._na = self.robot.na
@@ -165,7 +167,7 @@ class Plant:
         self._servo_bias = np.array(self.model.actuator_biasprm)
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
-        self._soles = Soles(self._plant, self.foot, range_sensor)
+        self._soles = FootDevices(self._plant, self.foot, range_sensor)
         self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep, self.steps)
         self._initial = initial_configuration
         self._prepare_signals()
@@ -247,12 +249,11 @@ class Plant:
             InputError: A configuration of the wrong shape or not finite.
         """
         q = finite_array("configuration", configuration, (self.robot.nq,))
-        data, kinds = mujoco.MjData(self.model), mujoco.mjtObj.mjOBJ_SITE
+        data = mujoco.MjData(self.model)
         configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
         mujoco.mj_kinematics(self.model, data)
         lift = -math.inf
-        for foot in self.feet:
-            site = mujoco.mj_name2id(self.model, kinds, foot.wrench_site)
+        for foot, site in zip(self.feet, self.sole_sites, strict=True):
             x, y = np.meshgrid(
                 foot.fit.sole.length * np.linspace(-0.5, 0.5, 21),
                 foot.fit.sole.width * np.linspace(-0.5, 0.5, 9),

@@ -57,9 +57,7 @@ class TruthReader:
             plant: The compiled model.
         """
         self._plant = plant
-        kind = mujoco.mjtObj.mjOBJ_SITE
-        sites = [mujoco.mj_name2id(plant.model, kind, foot.wrench_site) for foot in plant.feet]
-        self._sites = np.array(sites, dtype=np.intp)
+        self._sites = np.array(plant.sole_sites, dtype=np.intp)
 
     def capture(self, data: mujoco.MjData) -> None:
         """Keep the contacts of the physics step that has just ended.

@@ -80,6 +80,16 @@ def test_an_unknown_field_or_choice_is_an_unknown_name() -> None:
             Spec(**values)  # type: ignore[arg-type]
 
 
+def test_a_wrong_name_is_refused_before_the_value_that_it_leaves_missing() -> None:
+    @settings
+    class Step:
+        length: Positive
+
+    for make in (lambda: Step(lenght=1.0), lambda: from_json(Step, {"lenght": 1.0})):  # type: ignore[call-arg]
+        with pytest.raises(UnknownNameError, match="did you mean 'length'"):
+            make()
+
+
 def test_messages_name_the_place_of_what_is_nested() -> None:
     with pytest.raises(InputError, match=r"^pushes\[1\].impulse \(Ns/kg\) must be .* at least 0, got -2$"):
         from_json(Spec, {"pushes": [{}, {"impulse": -2}]})

@@ -135,8 +135,10 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 def _refuse(kind: Any, error: ValidationError) -> NoReturn:
-    """Raise the first thing that was refused as an error of this library."""
-    first = error.errors(include_url=False)[0]
+    """Raise a name that does not exist, else the first value that was refused, as an error of this library."""
+    errors = error.errors(include_url=False)
+    # A wrong name comes before what it leaves missing.
+    first = next((e for e in errors if e["type"].startswith("unexpected")), errors[0])
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, InputError):
         raise cause from None

@@ -13,7 +13,7 @@ from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.sim.plant.model import PlantModel
 
 
-class Soles:
+class FootDevices:
     """Stiffness and range of every sole, left first."""
 
     def __init__(self, plant: PlantModel, foot: Foot, range_sensor: RangeSensor | None) -> None:

@@ -17,7 +17,7 @@ ADDED = "/mass"
 """What follows the name of a sole in the name of the link that has the mass of its foot."""
 
 
-def shod(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
+def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
     """Describe a robot whose soles are those of a foot, for its controller.
 
     Contacts, the observer and the force sensors then agree on where each sole is and how large.
