@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -22,7 +22,7 @@ from wbc.core.errors import (
     positive,
     unknown_name,
 )
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
@@ -42,7 +42,6 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
-from wbc.walking.stabilizer.gains import series
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,8 +293,6 @@ def _prepare(
     model = description.robot()
     q = moved(model.half_sitting, start)
     model.update(q, np.zeros(model.nv))
-    if settings.cop_bandwidth is not None and settings.foot_stiffness is None:
-        settings = replace(settings, foot_stiffness=foot_stiffness(description, model, foot))
     gait, notes = gait.on_grid(period)
     ground = stairs if stairs is not None else terrain_by_name("flat")
     steps = plan.build(FootstepPlan.standing(model, gait), ground)
@@ -306,17 +303,6 @@ def _prepare(
     swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
     time = gait.initial_double_support + swings + gait.final_double_support
     return PreparedWalk(own, description, foot, settings, q, steps, time, notes)
-
-
-def foot_stiffness(description: RobotDescription, robot: Robot, foot: Foot) -> tuple[float, float]:
-    """Of the ankle's servos and the sole in series, about pitch and roll, Nm/rad."""
-    sole = robot.frame_id(robot.soles[0].frame)
-    turns = np.abs(pin.computeFrameJacobian(robot.model, robot.data, robot.q, sole, pin.LOCAL)[3:])
-    joint = robot.model.frames[sole].parentJoint
-    ankle = [robot.model.joints[i].idx_v for i in (joint, robot.model.parents[joint])]
-    pitch, roll = (max(ankle, key=lambda column: turns[axis, column]) - BASE_DOF for axis in (1, 0))
-    kp = description.kp
-    return series(float(kp[pitch]), foot.rotation_stiffness), series(float(kp[roll]), foot.rotation_stiffness)
 
 
 def moved(configuration: Array, start: tuple[float, float, float]) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.errors import Array, InputError, choose, positive, scalar, two_of
+from wbc.core.errors import Array, InputError, choose, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
@@ -37,7 +37,6 @@ from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading
 from wbc.walking.planning.schedule import support_area
 from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
-from wbc.walking.stabilizer.carrying import CarryingArea, CarryingSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.stabilizer.gains import StabilizerGains
 from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanSettings
@@ -97,12 +96,6 @@ class WalkingControlSettings:
         tasks: Of the tasks.
         falls: When the robot counts as fallen.
         lean: Lean of the trunk where the feet cannot give the moment that is wanted; None keeps it upright.
-        carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
-            believes in the whole sole.
-        cop_bandwidth: How fast the CoP is to follow, 1/s: `gains.cop_admittance` is then this over `foot_stiffness`,
-            and `gains.dcm_p` what it leaves critically damped; None takes both as they are.
-        foot_stiffness: Of ankle servo and sole in series, about pitch and roll, Nm/rad, for `cop_bandwidth`; a walk in
-            the simulator knows it.
         bias: Estimate a constant error of the measured CoM and DCM from how the ZMP drives them, and take it off:
             sensors and models are off by millimetres. None believes them.
     """
@@ -116,19 +109,10 @@ class WalkingControlSettings:
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
-    carrying: CarryingSettings | None = None
-    cop_bandwidth: float | None = None
-    foot_stiffness: tuple[float, float] | None = None
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
 
     def __post_init__(self) -> None:
         choose("mode", self.mode, ("position", "torque"))
-        if self.cop_bandwidth is not None:
-            positive("cop_bandwidth (1/s)", self.cop_bandwidth)
-        if self.foot_stiffness is not None:
-            pair = two_of("foot_stiffness (Nm/rad)", self.foot_stiffness)
-            pitch, roll = (positive("foot_stiffness (Nm/rad)", value) for value in pair)
-            object.__setattr__(self, "foot_stiffness", (pitch, roll))
         if self.com_height is not None:
             positive("CoM height (m)", self.com_height)
 
@@ -185,31 +169,15 @@ class WalkingControl:
         self._robot, self._torque = robot, s.mode == "torque"
         # Of the robot that the program moves: the commanded one, or the estimated one in torque control.
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        self._sole_ids = [robot.frame_id(sole.frame) for sole in robot.soles]
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
         self._omega = scalar(self.walk.omega)
         self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
-        gains = s.gains
-        if s.cop_bandwidth is not None:
-            if s.foot_stiffness is None:
-                raise InputError(
-                    f"cop_bandwidth of {s.cop_bandwidth:g} 1/s needs a foot_stiffness (Nm/rad), too"
-                )
-            gains = gains.for_bandwidth(s.cop_bandwidth, self.walk.omega, s.foot_stiffness)
-        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), gains)
+        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
-        self._carrying: list[CarryingArea] = []
-        if s.carrying is not None:
-            if s.distribution.margin >= s.carrying.smallest:
-                raise InputError(
-                    f"the distribution's margin ({s.distribution.margin:g} m) must be below the least half "
-                    f"extent of a carrying area, {s.carrying.smallest:g} m"
-                )
-            self._carrying = [CarryingArea(size, s.carrying) for size in self._sizes]
         self.bias = None if s.bias is None else BiasEstimator(s.bias)
         self._add_tasks(s.tasks)
         self.control: PositionControl | TorqueControl
@@ -344,11 +312,6 @@ class WalkingControl:
         self.reference = reference = self.walk.update(loads, self._soles, dcm)
         if reference.contact != self._in_contact:
             self._switch_contacts(reference)
-        for side, area in enumerate(self._carrying):
-            if reference.contact[side]:
-                rate = pin.getFrameVelocity(estimate.model, estimate.data, self._sole_ids[side], pin.LOCAL)
-                rectangle = area.update(wrenches[side], rate.angular, self.dt)
-                self.stabilizer.distribution.rectangles[side] = rectangle
         self.output = output = self.stabilizer.update(
             reference.pendulum,
             com,
@@ -378,8 +341,6 @@ class WalkingControl:
                 contact.active = reference.contact[side]
                 self._swings[side].weight = 0.0 if contact.active else self.settings.tasks.swing_weight
                 self.stabilizer.feet.reset(side)
-                if self._carrying:
-                    self._carrying[side].reset()
         self._in_contact = reference.contact
         self._update_area()
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive, unknown_name
+from wbc.core.errors import InputError, non_negative, positive, unknown_name
 
 logger = logging.getLogger(__name__)
 
@@ -170,20 +170,6 @@ class StabilizerGains:
             return self
         return replace(self, cop_admittance=min(0.05, 2.0 / positive("mass (kg)", mass)))
 
-    def for_bandwidth(self, bandwidth: float, omega: float, stiffness: Pair) -> StabilizerGains:
-        """The gains with CoP admittance and proportional gain chosen from how fast the CoP is to follow.
-
-        Args:
-            bandwidth: Wanted of the CoP, 1/s; above ω.
-            omega: Natural frequency of the pendulum, 1/s.
-            stiffness: Of ankle servo, sole and ground in series, about pitch and roll, Nm/rad.
-
-        Raises:
-            InputError: A bandwidth that is not above ω.
-        """
-        along, across = (admittance(bandwidth, value) for value in stiffness)
-        return replace(self, cop_admittance=(along, across), dcm_p=dcm_gain(bandwidth, omega))
-
     def changed(self, **values: Pair | float) -> StabilizerGains:
         """The gains with some replaced.
 
@@ -196,46 +182,3 @@ class StabilizerGains:
             if name not in names:
                 unknown_name("gain", name, names)
         return replace(self, **values)  # type: ignore[arg-type]
-
-
-def dcm_gain(bandwidth: float, omega: float, damping: float = 1.0) -> float:
-    """Greatest proportional gain that a CoP of finite bandwidth leaves damped.
-
-    With ż = λ (z_d − z) the DCM error obeys s² + (λ − ω) s + λ k_p = 0, damped by ζ = (λ − ω) / (2 √(λ k_p)).
-
-    Args:
-        bandwidth: λ, 1/s; above ω.
-        omega: Natural frequency, 1/s.
-        damping: ζ wanted.
-
-    Returns:
-        k_p, 1/s.
-
-    Raises:
-        InputError: A bandwidth that is not above ω: such a CoP cannot hold the pendulum.
-    """
-    omega = positive("natural frequency (1/s)", omega)
-    bandwidth = finite_scalar("CoP bandwidth (1/s)", bandwidth, low=omega, open_low=True)
-    return (bandwidth - omega) ** 2 / (4.0 * positive("damping", damping) ** 2 * bandwidth)
-
-
-def admittance(bandwidth: float, stiffness: float) -> float:
-    """Admittance that moves a torque (or a force) with a bandwidth through a stiffness: A = λ / K.
-
-    Args:
-        bandwidth: λ, 1/s; A · K · dt must stay well below 1.
-        stiffness: Of ankle servo, sole and ground in series, Nm/rad (or N/m).
-
-    Returns:
-        Admittance, rad/(Nm·s) (or m/(N·s)).
-
-    Raises:
-        InputError: A value that is not above zero.
-    """
-    return positive("bandwidth (1/s)", bandwidth) / positive("stiffness", stiffness)
-
-
-def series(*stiffnesses: float) -> float:
-    """Stiffness of springs in a row, of the unit of its arguments; infinite ones do not count."""
-    compliance = sum(1.0 / positive("stiffness", k) for k in stiffnesses if not math.isinf(k))
-    return 1.0 / compliance if compliance > 0.0 else math.inf
