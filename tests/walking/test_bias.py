@@ -41,7 +41,7 @@ def closed_loop(
         estimator.update(
             measured, zmp + noise * rotation @ (0.005 * rng.standard_normal(2)), heading, OMEGA, dt
         )
-        result.append(estimator.local_bias)
+        result.append(estimator.bias @ rotation)
         dcm = zmp + np.exp(OMEGA * dt) * (dcm - zmp)
     return np.array(result)
 

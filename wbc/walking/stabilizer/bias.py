@@ -84,11 +84,6 @@ class BiasEstimator:
         """What the measured DCM has too much, in the world, shape (2,), m."""
         return _array(self._bias)
 
-    @property
-    def local_bias(self) -> Array:
-        """The bias in the yaw frame of the robot, forward and sideways, shape (2,), m."""
-        return _array(self._bias * self._heading.conjugate())
-
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""
         self._dcm = self._bias = 0j

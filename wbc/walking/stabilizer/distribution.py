@@ -95,7 +95,7 @@ class FootWrenches(NamedTuple):
         wrenches: [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm.
         shortfall: What is missing to the desired wrench: force, and moment about the target ZMP, world axes,
             shape (6,), N and Nm.
-        status: How the program was solved; the closed form is `SOLVED`.
+        status: how the QP was solved.
     """
 
     wrenches: Array
@@ -237,50 +237,6 @@ class WrenchDistribution:
         self._bounds[foot] = bounds
         if not contact:
             p.equality[:6, 6 * foot : 6 * foot + 6] = 0.0
-
-
-def distribute_by_ratio(
-    net: Array,
-    soles: Sequence[pin.SE3],
-    zmp: Array,
-    ratio: float,
-    rectangles: Sequence[Rectangle],
-    contact: Sequence[bool] = (True, True),
-    min_force: float = 15.0,
-) -> FootWrenches:
-    """Distribute a wrench in closed form, on level feet: forces by the ratio, the rest by one offset of both CoPs.
-
-    Args:
-        net: Desired [force; moment] at the world origin in world axes, shape (6,), N and Nm.
-        soles: Placements of the left and of the right sole.
-        zmp: ZMP of that wrench in the world, shape (3,), m.
-        ratio: Left-foot ratio, 0 to 1.
-        rectangles: Part of each sole that carries.
-        contact: Which feet carry.
-        min_force: Least normal force of a foot in contact, N.
-
-    Raises:
-        InputError: No foot in contact.
-    """
-    if not any(contact):
-        raise InputError("a wrench can only be distributed over feet in contact; neither is")
-    least = min_force / max(float(net[2]), 2.0 * min_force)
-    left = float(np.clip(ratio, least, 1.0 - least)) if all(contact) else float(bool(contact[0]))
-    shares = (left, 1.0 - left)
-    offset = zmp - (shares[0] * soles[0].translation + shares[1] * soles[1].translation)
-    wrenches, total = np.zeros((2, 6)), np.zeros(6)
-    for foot in (0, 1):
-        if not contact[foot]:
-            continue
-        sole, (x0, x1, y0, y1) = soles[foot], rectangles[foot]
-        force = sole.rotation.T @ (shares[foot] * net[:3])
-        local = sole.rotation.T @ offset
-        x, y = min(max(local[0], x0), x1), min(max(local[1], y0), y1)
-        wrenches[foot] = (*force, y * force[2], -x * force[2], x * force[1] - y * force[0])
-        total += sole.act(pin.Force(wrenches[foot])).vector
-    missing = net - total
-    missing[3:] -= pin.skew(zmp) @ missing[:3]
-    return FootWrenches(wrenches, missing, Status.SOLVED)
 
 
 @lru_cache(maxsize=256)
