@@ -17,7 +17,7 @@ from _common import parse, report, upright
 import wbc
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 from wbc.walking.stabilizer.gains import StabilizerGains
 
 PUSH_TIME, IMPULSE, DURATION = 2.0, 0.08, 0.1

@@ -10,7 +10,7 @@ from wbc.core.errors import InputError, choose, finite_array, finite_scalar, unk
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading
-from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 
 DISTANCE = 3.0
 """How far a walk goes that is told nothing else, m: the length of the paper's tracks; 22 steps of 0.145 m."""

@@ -12,13 +12,13 @@ import qpsolvers
 from wbc.core.errors import InputError
 from wbc.core.qp.solver import standard_form
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.zmp import cop, net_wrench
 from wbc.walking.stabilizer.distribution import (
     DistributionSettings,
     FootWrenches,
     WrenchDistribution,
     left_foot_ratio,
 )
+from wbc.walking.stabilizer.zmp import cop, net_wrench
 
 WEIGHT = 62.4 * GRAVITY  # JVRC-1
 SIZES = ((0.22, 0.10), (0.22, 0.10))

@@ -15,7 +15,7 @@ from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.planning.reach import Reach, check_plan, hip_height, leg_geometry
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())

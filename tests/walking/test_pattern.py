@@ -12,14 +12,14 @@ from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
 from wbc.core.qp.solver import Status, standard_form
-from wbc.walking.pattern.analytic import Pattern, analytic_pattern
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import climb_stairs, walk_distance, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.planning.schedule import (
     SupportPhase,
     ZmpTarget,

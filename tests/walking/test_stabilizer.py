@@ -14,7 +14,6 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
 from wbc.walking.pattern.swing import FootMotion
-from wbc.walking.pattern.zmp import cop, zmp
 from wbc.walking.stabilizer.admittance import (
     ComAdmittance,
     FootAdmittance,
@@ -33,6 +32,7 @@ from wbc.walking.stabilizer.feedback import (
 from wbc.walking.stabilizer.filters import Average, Derivator, LeakyIntegral, LowPass
 from wbc.walking.stabilizer.gains import StabilizerGains
 from wbc.walking.stabilizer.stabilizer import Stabilizer
+from wbc.walking.stabilizer.zmp import cop, zmp
 
 MASS = 62.4  # JVRC-1
 HEIGHT = 0.85

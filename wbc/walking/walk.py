@@ -19,8 +19,8 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.pattern.analytic import Pattern
 from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading

@@ -27,8 +27,8 @@ import numpy as np
 from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive, whole_number
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
-from wbc.walking.pattern.analytic import Pattern, dcm_backwards, height_profile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.pattern.pattern import Pattern, dcm_backwards, height_profile
 from wbc.walking.planning.schedule import (
     EDGES,
     SoleSizes,

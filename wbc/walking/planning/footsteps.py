@@ -1,6 +1,6 @@
 """Where the feet go: a plan is two feet that stand, and the steps from there.
 
-`wbc.walking.planning.plans` makes plans from a distance, a velocity or a stair; `wbc.walking.planning.reach` says
+`wbc.walking.planning.planners` makes plans from a distance, a velocity or a stair; `wbc.walking.planning.reach` says
 whether a robot can walk one.
 """
 
