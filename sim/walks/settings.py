@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from wbc.core.changes import Changes, changed, normal_changes
 from wbc.core.errors import InputError, choose
 from wbc.core.estimation.observer import ObserverSettings
+from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
@@ -28,7 +29,7 @@ ELSEWHERE = {
 """Settings that follow from others: name of the setting → what to change instead."""
 
 
-@dataclass(frozen=True)
+@settings
 class TrialSettings(WalkingControlSettings):
     """Settings of a walk in the simulator: those of `WalkingControlSettings`, and what is around the controller.
 

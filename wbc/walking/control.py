@@ -12,14 +12,14 @@ wrenches are tasks of the program itself.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
-from typing import Literal
+from dataclasses import field, replace
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.errors import Array, InputError, choose, positive, scalar
+from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
@@ -27,6 +27,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask
@@ -46,7 +47,7 @@ from wbc.walking.walk import Walk, WalkReference, WalkSettings
 Mode = Literal["position", "torque"]
 
 
-@dataclass(frozen=True)
+@settings
 class TaskGains:
     """Weights and gains of the tasks of a walk; damping is critical.
 
@@ -64,24 +65,20 @@ class TaskGains:
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
     """
 
-    com_weight: float = 100.0
-    com_stiffness: float = 100.0
-    swing_weight: float = 1000.0
-    swing_stiffness: float = 400.0
-    orientation_weight: float = 10.0
-    orientation_stiffness: float = 100.0
-    posture_weight: float = 0.1
-    posture_stiffness: float = 20.0
-    contact_stiffness: float = 1000.0
-    contact_return: float = 100.0
-    wrench_weight: float = 1e-3
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            positive(f"task gain '{f.name}'", getattr(self, f.name))
+    com_weight: Positive = 100.0
+    com_stiffness: Annotated[Positive, "1/s²"] = 100.0
+    swing_weight: Positive = 1000.0
+    swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
+    orientation_weight: Positive = 10.0
+    orientation_stiffness: Annotated[Positive, "1/s²"] = 100.0
+    posture_weight: Positive = 0.1
+    posture_stiffness: Annotated[Positive, "1/s²"] = 20.0
+    contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
+    contact_return: Annotated[Positive, "1/s²"] = 100.0
+    wrench_weight: Positive = 1e-3
 
 
-@dataclass(frozen=True)
+@settings
 class WalkingControlSettings:
     """Everything about a walk but its footsteps.
 
@@ -101,7 +98,7 @@ class WalkingControlSettings:
     """
 
     mode: Mode = "position"
-    com_height: float | None = None
+    com_height: Annotated[Positive, "m"] | None = None
     feedforward: bool = True
     walk: WalkSettings = field(default_factory=WalkSettings)
     gains: StabilizerGains = field(default_factory=StabilizerGains)
@@ -110,11 +107,6 @@ class WalkingControlSettings:
     falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
-
-    def __post_init__(self) -> None:
-        choose("mode", self.mode, ("position", "torque"))
-        if self.com_height is not None:
-            positive("CoM height (m)", self.com_height)
 
 
 class WalkingControl:

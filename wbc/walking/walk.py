@@ -12,13 +12,14 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, positive
 from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import Positive, Share, settings
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
@@ -34,7 +35,7 @@ logger = logging.getLogger(__name__)
 TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
 
 
-@dataclass(frozen=True)
+@settings
 class WalkSettings:
     """Settings of a walk.
 
@@ -54,20 +55,13 @@ class WalkSettings:
     """
 
     preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
-    climbing_inward: float = 0.01
+    climbing_inward: Annotated[float, "m"] = 0.01
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
-    replan: float = 0.1
-    feedback: float = 0.0
-    ground_memory: float = 0.5
-    rise_memory: float = 0.1
-
-    def __post_init__(self) -> None:
-        finite_scalar("climbing_inward (m)", self.climbing_inward)
-        positive("time between plans (s)", self.replan)
-        finite_scalar("feedback of the pattern", self.feedback, low=0.0, high=1.0)
-        finite_scalar("ground_memory", self.ground_memory, low=0.0, high=1.0)
-        finite_scalar("rise_memory", self.rise_memory, low=0.0, high=1.0)
+    replan: Annotated[Positive, "s"] = 0.1
+    feedback: Share = 0.0
+    ground_memory: Share = 0.5
+    rise_memory: Share = 0.1
 
 
 class WalkReference(NamedTuple):

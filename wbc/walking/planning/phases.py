@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from typing import Annotated
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.schedule import SupportPhase, schedule
 
@@ -39,7 +40,7 @@ class Event(enum.Enum):
     STOPPED = "stopped"
 
 
-@dataclass(frozen=True)
+@settings
 class PhaseSettings:
     """When phases change. Loads are shares of the robot's weight.
 
@@ -56,24 +57,15 @@ class PhaseSettings:
         hold: Time that a phase which waits is planned to last, s.
     """
 
-    touch_down: float = 0.08
-    early: float = 0.6
-    debounce: float = 0.01
-    lift_off: float = 0.25
-    stance: float = 0.5
-    max_wait: float = 0.3
-    max_late: float = 0.5
-    early_credit: float = 1.0
-    hold: float = 0.05
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            name, value = field.name, getattr(self, field.name)
-            if name in ("touch_down", "lift_off", "stance", "early", "early_credit"):
-                finite_scalar(name, value, low=0.0, high=1.0)
-            else:
-                non_negative(f"{name} (s)", value)
-        positive("hold (s)", self.hold)
+    touch_down: Share = 0.08
+    early: Share = 0.6
+    debounce: Annotated[NonNegative, "s"] = 0.01
+    lift_off: Share = 0.25
+    stance: Share = 0.5
+    max_wait: Annotated[NonNegative, "s"] = 0.3
+    max_late: Annotated[NonNegative, "s"] = 0.5
+    early_credit: Share = 1.0
+    hold: Annotated[Positive, "s"] = 0.05
 
     @staticmethod
     def by_time() -> PhaseSettings:

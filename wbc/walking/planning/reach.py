@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import Positive, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 
 MAX_SLOPE = 0.5
@@ -23,7 +25,7 @@ STANDING = 0.979
 """The same of a leg that stands: one that is stretched already can take no step at all."""
 
 
-@dataclass(frozen=True)
+@settings
 class Reach:
     """What steps a robot can take, measured from the stance sole to the landing sole in the stance frame.
 
@@ -36,16 +38,14 @@ class Reach:
         max_swing_height: Greatest swing height, m.
     """
 
-    max_length: float
-    min_spacing: float
-    max_spacing: float
-    max_yaw: float
-    max_height: float
-    max_swing_height: float
+    max_length: Annotated[Positive, "m"]
+    min_spacing: Annotated[Positive, "m"]
+    max_spacing: Annotated[Positive, "m"]
+    max_yaw: Annotated[Positive, "rad"]
+    max_height: Annotated[Positive, "m"]
+    max_swing_height: Annotated[Positive, "m"]
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"{field.name} of the reach", getattr(self, field.name))
         if self.min_spacing >= self.max_spacing:
             raise InputError(
                 f"min_spacing must be below max_spacing, got {self.min_spacing:g} and {self.max_spacing:g} m"

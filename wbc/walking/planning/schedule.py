@@ -6,10 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.errors import Array, InputError
+from wbc.core.settings import settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 
 EDGES = 8
@@ -74,7 +76,7 @@ def remaining(supports: Sequence[SupportPhase], elapsed: float) -> tuple[Support
     return (replace(supports[-1], duration=0.0),)
 
 
-@dataclass(frozen=True)
+@settings
 class ZmpTarget:
     """Where under a stance foot the ZMP should be.
 
@@ -83,12 +85,8 @@ class ZmpTarget:
         inward: From the sole centre towards the other foot, m.
     """
 
-    forward: float = 0.0
-    inward: float = 0.0
-
-    def __post_init__(self) -> None:
-        finite_scalar("forward target of the ZMP (m)", self.forward)
-        finite_scalar("inward target of the ZMP (m)", self.inward)
+    forward: Annotated[float, "m"] = 0.0
+    inward: Annotated[float, "m"] = 0.0
 
     def in_sole(self, side: str) -> tuple[float, float]:
         """The point in the frame of a left or right sole, x and y, m."""

@@ -18,17 +18,17 @@ whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.vectors import add_cross
 
 ROWS = 17
@@ -38,7 +38,7 @@ Rectangle = tuple[float, float, float, float]
 """Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
 
 
-@dataclass(frozen=True)
+@settings
 class DistributionSettings:
     """Limits and costs of the distribution.
 
@@ -59,23 +59,16 @@ class DistributionSettings:
         pressure: Cost of a load that is not shared by the ratio, 1/N².
     """
 
-    friction: float = 0.7
-    min_force: float = 15.0
-    margin: float = 0.0
-    net_force: float = 1e3
-    net_moment: float = 1e2
-    ankle_torque: float = 1.0
-    ankle_yaw: float = 1e-2
-    ankle_shear: float = 1e-4
-    ankle_normal: float = 1e-5
-    pressure: float = 1e-2
-
-    def __post_init__(self) -> None:
-        positive("friction", self.friction)
-        for name in ("min_force", "margin"):
-            non_negative(f"{name} of the distribution", getattr(self, name))
-        for field in fields(self)[3:]:
-            positive(f"cost '{field.name}' of the distribution", getattr(self, field.name))
+    friction: Positive = 0.7
+    min_force: Annotated[NonNegative, "N"] = 15.0
+    margin: Annotated[NonNegative, "m"] = 0.0
+    net_force: Annotated[Positive, "1/N²"] = 1e3
+    net_moment: Annotated[Positive, "1/(Nm)²"] = 1e2
+    ankle_torque: Annotated[Positive, "1/(Nm)²"] = 1.0
+    ankle_yaw: Annotated[Positive, "1/(Nm)²"] = 1e-2
+    ankle_shear: Annotated[Positive, "1/N²"] = 1e-4
+    ankle_normal: Annotated[Positive, "1/N²"] = 1e-5
+    pressure: Annotated[Positive, "1/N²"] = 1e-2
 
     @staticmethod
     def legacy() -> DistributionSettings:
