@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
+from typing import Annotated
 
-from wbc.core.errors import InputError, finite_scalar, positive
+from pydantic import Field
+
+from wbc.core.errors import InputError, positive
+from wbc.core.settings import Positive, settings
 
 logger = logging.getLogger(__name__)
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
 
 
-LONGEST = 60.0
-"""Greatest size or time of a gait, m or s; the robot's reach is far below."""
+Size = Annotated[float, Field(gt=0.0, le=60.0)]
+"""A length or a time of a gait, m or s; the robot's reach is far below 60."""
+
+SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
+"""One that may be zero."""
 
 
-@dataclass(frozen=True)
+@settings
 class Gait:
     """Sizes and timings of steps.
 
@@ -41,39 +48,22 @@ class Gait:
         search_time: How long it takes to get there, s.
     """
 
-    step_length: float = 0.145
-    feet_spacing: float | None = None
-    single_support: float = 0.8
-    double_support: float = 0.3
-    initial_double_support: float = 0.8
-    final_double_support: float = 0.8
-    swing_height: float = 0.06
-    apex: float = 0.4
-    takeoff_time: float = 0.05
-    landing_time: float = 0.1
-    landing_speed: float = 0.1
-    landing_height: float = 0.02
-    search_depth: float = 0.04
-    search_time: float = 0.3
+    step_length: Annotated[Size, "m"] = 0.145
+    feet_spacing: Annotated[Positive, "m"] | None = None
+    single_support: Annotated[Size, "s"] = 0.8
+    double_support: Annotated[Size, "s"] = 0.3
+    initial_double_support: Annotated[Size, "s"] = 0.8
+    final_double_support: Annotated[Size, "s"] = 0.8
+    swing_height: Annotated[Size, "m"] = 0.06
+    apex: Annotated[float, Field(ge=0.3, le=0.7)] = 0.4
+    takeoff_time: Annotated[SizeOrZero, "s"] = 0.05
+    landing_time: Annotated[SizeOrZero, "s"] = 0.1
+    landing_speed: Annotated[SizeOrZero, "m/s"] = 0.1
+    landing_height: Annotated[SizeOrZero, "m"] = 0.02
+    search_depth: Annotated[SizeOrZero, "m"] = 0.04
+    search_time: Annotated[Size, "s"] = 0.3
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "feet_spacing":
-                if value is not None:
-                    positive("feet_spacing (m)", value)
-            elif field.name == "apex":
-                finite_scalar("apex of the gait", value, low=0.3, high=0.7)
-            elif field.name in (
-                "takeoff_time",
-                "landing_time",
-                "landing_speed",
-                "landing_height",
-                "search_depth",
-            ):
-                finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST)
-            else:
-                finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST, open_low=True)
         if self.takeoff_time + self.landing_time > 0.5 * self.single_support:
             raise InputError(
                 f"takeoff_time + landing_time must be at most half of the single support, "
