@@ -1,4 +1,4 @@
-"""How a robot walks: step sizes, timings and swing height."""
+"""Gait: step sizes, timings and swing height."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class Gait:
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
         swing_height: Highest point of the swing foot over the higher of its two ends, m.
-        apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
-        takeoff_time: Time the foot rises before it moves on, s.
-        landing_time: Time the foot only sinks before it lands, s.
+        apex: Time of the highest point, as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
+        takeoff_time: Time in which the foot only rises after lift-off, s.
+        landing_time: Time in which the foot only sinks before touch-down, s.
         landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
-        landing_height: Height over the landing from which the foot sinks no faster, m: ground that comes early is met
-            gently, too; none in a plan with stairs, whose heights are known.
-        search_depth: How far below the landing the foot looks for ground that comes late, m.
-        search_time: How long it takes to get there, s.
+        landing_height: Height over the landing below which the foot sinks at `landing_speed`, m, so that ground that
+            comes early is met gently as well; 0 in a plan with stairs, whose heights are known.
+        search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
+        search_time: Time from touch-down as planned until the foot is at that depth, s.
     """
 
     step_length: Annotated[Size, "m"] = 0.145
@@ -71,9 +71,9 @@ class Gait:
             )
 
     def for_stairs(self) -> Gait:
-        """The gait for a plan with stairs, whose heights are known: feet need all their time to lift.
+        """Return the gait for a plan with stairs, whose heights are known: feet need all their time to lift.
 
-        They are highest half way, and slow, half as fast, at the very end alone.
+        A foot is highest half way, and slows down, to half the speed, at the very end alone.
         """
         return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
 
