@@ -210,7 +210,7 @@ def test_reach_is_sane_and_a_height_out_of_reach_is_refused(name: str) -> None:
     assert 0.1 < reach.max_length < 2 * leg.length and reach.max_yaw >= 0.3
     low = Reach.of(robot, leg.com_height - 0.03)
     assert low.max_length > reach.max_length  # bent knees reach further
-    assert hip_height(robot, leg.com_height) == pytest.approx(leg.hip_height)
+    assert hip_height(robot, leg.com_height, leg) == pytest.approx(leg.hip_height)
     for height in (0.2, leg.com_height + 0.3):
         with pytest.raises(InputError, match="CoM height"):
             Reach.of(robot, height)

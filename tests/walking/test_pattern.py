@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -23,7 +26,6 @@ from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velo
 from wbc.walking.planning.schedule import (
     SupportPhase,
     ZmpTarget,
-    remaining,
     schedule,
     support_area,
     zmp_reference,
@@ -34,6 +36,15 @@ SIZES = ((0.16, 0.076), (0.16, 0.076))
 HEIGHT = 0.76
 REST = Pendulum.at_rest(np.array([0.0, 0.0, HEIGHT]))
 WALK = schedule(walk_distance(START, 0.6))
+
+
+def remaining(supports: Sequence[SupportPhase], elapsed: float) -> tuple[SupportPhase, ...]:
+    """The rest of a schedule after a time (s); the last support with no time left if all of it is over."""
+    for i, support in enumerate(supports):
+        if elapsed < support.duration - 1e-9:
+            return (replace(support, duration=support.duration - elapsed), *supports[i + 1 :])
+        elapsed -= support.duration
+    return (replace(supports[-1], duration=0.0),)
 
 
 def support_at(supports: tuple[SupportPhase, ...], time: float) -> SupportPhase:
