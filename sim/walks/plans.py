@@ -10,7 +10,7 @@ from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
-from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots import load
 from wbc.robots.description import RobotDescription
@@ -23,7 +23,6 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
-from wbc.walking.stabilizer.gains import series
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +97,6 @@ def prepare(
     model = description.robot()
     q = moved(model.half_sitting, start)
     model.update(q, np.zeros(model.nv))
-    if settings.cop_bandwidth is not None and settings.foot_stiffness is None:
-        settings = replace(settings, foot_stiffness=foot_stiffness(description, model, foot))
     gait, notes = gait.on_grid(period)
     ground = stairs if stairs is not None else terrain_by_name("flat")
     steps = plan.build(FootstepPlan.standing(model, gait), ground)
@@ -110,17 +107,6 @@ def prepare(
     swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
     time = gait.initial_double_support + swings + gait.final_double_support
     return PreparedWalk(plant_description, description, foot, settings, q, steps, time, notes)
-
-
-def foot_stiffness(description: RobotDescription, robot: Robot, foot: Foot) -> tuple[float, float]:
-    """Return the stiffness of ankle servos and sole in series, about pitch and roll, Nm/rad."""
-    sole = robot.frame_id(robot.soles[0].frame)
-    turns = np.abs(pin.computeFrameJacobian(robot.model, robot.data, robot.q, sole, pin.LOCAL)[3:])
-    joint = robot.model.frames[sole].parentJoint
-    ankle = [robot.model.joints[i].idx_v for i in (joint, robot.model.parents[joint])]
-    pitch, roll = (max(ankle, key=lambda column: turns[axis, column]) - BASE_DOF for axis in (1, 0))
-    kp = description.kp
-    return series(float(kp[pitch]), foot.rotation_stiffness), series(float(kp[roll]), foot.rotation_stiffness)
 
 
 def moved(configuration: Array, start: tuple[float, float, float]) -> Array:

@@ -180,7 +180,6 @@ class WalkSpec:
         for name in ("foot_changes", "policy_params", "terrain_params", "changes"):
             data[name] = dict(data[name])
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}
-        data["gait"] = {name: None if v is None else float(v) for name, v in data["gait"].items()}
         if self.policy is None:
             del data["policy"], data["policy_params"]
         return {"kind": self.kind, **data}

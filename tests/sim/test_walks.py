@@ -31,7 +31,6 @@ from wbc.walking.falls import FallReason
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.stabilizer.gains import StabilizerGains
 
 TWO_STEPS = WalkPlan(distance=0.1)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3)
@@ -393,25 +392,6 @@ def test_changes_reach_the_controller() -> None:
     assert trial.plant.foot.stiffness == 7.0  # type: ignore[attr-defined]
 
 
-def test_gains_follow_from_the_bandwidth_that_the_cop_is_to_have() -> None:
-    def gains(**values: Any) -> StabilizerGains:
-        return WalkTrial(WalkSpec(plan=TWO_STEPS, **values)).walking.stabilizer.gains
-
-    flat, soft = (gains(foot=foot, changes={"cop_bandwidth": 20.0}) for foot in ("flat", "soft"))
-    kp = _description().kp
-    names = _description().robot().joint_names
-    servos = [kp[names.index(f"left_ankle_{name}")] for name in ("pitch", "roll")]
-    np.testing.assert_allclose(flat.cop_admittance, [20.0 / servo for servo in servos])
-    np.testing.assert_allclose(
-        soft.cop_admittance, [20.0 * (1.0 / servo + 1.0 / 26_700.0) for servo in servos]
-    )
-    omega = math.sqrt(9.80665 / 0.799)
-    assert flat.dcm_p == soft.dcm_p == pytest.approx([(20.0 - omega) ** 2 / 80.0] * 2, rel=1e-3)
-    given = gains(changes={"cop_bandwidth": 20.0, "foot_stiffness": (1000.0, 500.0)})
-    assert given.cop_admittance == pytest.approx((0.02, 0.04))
-    assert gains().cop_admittance == (0.05, 0.05)
-
-
 def test_legacy_is_the_plain_law_and_can_be_changed() -> None:
     settings = WalkSpec(plan=TWO_STEPS, gains="legacy").settings()
     assert not settings.feedforward and settings.walk.adjustment is None
@@ -474,8 +454,8 @@ def test_timings_are_rounded_and_said() -> None:
         ({"terrain": 3}, "terrain must be text"),
         ({"foot": "soft", "stiffness": "much"}, "stiffness .* must be a finite number"),
         ({"foot": "soft", "stiffness": [1.0]}, "stiffness .* must be a finite number"),
-        ({"changes": {"walk.adjustment.max_shift": 0.1}}, "two numbers"),
-        ({"changes": {"walk.adjustment.max_shift": (0.1, 0.1, 0.1)}}, "two numbers"),
+        ({"changes": {"walk.adjustment.max_shift": 0.1}}, r"max_shift \(m\) must be 2 values"),
+        ({"changes": {"walk.adjustment.max_shift": (0.1, 0.1, 0.1)}}, r"max_shift \(m\) must be 2 values"),
         ({"changes": {"walk.preview.knots": 16.5}}, "must be an integer"),
         ({"changes": {"falls.failures": 2.5}}, "must be an integer"),
         ({"changes": {"walk.preview.target.inward": math.nan}}, "finite"),
@@ -485,10 +465,7 @@ def test_timings_are_rounded_and_said() -> None:
         ({"plan": WalkPlan(velocity=(0.1, 0.0, 0.0), steps=10**9)}, "at most 10000"),
         ({"plan": WalkPlan(velocity=(0.0, 0.0, 5.712), steps=3)}, "half a turn is 1.43 rad/s"),
         ({"plan": WalkPlan(velocity=(0.0, 0.0, 1.0), steps=3)}, "within reach"),
-        ({"changes": {"walk.preview.interval": 1e-9}}, "preview interval"),
-        ({"changes": {"cop_bandwidth": 3.0}}, "CoP bandwidth"),
-        ({"changes": {"cop_bandwidth": -1.0}}, "cop_bandwidth"),
-        ({"changes": {"foot_stiffness": (1000.0,)}}, "foot_stiffness .*2 values"),
+        ({"changes": {"walk.preview.interval": 1e-9}}, r"interval \(s\) must be .* at least 0.01"),
         ({"gait": Gait(single_support=0.1, takeoff_time=0.01, landing_time=0.02)}, "at least 0.13 s"),
         (
             {"terrain": "steps", "plan": WalkPlan(stairs="together"), "start": (0.0, 0.0, 0.3)},
@@ -510,7 +487,6 @@ def test_timings_are_rounded_and_said() -> None:
             "no body 'torzo'; did you mean 'torso'",
         ),
         ({"changes": {"distribution.margin": 0.06}}, "leaves nothing"),
-        ({"changes": {"distribution.margin": 0.0105, "carrying": True}}, "below the least half extent"),
         ({"start": (0.0, 0.0)}, "start .* must be 3 values"),
         ({"seed": 2**63}, "seed must be below"),
         ({"changes": "dcm_p"}, "changes: must be an object"),
@@ -542,8 +518,11 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
         (lambda: WalkPush(impulse=0.1, step=0), "at least 1"),
         (lambda: from_json(WalkPush, {"step": 1}), "impulse .* is missing"),
         (lambda: WalkPlan(footsteps=3), "footsteps must be a list, each item Footstep"),  # type: ignore[arg-type]
-        (lambda: Gait(single_support=1e9), "must lie in"),
-        (lambda: WalkSpec.from_json({"gait": {"step_length": "0.1"}}), "step_length must be a finite number"),
+        (lambda: Gait(single_support=1e9), r"single_support \(s\) must be .* at most 60"),
+        (
+            lambda: WalkSpec.from_json({"gait": {"step_length": "0.1"}}),
+            r"step_length \(m\) must be a finite number",
+        ),
         (lambda: from_json(WalkPlan, {"distance": "1"}), "distance .* must be a finite number"),
         (lambda: WalkPush(impulse=0.1, time=1.0, body=5), "body must be text"),  # type: ignore[arg-type]
         (lambda: WalkPush(impulse=0.1, time=True), "time .* must be a finite number"),

@@ -21,7 +21,7 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 
 GAIT = Gait(single_support=0.6, double_support=0.2, initial_double_support=0.5, final_double_support=0.3)
 SECONDS = 3.0

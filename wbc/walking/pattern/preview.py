@@ -20,15 +20,18 @@ the tail of the analytic plan; support rows as in S. Caron et al., ICRA 2019.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive, whole_number
+from wbc.core.errors import Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
-from wbc.walking.pattern.analytic import Pattern, dcm_backwards, height_profile
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.pattern.pattern import Pattern, dcm_backwards, height_profile
 from wbc.walking.planning.schedule import (
     EDGES,
     SoleSizes,
@@ -39,7 +42,7 @@ from wbc.walking.planning.schedule import (
 )
 
 
-@dataclass(frozen=True)
+@settings
 class PreviewSettings:
     """Settings of the preview controller.
 
@@ -53,21 +56,12 @@ class PreviewSettings:
         target: Where under a stance foot the ZMP should be.
     """
 
-    knots: int = 16
-    interval: float = 0.1
-    margin: float = 0.008
-    rate_weight: float = 1e-3
-    slack_weight: float = 1e4
+    knots: Annotated[int, Field(ge=2, le=100)] = 16
+    interval: Annotated[float, Field(ge=0.01, le=1.0), "s"] = 0.1
+    margin: Annotated[NonNegative, "m"] = 0.008
+    rate_weight: Annotated[NonNegative, "s²"] = 1e-3
+    slack_weight: Annotated[Positive, "1/s²"] = 1e4
     target: ZmpTarget = field(default_factory=ZmpTarget)
-
-    def __post_init__(self) -> None:
-        finite_scalar(
-            "number of preview knots", whole_number("number of preview knots", self.knots, low=2), high=100
-        )
-        finite_scalar("preview interval (s)", self.interval, low=0.01, high=1.0)
-        non_negative("preview margin (m)", self.margin)
-        non_negative("rate_weight (s²)", self.rate_weight)
-        positive("slack_weight", self.slack_weight)
 
 
 class PreviewController:
