@@ -2,9 +2,9 @@
 
     STANDING ── start ──▶ DOUBLE ── lift-off ──▶ SINGLE ── touch-down ──▶ DOUBLE ── … ── time ──▶ STANDING
 
-Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is the first load on the
-swing foot: early (the swing ends, and the weight may come over at once), on time, or late (the foot reaches on down, and
-the pendulum is held meanwhile). The machine moves nothing: it holds the phase and reports events.
+Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is the first load on
+the swing foot: early (the swing ends, and the weight may come over at once), on time, or late (the foot reaches on
+down, and the pendulum is held meanwhile). The machine moves nothing: it holds the phase and reports events.
 """
 
 from __future__ import annotations
