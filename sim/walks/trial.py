@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.errors import Array, InputError, MeasurementError
+from wbc.core.errors import Array, InputError, MeasurementError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
@@ -34,6 +34,9 @@ from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason
+
+PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
+FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 
 def walk(
@@ -62,7 +65,9 @@ def walk(
         UnknownNameError: A field that the spec does not have; the nearest names are given.
         InputError: A value that cannot be used.
     """
-    plan = {f.name: values.pop(f.name) for f in fields(WalkPlan) if f.name in values}
+    for name in values:
+        choose("field of a walk", name, FIELDS)
+    plan = {name: values.pop(name) for name in PLAN_FIELDS if name in values}
     if plan:
         if "plan" in values:
             raise InputError(f"give either a plan or {' and '.join(plan)}")
