@@ -7,11 +7,12 @@ import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.heightmap import HeightMap
@@ -100,16 +101,15 @@ class Image(FieldFamily):
     """Heights from the brightness of a grey image or the values of an array, black lowest."""
 
     source: Any = param(
-        None, "1", "Path of an image, .npy or .csv file, or a 2-D array; columns along x, first row left"
+        None, "Path of an image, .npy or .csv file, or a 2-D array; columns along x, first row left"
     )
-    metres_per_pixel: float | None = param(None, "m", "Scale")
+    metres_per_pixel: Annotated[Positive, "m"] | None = param(None, "Scale")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "source", GreyMap.of(self.source))
         if self.metres_per_pixel is None:
             raise InputError("image has no scale: give metres_per_pixel (m)")
-        scale = positive("image parameter metres_per_pixel (m)", self.metres_per_pixel)
-        object.__setattr__(self, "metres_per_pixel", scale)
 
     @property
     def _pixel(self) -> float:
