@@ -32,7 +32,7 @@ from wbc.sim.rig.study import (
 )
 from wbc.sim.rig.tables import deflection_table, stability_table, stiffness_means, stiffness_table
 
-__all__ = [  # noqa: RUF022 - sorted by purpose
+__all__ = [
     # A test
     "FootTest",
     "HRP4C_SOLE",

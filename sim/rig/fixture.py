@@ -109,11 +109,11 @@ class Rig:
         mujoco.mj_step(self.model, self.data, nstep=count)
 
     def steps(self, duration: float) -> int:
-        """Number of physics steps in a time (s), at least one."""
+        """Return the number of physics steps in a time (s), at least one."""
         return max(1, round(duration / self.test.physics.timestep))
 
     def fork(self) -> Rig:
-        """An independent rig in the same state."""
+        """Return an independent rig in the same state."""
         twin = copy.copy(self)
         twin.data = copy.copy(self.data)
         return twin
@@ -181,7 +181,7 @@ class Rig:
         return float(self.data.joint("roll").qpos[0]), float(self.data.joint("pitch").qpos[0])
 
     def set_tilt(self, roll: float, pitch: float) -> None:
-        """Ask the ankle servo for a roll and pitch, rad."""
+        """Command the roll and pitch of the ankle servo, rad."""
         self.data.ctrl[:] = (roll, pitch)
 
     @property

@@ -16,7 +16,7 @@ from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.render import AddedTerrain, GroundContact, add_to_spec
 from wbc.sim.terrain.spec import Rendering, Terrain, terrain
 
-__all__ = [  # noqa: RUF022 - sorted by purpose
+__all__ = [
     # Grounds by name
     "terrain",
     "terrain_families",

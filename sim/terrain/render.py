@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
 from wbc.sim.terrain.clearance import check_clearance
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
@@ -68,6 +68,11 @@ class GroundContact:
     priority: int = 0
     contype: int = 1
     conaffinity: int = 1
+
+    def geom_fields(self) -> dict[str, Any]:
+        """Return the values by their names in a MuJoCo geom."""
+        values: dict[str, Any] = to_json(self)
+        return values | {"friction": [values.pop(name) for name in ("friction", "torsion", "rolling")]}
 
 
 @dataclass(frozen=True)
@@ -138,28 +143,13 @@ def add_to_spec(
         raise InputError(f"geom group must lie in 0..{mujoco.mjNGROUP - 1}, got {group}")
     if spec.geom(f"{prefix}_floor") is not None:
         raise InputError(f"the model has a terrain called '{prefix}' already")
-    terrain = replace(
-        terrain,
-        rendering=terrain.rendering if rendering is None else rendering,
-        resolution=terrain.resolution if resolution is None else resolution,
-        sole_radius=terrain.sole_radius if sole_radius is None else sole_radius,
-    )
+    changes: dict[str, Any] = {"rendering": rendering, "resolution": resolution, "sole_radius": sole_radius}
+    terrain = replace(terrain, **{key: value for key, value in changes.items() if value is not None})
     ground = terrain.surface
     if clearance is not None:
         check_clearance(terrain, clearance)
     # Without density the ground adds nothing to the mass of the model.
-    touch = contact or GroundContact()
-    common: dict[str, Any] = {
-        "friction": [touch.friction, touch.torsion, touch.rolling],
-        "solref": list(touch.solref),
-        "solimp": list(touch.solimp),
-        "condim": touch.condim,
-        "priority": touch.priority,
-        "contype": touch.contype,
-        "conaffinity": touch.conaffinity,
-        "group": group,
-        "density": 0.0,
-    }
+    common = (contact or GroundContact()).geom_fields() | {"group": group, "density": 0.0}
     names = [f"{prefix}_floor"]
     spec.worldbody.add_geom(
         name=names[0],

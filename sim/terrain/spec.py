@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
-from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
+from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make_family
 from wbc.sim.terrain.families.draws import Draws
 from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
@@ -172,7 +172,7 @@ class Terrain:
         return self.surface.shapes
 
     def _strips(self, start: float, stop: float, floor: float) -> tuple[Box, ...]:
-        """Boxes of the flat start and stop, where the floor is not at their level."""
+        """Return the boxes of the flat start and stop, where the floor is not at their level."""
         x = self.extent
         spans = ((x[0], self.start, start), (self.stop, x[1], stop))
         return tuple(strip(a, b, self.width, level, floor) for a, b, level in spans if level != floor)
@@ -319,7 +319,7 @@ def _jsonable(value: Any) -> Any:
 
 
 def terrain(
-    name: str,
+    name: str | Family,
     amplitude: float | None = None,
     seed: int = 0,
     *,
@@ -332,10 +332,10 @@ def terrain(
     sole_radius: float = SOLE_SPHERE_RADIUS,
     **params: Any,
 ) -> Terrain:
-    """Make a terrain from the name of its family.
+    """Return a terrain by the name of its family.
 
     Args:
-        name: One of `terrain_families()`.
+        name: One of `terrain_families()`, or a family's parameters.
         amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
         seed: Fixes every random draw.
         length: Length of the rough part, m; 3 m (or the image's) when None.
@@ -345,15 +345,15 @@ def terrain(
         rendering: "geoms", "height_field" or "auto"; see `Terrain`.
         resolution: Greatest cell of a height field, m.
         sole_radius: Radius of the spheres under the sole, m.
-        **params: Parameters of the family.
+        **params: Parameters of the family that differ.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.
         InputError: A value is out of range.
     """
-    parameters = make(name, params)
-    asked = {"length": length, "width": width, "start": start, "strip": strip}
-    track = parameters.track() | {key: value for key, value in asked.items() if value is not None}
+    parameters = make_family(name, params) if isinstance(name, str) else replace(name, **params)
+    given = {"length": length, "width": width, "start": start, "strip": strip}
+    track = parameters.track() | {key: value for key, value in given.items() if value is not None}
     height = parameters.default_amplitude if amplitude is None else amplitude
     return Terrain(
         parameters=parameters,

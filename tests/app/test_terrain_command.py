@@ -33,11 +33,17 @@ def test_options_read_parameters_as_text() -> None:
         ("waves=2.5", "^waves must be an integer of at least 2 and of at most 2000, got 2.5$"),
         ("isotropic=1", "true or false"),
         ("hihg=3", "did you mean 'high'"),
+        ("seed=3", "no parameter of the terrain 'iso8608' 'seed'"),
     ):
         with pytest.raises(InputError, match=message):
             describe_terrain(TerrainOptions("iso8608", param=(param,)))
     with pytest.raises(InputError, match="twice"):
         describe_terrain(TerrainOptions("iso8608", param=("high=3", "high=4")))
+
+
+def test_parameters_of_a_family_may_be_called_like_those_of_the_track() -> None:
+    facts = describe_terrain(TerrainOptions("stone_bricks", length=2.0, param=("length=0.3",)))
+    assert facts["length_m"] == 2.0 and facts["parameters"]["length"] == 0.3
 
 
 def test_pictures_are_drawn_and_their_place_checked_first(tmp_path: Path) -> None:

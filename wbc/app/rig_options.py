@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -19,6 +19,7 @@ from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig import HRP4C_SOLE, STIFFNESSES, FootTest
 from wbc.sim.terrain import Rendering, Terrain
 from wbc.sim.terrain import terrain as make_terrain
+from wbc.sim.terrain.families.base import make_family
 
 Several = Parameter(consume_multiple=True)
 """An option that takes all the values that follow it."""
@@ -116,17 +117,15 @@ class RigOptions(FootOptions):
             InputError: A value out of range, a stiffness for a foot that has none, or a foot that does not fit.
         """
         design = read_foot(self.foot, self.stiffness, self.foot_param)
-        parameters: dict[str, Any] = dict(read_changes(self.param))
         return FootTest(
             foot=design,
             ground=make_terrain(
-                self.terrain,
+                make_family(self.terrain, read_changes(self.param)),
                 self.amplitude,
                 self.seed,
                 rendering=self.rendering,
                 resolution=self.resolution,
                 sole_radius=design.contact.radius,
-                **parameters,
             ),
             load=self.load,
             x=self.x,
@@ -154,6 +153,10 @@ class StudyOptions(FootOptions):
     terrain: Annotated[tuple[str, ...], Several] = ("random", "stones")
     amplitude: float = 0.03
     seeds: Count = 5
+
+    def __post_init__(self) -> None:
+        if not self.terrain:
+            raise InputError("at least one terrain is needed")
 
     def test(self) -> FootTest:
         """Return the foot test that all runs share.

@@ -79,21 +79,21 @@ class Family(ABC):
 
     @classmethod
     def summary(cls) -> str:
-        """First line of the family's documentation."""
+        """Return the first line of the family's documentation."""
         return (inspect.getdoc(cls) or "").splitlines()[0]
 
     @property
     @abstractmethod
     def smallest_feature(self) -> float:
-        """Size of the smallest thing a foot can feel on this ground (a stone, a joint, half a wave), m."""
+        """Size of the smallest feature that a foot can feel (a stone, a joint, half a wave), m."""
 
     def feature_at(self, amplitude: float) -> float:
-        """Return the smallest feature of a ground of this amplitude, m; families whose things grow with it say so."""
+        """Return the smallest feature at this amplitude, m; in some families it grows with the amplitude."""
         del amplitude
         return self.smallest_feature
 
     def rise_at(self, amplitude: float) -> float:
-        """Return how high a foot must be lifted in one step on a ground of this amplitude, m; climbs need less."""
+        """Return the height by which a foot must be lifted in one step, m: the amplitude (m), or less on climbs."""
         return amplitude
 
     @property
@@ -119,7 +119,7 @@ class Family(ABC):
         del length, width
 
     def facts(self, site: Site) -> dict[str, Any]:
-        """Say more about a ground, for people: JSON-able names and values, with the unit in the name."""
+        """Return further facts about a ground as JSON values, with the unit in the name."""
         del site
         return {}
 
@@ -132,15 +132,15 @@ class ShapeFamily(Family):
 
     @abstractmethod
     def shapes(self, site: Site) -> Iterable[Shape]:
-        """Build the solids of the rough part; all of them inside it."""
+        """Return the solids of the rough part, all of them inside it."""
 
     def floor(self, site: Site) -> float:
-        """Level of the endless floor, m; the start strip is at 0."""
+        """Return the level of the endless floor, m; the start strip is at 0."""
         del site
         return 0.0
 
     def stop(self, site: Site) -> float:
-        """Level of the stop strip, m."""
+        """Return the level of the stop strip, m."""
         del site
         return 0.0
 
@@ -173,7 +173,7 @@ class FieldFamily(Family):
 
     @property
     def grid(self) -> float:
-        """Cell length unless told otherwise, m: eight cells a feature keep a sine to 2 % of its height."""
+        """Default cell, m: eight cells a feature keep a sine to 2 % of its height."""
         return min(DEFAULT_CELL, self.smallest_feature / 8.0)
 
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
@@ -264,8 +264,8 @@ def terrain_families() -> dict[str, type[Family]]:
     return dict(sorted(_FAMILIES.items()))
 
 
-def make(name: str, params: Mapping[str, Any]) -> Family:
-    """Make the parameters of a family.
+def make_family(name: str, params: Mapping[str, Any]) -> Family:
+    """Return the parameters of a family by its name, some of them changed.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.

@@ -41,7 +41,7 @@ class GreyMap:
         return np.frombuffer(self.data, dtype="<f8").reshape(self.rows, self.columns)
 
     def __str__(self) -> str:
-        """Return size and hash: what tells one image from another."""
+        """Return size and hash of the image."""
         return f"{self.rows} x {self.columns} pixels, sha256 {hashlib.sha256(self.data).hexdigest()[:16]}"
 
     __repr__ = __str__
@@ -145,7 +145,7 @@ class Image(FieldFamily):
         return self._pixel
 
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
-        """Put the darkest point at the level of the strips: the user's heights are not touched otherwise."""
+        """Put the darkest point at the level of the strips: no other change is made to the user's heights."""
         del site, x
         return raw - raw.min(), 0.0, 0.0
 

@@ -1,4 +1,4 @@
-"""Grounds with single things lying on a floor: bars, pyramids, ellipsoids, sticks, boards; and slats over a pit."""
+"""Grounds with obstacles lying on a floor: bars, pyramids, ellipsoids, sticks, boards; and slats over a pit."""
 # ruff: noqa: D102 - overrides are documented where they are declared
 
 from __future__ import annotations

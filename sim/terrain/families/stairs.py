@@ -43,7 +43,7 @@ class Flat(ShapeFamily):
 
 
 class _Climb(ShapeFamily):
-    """What stairs and ramps share: a direction, and levels that follow from it."""
+    """Stairs or a ramp: a direction, and the levels that follow from it."""
 
     direction: Direction
 
@@ -80,7 +80,7 @@ class Steps(_Climb):
         return self.tread
 
     def risers(self, amplitude: float) -> int:
-        """Count the steps of one flight."""
+        """Return the number of steps of one flight."""
         return max(1, math.ceil(amplitude / self.riser - 1e-9))
 
     def rise_at(self, amplitude: float) -> float:

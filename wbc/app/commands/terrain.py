@@ -14,6 +14,7 @@ from wbc.core.settings import settings, unit_and_choices
 from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain import Rendering, Terrain, check_clearance, terrain_families
 from wbc.sim.terrain import terrain as make_terrain
+from wbc.sim.terrain.families.base import make_family
 from wbc.sim.terrain.plot import example_terrain, plot_families, plot_terrain
 from wbc.sim.terrain.spec import SOLE_SPHERE_RADIUS
 from wbc.walking.planning.gait import Gait
@@ -62,9 +63,8 @@ class TerrainOptions:
             UnknownNameError: No such family or parameter.
             InputError: A value is out of range or cannot be read.
         """
-        parameters: dict[str, Any] = dict(read_changes(self.param))
         return make_terrain(
-            self.name,
+            make_family(self.name, read_changes(self.param)),
             self.amplitude,
             self.seed,
             length=self.length,
@@ -74,7 +74,6 @@ class TerrainOptions:
             rendering=self.rendering,
             resolution=self.resolution,
             sole_radius=self.sole_radius,
-            **parameters,
         )
 
 
