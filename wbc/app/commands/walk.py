@@ -22,8 +22,7 @@ from wbc.core.errors import InputError, finite_scalar, unknown_name
 from wbc.core.files import read_text
 from wbc.core.settings import from_json
 from wbc.sim.balance.standing import Mode
-from wbc.sim.terrain.checks import check_clearance
-from wbc.sim.terrain.report import read_params
+from wbc.sim.terrain import check_clearance
 from wbc.sim.walks import (
     WalkHook,
     WalkPlan,
@@ -36,9 +35,6 @@ from wbc.walking.planning.gait import Gait
 
 STONES_AMPLITUDE = 0.02
 """Height of the stones that are walked over when no ground is named, m."""
-
-TRACK = ("length", "width", "start", "strip", "resolution", "sole_radius")
-"""Parameters of every ground, numbers in m, beside those of its family."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +127,7 @@ class WalkOptions:
             policy_params=tuple(read_changes(self.policy_param).items()),
             terrain=terrain,
             amplitude=STONES_AMPLITUDE if self.terrain is None and self.amplitude is None else self.amplitude,
-            terrain_params=tuple(_ground_params(terrain, self.param).items()),
+            terrain_params=tuple(read_changes(self.param).items()),
             seed=self.seed,
             noise=self.noise,
             noise_seed=self.noise_seed,
@@ -215,21 +211,6 @@ def read_json(path: Path) -> Any:
         return json.loads(text)
     except ValueError as error:
         raise InputError(f"{path} is not JSON: {error}") from error
-
-
-def _ground_params(family: str, texts: tuple[str, ...]) -> dict[str, Any]:
-    """Parameters of a ground: those of its track, and those of its family."""
-    track: dict[str, Any] = {}
-    own = []
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name.strip() in TRACK:
-            track |= read_changes([text])
-        elif name.strip() == "rendering":
-            track["rendering"] = value.strip()
-        else:
-            own.append(text)
-    return track | read_params(family, tuple(own))
 
 
 def read_push(text: str) -> WalkPush:
