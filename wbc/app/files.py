@@ -34,3 +34,12 @@ def check_target(what: str, path: str | Path, endings: tuple[str, ...]) -> Path:
     if not there:
         target.unlink()
     return target
+
+
+def check_picture(path: Path | None) -> Path | None:
+    """Return where a picture is to be written, None if none is wanted.
+
+    Raises:
+        InputError: As `check_target` raises it.
+    """
+    return None if path is None else check_target("a picture", path, (".png", ".pdf", ".svg", ".jpg"))

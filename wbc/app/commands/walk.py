@@ -9,7 +9,7 @@ from collections import Counter
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -20,9 +20,9 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError, finite_scalar, unknown_name
 from wbc.core.files import read_text
+from wbc.core.settings import from_json
 from wbc.sim.balance.standing import Mode
-from wbc.sim.terrain.checks import check_clearance
-from wbc.sim.terrain.report import read_params
+from wbc.sim.terrain import check_clearance
 from wbc.sim.walks import (
     WalkHook,
     WalkPlan,
@@ -35,9 +35,6 @@ from wbc.walking.planning.gait import Gait
 
 STONES_AMPLITUDE = 0.02
 """Height of the stones that are walked over when no ground is named, m."""
-
-TRACK = ("length", "width", "start", "strip", "resolution", "sole_radius")
-"""Parameters of every ground, numbers in m, beside those of its family."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,8 +96,8 @@ class WalkOptions:
     velocity: tuple[float, float, float] | None = None
     steps: int | None = None
     turn: float | None = None
-    stairs: str | None = None
-    first: str | None = None
+    stairs: Literal["together", "alternate"] | None = None
+    first: Literal["left", "right"] | None = None
     mode: Mode = WalkSpec.mode
     control_period: float | None = None
     timestep: float = WalkSpec.timestep
@@ -130,7 +127,7 @@ class WalkOptions:
             policy_params=tuple(read_changes(self.policy_param).items()),
             terrain=terrain,
             amplitude=STONES_AMPLITUDE if self.terrain is None and self.amplitude is None else self.amplitude,
-            terrain_params=tuple(_ground_params(terrain, self.param).items()),
+            terrain_params=tuple(read_changes(self.param).items()),
             seed=self.seed,
             noise=self.noise,
             noise_seed=self.noise_seed,
@@ -216,21 +213,6 @@ def read_json(path: Path) -> Any:
         raise InputError(f"{path} is not JSON: {error}") from error
 
 
-def _ground_params(family: str, texts: tuple[str, ...]) -> dict[str, Any]:
-    """Parameters of a ground: those of its track, and those of its family."""
-    track: dict[str, Any] = {}
-    own = []
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name.strip() in TRACK:
-            track |= read_changes([text])
-        elif name.strip() == "rendering":
-            track["rendering"] = value.strip()
-        else:
-            own.append(text)
-    return track | read_params(family, tuple(own))
-
-
 def read_push(text: str) -> WalkPush:
     """A push out of a text such as impulse=0.2,direction=90,step=5,phase=0.5; the direction in degrees.
 
@@ -246,7 +228,7 @@ def read_push(text: str) -> WalkPush:
         values["direction"] = math.radians(
             finite_scalar("direction of a push (degrees)", values["direction"])
         )
-    return WalkPush.from_json(values)
+    return from_json(WalkPush, values)
 
 
 def walk_text(result: WalkResult, spec: WalkSpec) -> str:
