@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import subprocess
 import sys
@@ -74,7 +75,7 @@ def test_unknown_names_list_what_there_is() -> None:
 
 
 def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(catalog, "_FEET", dict(catalog._FEET))
+    monkeypatch.setattr(catalog, "_FEET", copy.copy(catalog._FEET))
 
     class Skate(RigidFoot):
         """A narrow rigid foot."""
