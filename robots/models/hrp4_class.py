@@ -33,7 +33,7 @@ from functools import cache
 
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription
-from wbc.robots.models.primitives import DARK, GREY, WHITE, Joint, Link, LinkShape, serial_chain, to_urdf
+from wbc.robots.models.primitives import DARK, GREY, Joint, Link, box, cylinder, serial_chain, sphere, to_urdf
 
 HEIGHT = 1.51
 """Standing height, m (HRP-4, IROS 2011)."""
@@ -71,31 +71,25 @@ def trunk() -> tuple[list[Link], list[Joint]]:
         Link(
             "pelvis",
             7.649,
-            (
-                LinkShape("box", (0.130, 0.200, 0.080), (-0.010, 0.0, 0.062)),
-                LinkShape("box", (0.110, 0.150, 0.050), (-0.008, 0.0, 0.127), colour=GREY),
-            ),
+            box((0.130, 0.200, 0.080), (-0.010, 0.0, 0.062)),
+            box((0.110, 0.150, 0.050), (-0.008, 0.0, 0.127), colour=GREY),
         ),
-        Link("waist_link", 1.777, (LinkShape("cylinder", (0.052, 0.130), axis="y", colour=DARK),)),
+        Link("waist_link", 1.777, cylinder((0.052, 0.130), axis="y", colour=DARK)),
         Link(
             "chest",
             7.067,
-            (
-                LinkShape("box", (0.120, 0.170, 0.100), (-0.018, 0.0, 0.090), colour=GREY),
-                LinkShape("box", (0.165, 0.210, 0.130), (-0.025, 0.0, 0.200)),
-                LinkShape("box", (0.120, 0.150, 0.035), (-0.036, 0.0, 0.2825)),
-                LinkShape("cylinder", (0.033, 0.090), (-0.036, 0.0, 0.345), colour=DARK),
-            ),
+            box((0.120, 0.170, 0.100), (-0.018, 0.0, 0.090), colour=GREY),
+            box((0.165, 0.210, 0.130), (-0.025, 0.0, 0.200)),
+            box((0.120, 0.150, 0.035), (-0.036, 0.0, 0.2825)),
+            cylinder((0.033, 0.090), (-0.036, 0.0, 0.345), colour=DARK),
         ),
-        Link("neck_link", 0.339, (LinkShape("sphere", (0.030,), colour=DARK),)),
+        Link("neck_link", 0.339, sphere((0.030,), colour=DARK)),
         Link(
             "head",
             3.257,
-            (
-                LinkShape("sphere", (0.068,), (0.004, 0.0, crown - 0.068)),
-                LinkShape("cylinder", (0.058, 0.080), (0.004, 0.0, 0.050), colour=WHITE),
-                LinkShape("box", (0.030, 0.100, 0.034), (0.062, 0.0, 0.085), colour=DARK),
-            ),
+            sphere((0.068,), (0.004, 0.0, crown - 0.068)),
+            cylinder((0.058, 0.080), (0.004, 0.0, 0.050)),
+            box((0.030, 0.100, 0.034), (0.062, 0.0, 0.085), colour=DARK),
         ),
     ]
     joints = [
@@ -117,61 +111,32 @@ def arm(side: str) -> tuple[list[Link], list[Joint]]:
         return (low, high) if s > 0 else (-high, -low)
 
     links = [
-        Link(
-            f"{side}_shoulder_pitch_link",
-            0.412,
-            (LinkShape("cylinder", (0.042, 0.050), axis="y", colour=DARK),),
-        ),
-        Link(f"{side}_shoulder_roll_link", 0.576, (LinkShape("sphere", (0.046,), (0.0, 0.010 * s, 0.0)),)),
+        Link(f"{side}_shoulder_pitch_link", 0.412, cylinder((0.042, 0.050), axis="y", colour=DARK)),
+        Link(f"{side}_shoulder_roll_link", 0.576, sphere((0.046,), (0.0, 0.010 * s, 0.0))),
         Link(
             f"{side}_upper_arm",
             1.218,
-            (
-                LinkShape("cylinder", (0.034, 0.170), (0.0, 0.010 * s, -0.120)),
-                LinkShape("cylinder", (0.032, 0.060), (0.0, 0.005 * s, -upper), axis="y", colour=DARK),
-            ),
+            cylinder((0.034, 0.170), (0.0, 0.010 * s, -0.120)),
+            cylinder((0.032, 0.060), (0.0, 0.005 * s, -upper), axis="y", colour=DARK),
         ),
-        Link(
-            f"{side}_elbow_link",
-            0.338,
-            (LinkShape("cylinder", (0.029, 0.060), (0.0, 0.0, -0.045), colour=GREY),),
-        ),
-        Link(f"{side}_forearm", 0.218, (LinkShape("cylinder", (0.029, 0.100), (0.0, 0.0, -0.125)),)),
-        Link(f"{side}_wrist_link", 0.060, (LinkShape("sphere", (0.023,), colour=DARK),)),
-        Link(
-            f"{side}_hand", 0.260, (LinkShape("box", (0.060, 0.026, 0.070), (0.0, 0.0, -0.055), colour=GREY),)
-        ),
-        Link(
-            f"{side}_thumb",
-            0.050,
-            (LinkShape("box", (0.018, 0.018, 0.050), (0.0, 0.0, -0.025), colour=DARK),),
-        ),
-        Link(
-            f"{side}_fingers",
-            0.090,
-            (LinkShape("box", (0.058, 0.018, 0.065), (0.0, 0.0, -0.0325), colour=DARK),),
-        ),
+        Link(f"{side}_elbow_link", 0.338, cylinder((0.029, 0.060), (0.0, 0.0, -0.045), colour=GREY)),
+        Link(f"{side}_forearm", 0.218, cylinder((0.029, 0.100), (0.0, 0.0, -0.125))),
+        Link(f"{side}_wrist_link", 0.060, sphere((0.023,), colour=DARK)),
+        Link(f"{side}_hand", 0.260, box((0.060, 0.026, 0.070), (0.0, 0.0, -0.055), colour=GREY)),
+        Link(f"{side}_thumb", 0.050, box((0.018, 0.018, 0.050), (0.0, 0.0, -0.025), colour=DARK)),
+        Link(f"{side}_fingers", 0.090, box((0.058, 0.018, 0.065), (0.0, 0.0, -0.0325), colour=DARK)),
     ]
+    shoulder = (-0.040 * u, 0.160 * u * s, 0.285 * u)
     joints = serial_chain(
         side,
         "chest",
-        [
-            (
-                "shoulder_pitch",
-                "shoulder_pitch_link",
-                (-0.040 * u, 0.160 * u * s, 0.285 * u),
-                "y",
-                (-147, 60),
-                2.91,
-                20,
-            ),
-            ("shoulder_roll", "shoulder_roll_link", (0, 0, 0), "x", turn(-10, 89), 2.51, 20),
-            ("shoulder_yaw", "upper_arm", (0, 0, 0), "z", (-92, 92), 5.05, 10),
-            ("elbow_pitch", "elbow_link", (0, 0, -upper), "y", (-123, 2), 2.09, 10),
-            ("wrist_yaw", "forearm", (0, 0, 0), "z", (-92, 92), 3.80, 4),
-            ("wrist_pitch", "wrist_link", (0, 0, -fore), "y", (-84, 84), 3.80, 4),
-            ("wrist_roll", "hand", (0, 0, 0), "x", (-84, 84), 3.80, 4),
-        ],
+        ("shoulder_pitch", "shoulder_pitch_link", shoulder, "y", (-147, 60), 2.91, 20),
+        ("shoulder_roll", "shoulder_roll_link", (0, 0, 0), "x", turn(-10, 89), 2.51, 20),
+        ("shoulder_yaw", "upper_arm", (0, 0, 0), "z", (-92, 92), 5.05, 10),
+        ("elbow_pitch", "elbow_link", (0, 0, -upper), "y", (-123, 2), 2.09, 10),
+        ("wrist_yaw", "forearm", (0, 0, 0), "z", (-92, 92), 3.80, 4),
+        ("wrist_pitch", "wrist_link", (0, 0, -fore), "y", (-84, 84), 3.80, 4),
+        ("wrist_roll", "hand", (0, 0, 0), "x", (-84, 84), 3.80, 4),
     )
     hand = f"{side}_hand"
     joints += [
@@ -186,50 +151,38 @@ def leg(side: str) -> tuple[list[Link], list[Joint]]:
     s = 1.0 if side == "left" else -1.0
     plate = 0.020
     links = [
-        Link(
-            f"{side}_hip_yaw_link",
-            1.173,
-            (LinkShape("cylinder", (0.046, 0.070), (0.0, 0.0, 0.050), colour=DARK),),
-        ),
-        Link(f"{side}_hip_roll_link", 0.604, (LinkShape("sphere", (0.048,), colour=GREY),)),
+        Link(f"{side}_hip_yaw_link", 1.173, cylinder((0.046, 0.070), (0.0, 0.0, 0.050), colour=DARK)),
+        Link(f"{side}_hip_roll_link", 0.604, sphere((0.048,), colour=GREY)),
         Link(
             f"{side}_thigh",
             2.363,
-            (
-                LinkShape("cylinder", (0.054, 0.160), (0.002, 0.0, -0.125)),
-                LinkShape("cylinder", (0.046, 0.110), (0.002, 0.0, -0.255)),
-            ),
+            cylinder((0.054, 0.160), (0.002, 0.0, -0.125)),
+            cylinder((0.046, 0.110), (0.002, 0.0, -0.255)),
         ),
         Link(
             f"{side}_shin",
             2.215,
-            (
-                LinkShape("cylinder", (0.045, 0.090), axis="y", colour=DARK),
-                LinkShape("cylinder", (0.043, 0.150), (-0.006, 0.0, -0.125)),
-                LinkShape("cylinder", (0.035, 0.100), (-0.006, 0.0, -0.250)),
-            ),
+            cylinder((0.045, 0.090), axis="y", colour=DARK),
+            cylinder((0.043, 0.150), (-0.006, 0.0, -0.125)),
+            cylinder((0.035, 0.100), (-0.006, 0.0, -0.250)),
         ),
-        Link(f"{side}_ankle_link", 0.278, (LinkShape("cylinder", (0.028, 0.060), axis="y", colour=DARK),)),
+        Link(f"{side}_ankle_link", 0.278, cylinder((0.028, 0.060), axis="y", colour=DARK)),
         Link(
             f"{side}_foot",
             1.475,
-            (
-                LinkShape("box", (0.070, 0.062, 0.050), (0.0, 0.0, -0.048), colour=GREY),
-                LinkShape("box", (*SOLE, plate), (SOLE_FORWARD, 0.0, 0.5 * plate - ANKLE_HEIGHT)),
-            ),
+            box((0.070, 0.062, 0.050), (0.0, 0.0, -0.048), colour=GREY),
+            box((*SOLE, plate), (SOLE_FORWARD, 0.0, 0.5 * plate - ANKLE_HEIGHT)),
         ),
     ]
     joints = serial_chain(
         side,
         "pelvis",
-        [
-            ("hip_yaw", "hip_yaw_link", (0.0, HIP_OFFSET * s, 0.0), "z", (-45, 45), 8.76, 40),
-            ("hip_roll", "hip_roll_link", (0, 0, 0), "x", (-25, 25), 5.45, 60),
-            ("hip_pitch", "thigh", (0, 0, 0), "y", (-77, 24), 5.42, 60),
-            ("knee_pitch", "shin", (0, 0, -THIGH), "y", (0.7, 124.7), 4.06, 115),
-            ("ankle_pitch", "ankle_link", (0, 0, -SHIN), "y", (-56.7, 15.3), 4.63, 60),
-            ("ankle_roll", "foot", (0, 0, 0), "x", (-34, 34), 9.75, 40),
-        ],
+        ("hip_yaw", "hip_yaw_link", (0.0, HIP_OFFSET * s, 0.0), "z", (-45, 45), 8.76, 40),
+        ("hip_roll", "hip_roll_link", (0, 0, 0), "x", (-25, 25), 5.45, 60),
+        ("hip_pitch", "thigh", (0, 0, 0), "y", (-77, 24), 5.42, 60),
+        ("knee_pitch", "shin", (0, 0, -THIGH), "y", (0.7, 124.7), 4.06, 115),
+        ("ankle_pitch", "ankle_link", (0, 0, -SHIN), "y", (-56.7, 15.3), 4.63, 60),
+        ("ankle_roll", "foot", (0, 0, 0), "x", (-34, 34), 9.75, 40),
     )
     return links, joints
 

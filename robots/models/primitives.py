@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ WHITE, GREY, DARK = "0.92 0.93 0.95 1", "0.55 0.58 0.62 1", "0.15 0.17 0.20 1"
 
 
 @dataclass(frozen=True)
-class LinkShape:
+class Solid:
     """A solid of uniform density.
 
     Attributes:
@@ -58,13 +59,16 @@ class LinkShape:
         return np.full(3, self.size[0] ** 2 / 5.0)
 
 
-@dataclass(frozen=True)
+box = functools.partial(Solid, "box")
+cylinder = functools.partial(Solid, "cylinder")
+sphere = functools.partial(Solid, "sphere")
+
+
 class Link:
     """A link: its share of the mass, kg, spread evenly over its shapes."""
 
-    name: str
-    mass: float
-    shapes: tuple[LinkShape, ...]
+    def __init__(self, name: str, mass: float, *shapes: Solid) -> None:
+        self.name, self.mass, self.shapes = name, mass, shapes
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ class Joint:
 
 
 def serial_chain(
-    side: str, parent: str, rows: Iterable[tuple[str, str, Triple, Axis, tuple[float, float], float, float]]
+    side: str, parent: str, *rows: tuple[str, str, Triple, Axis, tuple[float, float], float, float]
 ) -> list[Joint]:
     """Return joints in series, each fixed to the child of the one before.
 
