@@ -85,7 +85,7 @@ def learning_curve(
 
 
 @dataclass(frozen=True, eq=False)
-class Components:
+class PrincipalComponents:
     """Principal components of the scaled features.
 
     Attributes:
@@ -97,14 +97,18 @@ class Components:
     scores: Array
 
 
-def principal_components(table: StiffnessTable, features: Sequence[str] = PAPER_FEATURES) -> Components:
+def principal_components(
+    table: StiffnessTable, features: Sequence[str] = PAPER_FEATURES
+) -> PrincipalComponents:
     """Return the principal components of the scaled features; in the paper two explain more than 87 %."""
     from sklearn.decomposition import PCA  # noqa: PLC0415 - slow to import
     from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
 
     scaled = StandardScaler().fit_transform(FeatureSet(tuple(features))(table.values))
     pca = PCA().fit(scaled)
-    return Components(np.asarray(pca.explained_variance_ratio_), np.asarray(pca.transform(scaled))[:, :2])
+    return PrincipalComponents(
+        np.asarray(pca.explained_variance_ratio_), np.asarray(pca.transform(scaled))[:, :2]
+    )
 
 
 def amplitude_trends(table: StiffnessTable) -> dict[str, float]:
