@@ -25,7 +25,7 @@ PARAMETERS = ("Sa", "Sq", "Ssk", "Sku", "Sv", "Sp", "Sz", "M", "P", "K")
 UNITS = ("m", "m", "", "", "m", "m", "m", "m2", "", "")
 """Their units in the corrected variant."""
 
-MIN_SAMPLES = 8
+LEAST_SAMPLES = 8
 """Smallest number of samples of a profile: four moments and a spectrum need as many."""
 
 LEVEL = 1e-9
@@ -140,8 +140,8 @@ def _checked(x: ArrayLike, z: ArrayLike) -> tuple[Array, float]:
     places, heights = finite_array("places of a profile (m)", x), finite_array("heights of a profile (m)", z)
     if places.ndim != 1 or heights.ndim < 1 or heights.shape[-1] != places.size:
         raise InputError(f"x must have shape (n,) and z (…, n), got {places.shape} and {heights.shape}")
-    if places.size < MIN_SAMPLES:
-        raise InputError(f"a profile must have at least {MIN_SAMPLES} samples, got {places.size}")
+    if places.size < LEAST_SAMPLES:
+        raise InputError(f"a profile must have at least {LEAST_SAMPLES} samples, got {places.size}")
     gaps = np.diff(places)
     if (gaps <= 0.0).any():
         bad = int(np.argmax(gaps <= 0.0))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, WbcError, choose, finite_scalar, non_negative, positive
 from wbc.feet.sensing.scan import PROFILE_STEP
-from wbc.feet.stiffness.roughness import MIN_SAMPLES, Roughness, RoughnessSettings, roughness
+from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, needed_resolution, node_limit, usable_resolution
 from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
 from wbc.sim.terrain.families.draws import Draws, check_seed
@@ -243,7 +243,7 @@ class Terrain:
         Args:
             settings: How it is computed; without any filter when None: the ground itself, not what a foot feels of it.
         """
-        step = min(PROFILE_STEP, self.length / MIN_SAMPLES)
+        step = min(PROFILE_STEP, self.length / LEAST_SAMPLES)
         return roughness(
             *self.profile(step=step), RoughnessSettings(corner=None) if settings is None else settings
         )

@@ -14,7 +14,7 @@ import numpy as np
 from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negative
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.feet.stiffness.model import StiffnessModel, default_model
-from wbc.feet.stiffness.roughness import MIN_SAMPLES, profile_roughness, roughness
+from wbc.feet.stiffness.roughness import LEAST_SAMPLES, profile_roughness, roughness
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +174,7 @@ class ModelPolicy(StiffnessPolicy):
                 f"the stiffness model was trained on profiles with a step of {trained:g} m, "
                 f"the scan has {scan.step:g} m"
             )
-        x = scan.step * np.arange(4 * MIN_SAMPLES)
+        x = scan.step * np.arange(4 * LEAST_SAMPLES)
         self.model.predict(roughness(x, 0.01 * np.sin(100.0 * x), self.model.recipe.roughness).values)
 
     def decide(self, swing: SwingScan) -> StiffnessDecision | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from wbc.core.errors import InputError, finite_scalar, non_negative, positive
 from wbc.feet.sensing.scan import Profile, ScanSettings
-from wbc.feet.stiffness.roughness import MIN_SAMPLES
+from wbc.feet.stiffness.roughness import LEAST_SAMPLES
 from wbc.tasks.scheduling.policies import StiffnessDecision
 
 
@@ -56,7 +56,7 @@ class StiffnessTiming:
         )
         non_negative("deadline of the stiffness (s)", self.deadline)
         non_negative("early landing (s)", self.early_landing)
-        least = (MIN_SAMPLES - 1) * self.scan.step
+        least = (LEAST_SAMPLES - 1) * self.scan.step
         finite_scalar("shortest profile (m)", self.min_length, low=least)
         finite_scalar("least coverage of a profile", self.min_coverage, low=0.0, high=1.0)
         if self.fallback is not None:
