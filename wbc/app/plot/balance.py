@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from wbc.app.log import Log
+from wbc.app.log.stances import stances, support_box
 from wbc.app.plot.style import (
     BLACK,
     BLUE,
@@ -22,7 +23,6 @@ from wbc.app.plot.style import (
     legend,
     new_figure,
 )
-from wbc.app.plot.support import stances, support_box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
+from wbc.app.log.columns import SIDES
 from wbc.app.plot.style import (
     BLACK,
     COLOURS,
@@ -21,7 +22,6 @@ from wbc.app.plot.style import (
     limit_to,
     new_figure,
 )
-from wbc.app.plot.support import SIDES
 from wbc.core.robot import GRAVITY
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
+from wbc.app.log.columns import SIDES
 from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, new_figure
-from wbc.app.plot.support import SIDES
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:

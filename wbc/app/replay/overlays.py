@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from wbc.app.log import Log
-from wbc.app.plot.support import Stance, stances
+from wbc.app.log.stances import Stance, stances
 from wbc.app.view.scene import HIDDEN, LEGEND, ROOT, Scene, SceneObject
 from wbc.app.view.shapes import Colour, Surface, VisualCylinder
 from wbc.core.errors import Array

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from wbc.app.log import Log
-from wbc.app.log.names import SIDES, position_signal
+from wbc.app.log.columns import SIDES, position_signal
 from wbc.app.log.plain import from_plain
 from wbc.app.replay.overlays import make_overlays
 from wbc.app.view.layers import stiffness_colour

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from wbc.app.log import Log
-from wbc.app.log.names import SIDES
+from wbc.app.log.columns import SIDES
 
 LAST_EVENTS = 2.0
 """How long an event stays to be read, s."""

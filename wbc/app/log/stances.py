@@ -1,4 +1,4 @@
-"""Where the feet are and what they bear, out of a log."""
+"""Sole outlines, stances and support of a logged walk, for figures and replays."""
 
 from __future__ import annotations
 
@@ -6,21 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.app.log import Log
+from wbc.app.log.columns import SIDES
+from wbc.app.log.reader import Log
 from wbc.core.errors import Array
-
-SIDES = ("left", "right")
 
 
 def yaw_of(quaternions: Array) -> Array:
-    """Headings of frames given as quaternions xyzw, shape (n, 4) → (n,), rad."""
+    """Return the headings (rad), shape (n,), of frames given as quaternions xyzw, shape (n, 4)."""
     x, y, z, w = quaternions.T
     heading: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return heading
 
 
 def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
-    """Corners of sole rectangles seen from above.
+    """Return the corners of sole rectangles seen from above.
 
     Args:
         centre: Shape (n, 2) or more, m.
@@ -39,15 +38,15 @@ def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
 
 
 def sole_sizes(log: Log) -> list[tuple[float, float]]:
-    """Length and width of the left and of the right sole, m."""
+    """Return length and width of the left and the right sole, m."""
     return [(float(s["length_m"]), float(s["width_m"])) for s in log.header["robot"]["soles"]]
 
 
 def support_box(log: Log) -> tuple[Array, Array]:
-    """Least and greatest x and y of the soles on which the walk counts, in every tick.
+    """Return the bounding box of the planned support in every tick.
 
     Returns:
-        Least and greatest, each of shape (ticks, 2), m; NaN without a foot on the ground.
+        Lower and upper x and y, each of shape (ticks, 2), m; NaN without a foot on the ground.
     """
     low = np.full((len(log), 2), np.inf)
     high = np.full((len(log), 2), -np.inf)
@@ -64,13 +63,13 @@ def support_box(log: Log) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """A foot on the ground for a while.
+    """One stance of a foot, from touch-down to lift-off.
 
     Attributes:
-        side: Which.
+        side: "left" or "right".
         start: First tick.
-        end: Tick behind the last one.
-        corners: Of the sole seen from above, shape (4, 2), m.
+        end: Tick after the last one.
+        corners: Corners of the sole seen from above, shape (4, 2), m.
     """
 
     side: str
@@ -80,13 +79,13 @@ class Stance:
 
 
 def stances(log: Log, which: str = "reference") -> list[Stance]:
-    """Every time that a foot was on the ground, in order.
+    """Return all stances of both feet, ordered by touch-down.
 
     Args:
         log: The log.
-        which: "reference": where the walk has it; "truth": where it is, heading that of the reference.
+        which: "reference" for the planned position, "truth" for the real one; the heading is planned in both.
     """
-    found = []
+    made = []
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         place = f"foot/{side}/reference"
         position = log["truth/" + f"foot/{side}/position"] if which == "truth" else log[f"{place}/position"]
@@ -96,5 +95,5 @@ def stances(log: Log, which: str = "reference") -> list[Stance]:
         for start, end in edges.reshape(-1, 2).tolist():
             middle = (start + end) // 2  # the foot has settled by then
             shape = corners(position[middle : middle + 1], yaw[middle : middle + 1], size)[0]
-            found.append(Stance(side, start, end, shape))
-    return sorted(found, key=lambda stance: stance.start)
+            made.append(Stance(side, start, end, shape))
+    return sorted(made, key=lambda stance: stance.start)
