@@ -8,8 +8,7 @@ from pathlib import Path
 from PIL import Image
 
 from wbc.app.log import Log, Recorder
-from wbc.app.replay.film import render_video
-from wbc.app.replay.replay import Replay
+from wbc.app.replay import Replay, render_video
 from wbc.sim.walks import WalkPlan, WalkSpec, run_walk
 
 SPEC = WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.0))

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import wbc
-from wbc.app.view.view import MeshcatView
-from wbc.app.view.walk import WatchWalk, wait_for_page
+from wbc.app.view import MeshcatView, WatchWalk
 from wbc.sim.balance.falls import FallDetector
 from wbc.walking.control import WalkingControl
 
@@ -35,7 +34,7 @@ class Options(argparse.Namespace):
             yield NoView()
             return
         with MeshcatView(plant, walking=walking, host=self.host, port=self.port, speed=1.0) as view:
-            wait_for_page(view, BROWSER_TIME)
+            view.wait_for_page(BROWSER_TIME)
             yield view
 
     def hooks(self) -> list[WatchWalk]:

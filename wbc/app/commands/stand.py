@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wbc.app.live import Live, LiveOptions, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.sim.balance.standing import Stand, StandSpec
 
@@ -11,7 +11,7 @@ from wbc.sim.balance.standing import Stand, StandSpec
 def stand(
     options: Flat[StandSpec] = StandSpec(),
     *,
-    live: LiveOptions = Live(),
+    live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Let a robot stand in the simulator, and say how still it stands and how fast the controller is."""

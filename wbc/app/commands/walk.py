@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from wbc.app.files import check_target
-from wbc.app.live import Live, LiveOptions, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError, finite_scalar, unknown_name
@@ -156,7 +156,7 @@ class WalkOptions:
 def walk(
     options: Flat[WalkOptions] = WalkOptions(),
     *,
-    live: LiveOptions = Live(),
+    live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Walk in the simulator, and say how far the robot came and how well. A fall is a result like any other."""

@@ -1,7 +1,7 @@
-"""How frames reach the process that draws, and wishes come back: a piece of shared memory where only the newest counts.
+"""Channel between a run and its drawing process: the newest frame one way, the newest user input the other way.
 
-The writer never waits, whatever the reader does: it copies a frame into the slot that the newest one is not in and
-then says that this is the newest. A reader that is slow misses frames.
+It is shared memory with two slots each way. The writer never waits: it copies into the slot that does not hold the
+newest frame and then increments the number of the newest one. A slow reader misses frames.
 """
 
 from __future__ import annotations
@@ -13,45 +13,43 @@ from typing import IO, Any
 
 import numpy as np
 
+from wbc.app.view.user_input import MAX_BYTES
 from wbc.core.errors import Array
 
-_HEADER = 4
-"""Words of the header: number of the newest frame, of the last one shown, pages open, number of the newest wishes."""
+_NEWEST, _SHOWN, _PAGES, _INPUT = range(4)
+"""Words of the header: number of the newest frame, of the last one shown, open pages, number of the newest input."""
 
-NOTE = 1 << 15
-"""Most bytes that a frame can say beside its matrices; longer notes are left out."""
-
-WISHES = 1 << 12
-"""Most bytes of what is wished for."""
+MAX_ANNOTATIONS = 1 << 15
+"""Largest packed annotations of a frame, bytes; larger ones are dropped."""
 
 
 class Channel:
-    """Frames from one process to another, wishes the other way.
+    """Frames to the drawing process, user input back.
 
     Attributes:
-        fd: File descriptor to hand to the other process.
+        fd: File descriptor for the other process.
         paths: Number of matrices in a frame.
     """
 
     def __init__(self, paths: int, fd: int | None = None) -> None:
-        """Make a channel, or join one.
+        """Make or join a channel.
 
         Args:
             paths: Number of matrices in a frame.
-            fd: File descriptor of a channel that another process has made.
+            fd: File descriptor of the channel to join; None makes one.
         """
         self.paths = paths
         slot = [
             ("time", "f8"),
             ("matrices", "f8", (paths, 16)),
             ("length", "i8"),
-            ("note", "u1", (NOTE,)),
+            ("annotations", "u1", (MAX_ANNOTATIONS,)),
         ]
         layout = np.dtype(
             [
-                ("header", "i8", (_HEADER,)),
+                ("header", "i8", (4,)),
                 ("slots", slot, (2,)),
-                ("wishes", [("length", "i8"), ("text", "u1", (WISHES,))], (2,)),
+                ("input", [("length", "i8"), ("text", "u1", (MAX_BYTES,))], (2,)),
             ]
         )
         self._file: IO[Any] | None = None
@@ -62,97 +60,96 @@ class Channel:
         self.fd = fd
         self._memory = mmap.mmap(fd, layout.itemsize)
         whole = np.frombuffer(self._memory, layout, 1)[0]
-        self._header, self._slots, self._wishes = whole["header"], whole["slots"], whole["wishes"]
+        self._header, self._slots, self._input = whole["header"], whole["slots"], whole["input"]
 
-    def write(self, time: float, matrices: Array, note: bytes = b"{}") -> None:
-        """Make a frame the newest one.
+    def write(self, time: float, matrices: Array, annotations: bytes = b"{}") -> None:
+        """Write a frame.
 
         Args:
             time: s.
             matrices: Homogeneous, shape (paths, 4, 4).
-            note: What it says beside them, as JSON.
+            annotations: Packed annotations.
         """
-        number = int(self._header[0]) + 1
+        number = self.newest + 1
         slot = self._slots[number % 2]
         slot["time"] = time
-        by_columns = matrices.transpose(0, 2, 1)  # as the viewer wants them
-        slot["matrices"].reshape(-1, 4, 4)[:] = by_columns
-        _store(slot, "note", note if len(note) <= NOTE else b"{}")
-        self._header[0] = number
+        slot["matrices"].reshape(-1, 4, 4)[:] = matrices.transpose(0, 2, 1)  # by columns, for the viewer
+        _store(slot, "annotations", annotations if len(annotations) <= MAX_ANNOTATIONS else b"{}")
+        self._header[_NEWEST] = number
 
     def read(self, after: int) -> tuple[int, float, Array, bytes] | None:
         """Return the newest frame.
 
         Args:
-            after: Number of a frame that is known already.
+            after: Number of the last frame that was read.
 
         Returns:
-            Its number, its time (s), its matrices by columns, shape (paths, 16), and its note; None if there is no
-            newer one.
+            Number, time (s), matrices by columns, shape (paths, 16), and packed annotations; None if there is no newer
+            frame.
         """
-        number = int(self._header[0])
+        number = self.newest
         if number <= after:
             return None
         slot = self._slots[number % 2]
-        time, matrices, note = float(slot["time"]), slot["matrices"].copy(), _load(slot, "note")
-        if int(self._header[0]) > number + 1:  # overtaken twice while copying: the slot may hold two frames
+        time, matrices, annotations = float(slot["time"]), slot["matrices"].copy(), _load(slot, "annotations")
+        if self.newest > number + 1:  # overtaken twice while copying: the slot may hold parts of two frames
             return None
-        return number, time, matrices, note
+        return number, time, matrices, annotations
 
-    def wish(self, text: bytes) -> None:
-        """Say what is wished for by those who look on; takes the place of what was wished for before.
+    def write_input(self, text: bytes) -> None:
+        """Write the user input; it replaces the former one.
 
         Args:
-            text: JSON of at most `WISHES` bytes; longer ones are left out.
+            text: Packed `UserInput`; dropped if it is longer than `MAX_BYTES`.
         """
-        if len(text) > WISHES:
+        if len(text) > MAX_BYTES:
             return
-        number = int(self._header[3]) + 1
-        _store(self._wishes[number % 2], "text", text)
-        self._header[3] = number
+        number = int(self._header[_INPUT]) + 1
+        _store(self._input[number % 2], "text", text)
+        self._header[_INPUT] = number
 
-    def wishes(self, after: int) -> tuple[int, bytes] | None:
-        """Return what is wished for.
+    def read_input(self, after: int) -> tuple[int, bytes] | None:
+        """Return the newest user input.
 
         Args:
-            after: Number of the wishes that are known already.
+            after: Number of the last input that was read.
 
         Returns:
-            Number and JSON; None if there is nothing newer.
+            Number and packed `UserInput`; None if there is no newer one.
         """
-        number = int(self._header[3])
+        number = int(self._header[_INPUT])
         if number <= after:
             return None
-        text = _load(self._wishes[number % 2], "text")
-        return None if int(self._header[3]) > number + 1 else (number, text)
+        text = _load(self._input[number % 2], "text")
+        return None if int(self._header[_INPUT]) > number + 1 else (number, text)
 
     @property
     def newest(self) -> int:
         """Number of frames written so far."""
-        return int(self._header[0])
+        return int(self._header[_NEWEST])
 
     @property
     def shown(self) -> int:
-        """Number of the last frame that was taken out."""
-        return int(self._header[1])
+        """Number of the last frame that was read."""
+        return int(self._header[_SHOWN])
 
     @shown.setter
     def shown(self, number: int) -> None:
-        self._header[1] = number
+        self._header[_SHOWN] = number
 
     @property
     def pages(self) -> int:
-        """Number of browser pages that are open."""
-        return int(self._header[2])
+        """Number of open browser pages."""
+        return int(self._header[_PAGES])
 
     @pages.setter
     def pages(self, count: int) -> None:
-        self._header[2] = count
+        self._header[_PAGES] = count
 
     def close(self) -> None:
-        """Let go of the memory; the numbers can still be read."""
+        """Release the memory; the numbers can still be read."""
         self._header = self._header.copy()
-        del self._slots, self._wishes
+        del self._slots, self._input
         self._memory.close()
         if self._file is not None:
             self._file.close()

@@ -1,4 +1,4 @@
-"""What a picture of a replay says in words."""
+"""Caption of a picture of a replay."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 
 from wbc.app.log import Log
 from wbc.app.log.columns import SIDES
+from wbc.app.scene.layers import stiffness_text
 
-LAST_EVENTS = 2.0
-"""How long an event stays to be read, s."""
+EVENT_TIME = 2.0
+"""Time for which an event is shown, s."""
 
 
 def caption(log: Log, tick: int) -> str:
-    """Phase, step, stiffness of the soles and the last event, a line each; empty for a run without these."""
+    """Return phase and step, stiffness of the soles and the last event, one line each, as far as logged."""
     lines = []
     if "walk/phase" in log:
         phase, side = log.texts("walk/phase")[tick], log.texts("step/side")[tick]
@@ -22,9 +23,9 @@ def caption(log: Log, tick: int) -> str:
         float(log[f"foot/{side}/stiffness"][tick]) for side in SIDES if f"foot/{side}/stiffness" in log
     ]
     if stiffness and all(math.isfinite(value) for value in stiffness):
-        lines.append("soles " + " and ".join(f"{value:.1f}" for value in stiffness) + " Nm/rad")
+        lines.append(stiffness_text(stiffness))
     now = float(log.time[tick])
-    past = [text for time, text in log.events if now - LAST_EVENTS <= time <= now]
+    past = [text for time, text in log.events if now - EVENT_TIME <= time <= now]
     if past:
         lines.append(past[-1])
     return "\n".join(lines)

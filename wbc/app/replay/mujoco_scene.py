@@ -1,4 +1,4 @@
-"""The scene of a replay as a MuJoCo model, for films: bodies are moved by hand, nothing is simulated."""
+"""MuJoCo model of a scene, for films: its bodies are moved, nothing is simulated."""
 
 from __future__ import annotations
 
@@ -9,77 +9,98 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wbc.app.replay.replay import Replay
-from wbc.app.view.scene import ROOT, TILE, TILE_COLOURS, SceneObject
-from wbc.app.view.shapes import Colour, MeshFile, Shape, Surface, VisualBox, VisualCylinder, VisualEllipsoid
+from wbc.app.scene.colours import TILE_COLOURS
+from wbc.app.scene.ground import TILE
+from wbc.app.scene.scene import Scene
+from wbc.app.scene.shapes import (
+    ROOT,
+    Colour,
+    MeshFile,
+    SceneObject,
+    Shape,
+    Surface,
+    VisualBox,
+    VisualCylinder,
+    VisualEllipsoid,
+)
 from wbc.core.errors import Array, InputError
+from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.render import add_to_spec
 
 READABLE = (".stl", ".obj")
-"""Mesh files that MuJoCo reads itself; others are read by coal."""
+"""Mesh formats that MuJoCo reads; coal reads the others."""
+
+NOT_BODIES = (f"{ROOT}/markers/", f"{ROOT}/forces/")
+"""Objects that films draw as geoms of the picture, not of the model."""
 
 _T = mujoco.mjtGeom
 
 
-class Stage:
-    """A model with a body for each thing that moves.
+class MujocoScene:
+    """A model with a body for each moving object.
 
     Attributes:
         model: MuJoCo's model.
         data: Its state.
-        shown: Paths whose bodies it has: those of the robot and what the overlays move.
+        shown: Paths of its bodies: those of the robot and of the overlays.
     """
 
-    def __init__(self, replay: Replay, width: int, height: int) -> None:
-        """Build it.
+    def __init__(
+        self,
+        scene: Scene,
+        terrain: Terrain,
+        width: int,
+        height: int,
+        sole_paths: Sequence[tuple[str, ...]] = (),
+    ) -> None:
+        """Build the model.
 
         Args:
-            replay: What is shown.
-            width: Of the pictures, pixels.
-            height: Of the pictures, pixels.
+            scene: The scene.
+            terrain: Its ground.
+            width: Width of the pictures, pixels.
+            height: Height of the pictures, pixels.
+            sole_paths: Paths of each foot whose colour can change.
         """
         spec = mujoco.MjSpec()
         _light(spec, width, height)
-        added = add_to_spec(spec, replay.plant.terrain)
+        added = add_to_spec(spec, terrain)
         spec.geom(added.geoms[0]).material = "tiles"
-        scene = replay.scene
-        bodies = scene.moving[: len(scene.bodies)]
-        overlays = tuple(path for path in replay.overlays.moving if not path.startswith(f"{ROOT}/markers/"))
-        self.shown = (*bodies, *overlays)
-        self._places = [replay.moving.index(path) for path in self.shown]
+        self.shown = tuple(path for path in scene.moving if not path.startswith(NOT_BODIES))
+        self._places = [scene.moving.index(path) for path in self.shown]
         owners = {path: spec.worldbody.add_body(name=path, mocap=True) for path in self.shown}
-        for i, drawing in enumerate(scene.drawings):
-            if drawing.path.startswith((f"{ROOT}/ground/", f"{ROOT}/markers/", f"{ROOT}/forces/")):
+        for i, thing in enumerate(scene.objects):
+            if thing.path.startswith((f"{ROOT}/ground/", *NOT_BODIES)):
                 continue
-            owner = next((owners[p] for p in self.shown if drawing.path.startswith(p + "/")), spec.worldbody)
-            _add(spec, owner, drawing, i)
+            owner = next((owners[p] for p in self.shown if thing.path.startswith(p + "/")), spec.worldbody)
+            _add(spec, owner, thing, i)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         body_of = {self.model.body(path).id: path for path in self.shown}
         owner = [body_of.get(int(body)) for body in self.model.geom_bodyid]
-        self._soles = [[i for i, path in enumerate(owner) if path in paths] for paths in replay.sole_paths]
+        self._soles = [[i for i, path in enumerate(owner) if path in paths] for paths in sole_paths]
 
     def set(self, matrices: Array, sole_colours: Sequence[Colour] = ()) -> None:
-        """Move everything, and colour the soles.
+        """Move all bodies and colour the soles.
 
         Args:
-            matrices: Of all paths that move, as `Replay.frame` gives them, shape (paths, 4, 4).
-            sole_colours: As `Replay.sole_colours` gives them.
+            matrices: One for each moving path of the scene, shape (paths, 4, 4).
+            sole_colours: Colour of each foot's soles.
         """
         for geoms, colour in zip(self._soles, sole_colours, strict=False):
             self.model.geom_rgba[geoms] = colour
         for body, place in enumerate(self._places):
             matrix = matrices[place]
-            there = np.linalg.norm(matrix[:3, 0]) > 0.5  # what is not there is scaled to nothing
-            self.data.mocap_pos[body] = matrix[:3, 3] if there else (0.0, 0.0, -100.0)
-            if there:
+            shown = np.linalg.norm(matrix[:3, 0]) > 0.5  # hidden objects are scaled to nothing
+            self.data.mocap_pos[body] = matrix[:3, 3] if shown else (0.0, 0.0, -100.0)
+            if shown:
                 mujoco.mju_mat2Quat(self.data.mocap_quat[body], np.ascontiguousarray(matrix[:3, :3]).ravel())
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
 
 def _light(spec: mujoco.MjSpec, width: int, height: int) -> None:
-    """Lamps, sky and the size of the pictures."""
+    """Add lamps, sky and tiles, and set the size of the pictures."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
@@ -115,20 +136,20 @@ def _light(spec: mujoco.MjSpec, width: int, height: int) -> None:
     )
 
 
-def _add(spec: mujoco.MjSpec, body: Any, drawing: SceneObject, number: int) -> None:
+def _add(spec: mujoco.MjSpec, body: Any, thing: SceneObject, number: int) -> None:
     """Add a geom for an object."""
     rotation = np.zeros(4)
-    mujoco.mju_mat2Quat(rotation, np.ascontiguousarray(drawing.placement[:3, :3]).ravel())
+    mujoco.mju_mat2Quat(rotation, np.ascontiguousarray(thing.placement[:3, :3]).ravel())
     geom = body.add_geom(
-        pos=drawing.placement[:3, 3],
+        pos=thing.placement[:3, 3],
         quat=rotation,
-        rgba=drawing.colour,
+        rgba=thing.colour,
         contype=0,
         conaffinity=0,
         group=0,
         mass=0.0,
     )
-    shape = drawing.shape
+    shape = thing.shape
     if isinstance(shape, VisualBox):
         geom.type, geom.size = _T.mjGEOM_BOX, np.array(shape.size) / 2.0
     elif isinstance(shape, VisualEllipsoid):
@@ -142,7 +163,7 @@ def _add(spec: mujoco.MjSpec, body: Any, drawing: SceneObject, number: int) -> N
 
 
 def _add_mesh(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
-    # Surfaces need not be closed: their inertia is of no use here, but MuJoCo wants one.
+    # Surfaces need not be closed: MuJoCo wants an inertia although nothing is simulated.
     mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
     if isinstance(shape, MeshFile):
         mesh.scale = np.array(shape.scale)
@@ -159,7 +180,7 @@ def _add_mesh(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
 
 
 def read_mesh(path: str) -> tuple[Array, Any]:
-    """Vertices and triangles of a mesh file of any kind that assimp reads."""
+    """Return vertices and triangles of a mesh file of any format that assimp reads."""
     import coal  # noqa: PLC0415 - for COLLADA alone
 
     model = coal.MeshLoader().load(path, np.ones(3))

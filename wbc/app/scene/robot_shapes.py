@@ -1,100 +1,40 @@
-"""What a robot looks like: simple shapes and mesh files on its links, read from its description."""
+"""Shapes of a robot's links: simple shapes and mesh files from its URDF, or a stick figure."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.app.scene.colours import PLAIN
+from wbc.app.scene.shapes import (
+    Colour,
+    MeshFile,
+    Part,
+    Shape,
+    VisualBox,
+    VisualCylinder,
+    sphere,
+)
 from wbc.core.errors import Array
 from wbc.robots import RobotDescription
 from wbc.robots.frames import carrier_link
 from wbc.robots.urdf import moving_link_of
 
-Colour = tuple[float, float, float, float]
-"""Red, green, blue, opacity, each from 0 to 1."""
-
-PLAIN: Colour = (0.78, 0.80, 0.83, 1.0)
-"""Colour of what has none."""
-
 MESH_FORMATS = (".stl", ".obj", ".dae")
-"""Mesh files that the viewer's page can read."""
-
-
-@dataclass(frozen=True)
-class VisualBox:
-    """A box of the given full extents, m."""
-
-    size: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class VisualEllipsoid:
-    """An ellipsoid of the given semi-axes, m; a sphere when they are equal."""
-
-    semi_axes: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class VisualCylinder:
-    """A cylinder along z, m; with round ends beyond its length, a capsule."""
-
-    radius: float
-    length: float
-    round_ends: bool = False
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """A mesh in a file, scaled."""
-
-    path: str
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Triangles: vertices of shape (n, 3), m; faces of shape (m, 3); colours of the vertices, shape (n, 3), or None."""
-
-    vertices: Array
-    faces: np.ndarray[tuple[int, int], np.dtype[np.uint32]]
-    colours: Array | None = None
-
-
-Shape = VisualBox | VisualEllipsoid | VisualCylinder | MeshFile | Surface
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """A shape on a body.
-
-    Attributes:
-        body: Link (or body of the simulator) that carries it.
-        shape: The shape.
-        colour: Its colour.
-        placement: In the frame of the body, homogeneous, shape (4, 4), m.
-    """
-
-    body: str
-    shape: Shape
-    colour: Colour
-    placement: Array
+"""Mesh formats that the viewer's page can read."""
 
 
 def robot_parts(description: RobotDescription) -> list[Part]:
-    """Everything there is to draw of a robot.
+    """Return the shapes of a robot, at least one for each moving link.
 
-    A link that moves shows its visual shapes; if none of them can be drawn (no visuals, a mesh that is not found),
-    its collision shapes; if these cannot be drawn either, a stick figure of its joints.
+    A link has its visual shapes; if none of them can be drawn (no visuals, a mesh that is not found), its collision
+    shapes; if these cannot be drawn either, a stick figure of its joints.
 
     Args:
         description: The robot.
-
-    Returns:
-        Parts, at least one for each link that moves.
     """
     root = ElementTree.fromstring(description.urdf)
     colours = _named_colours(root)
@@ -102,14 +42,14 @@ def robot_parts(description: RobotDescription) -> list[Part]:
     moving = moving_link_of(root)
     parts: dict[str, list[Part]] = {body: [] for body in moving.values()}
     for tag in ("visual", "collision"):
-        bare = [body for body, found in parts.items() if not found]
+        bare = [body for body, shapes in parts.items() if not shapes]
         for link in root.findall("link"):
             body = moving[str(link.get("name"))]
             if body in bare:
                 for element in link.findall(tag):
                     parts[body] += _parts(str(link.get("name")), element, colours, directories)
     sticks = _sticks(description)
-    return [part for body, found in parts.items() for part in found or sticks[body]]
+    return [part for body, shapes in parts.items() for part in shapes or sticks[body]]
 
 
 def homogeneous(placement: pin.SE3) -> Array:
@@ -117,15 +57,10 @@ def homogeneous(placement: pin.SE3) -> Array:
     return np.array(placement.homogeneous)
 
 
-def sphere(radius: float) -> VisualEllipsoid:
-    """Return a sphere."""
-    return VisualEllipsoid((radius, radius, radius))
-
-
 def _parts(
     link: str, element: ElementTree.Element, colours: dict[str, Colour], directories: tuple[Path, ...]
 ) -> list[Part]:
-    """Return the part that a <visual> or <collision> describes, nothing if it cannot be drawn."""
+    """Return the part in a <visual> or <collision>; empty if it cannot be drawn."""
     geometry = element.find("geometry")
     if geometry is None or not len(geometry):
         return []
@@ -157,7 +92,7 @@ def _shape(element: ElementTree.Element, directories: tuple[Path, ...]) -> Shape
 
 
 def _find(filename: str, directories: tuple[Path, ...]) -> Path | None:
-    """Return the file behind a URDF's name for it; None if it is not there."""
+    """Return the file with a name in a URDF; None if it does not exist."""
     name = filename.removeprefix("package://").removeprefix("file://")
     tail = name.split("/", 1)[-1]
     candidates = [Path(name), *(directory / part for directory in directories for part in (name, tail))]
@@ -165,7 +100,7 @@ def _find(filename: str, directories: tuple[Path, ...]) -> Path | None:
 
 
 def _named_colours(root: ElementTree.Element) -> dict[str, Colour]:
-    """Colours of materials that are defined once and used by name."""
+    """Return the colours of materials that are defined once and used by name."""
     named: dict[str, Colour] = {}
     for material in root.iter("material"):
         colour = _colour(material)
@@ -195,7 +130,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
-    """A ball at the joint of each moving link, a rod to each joint below it, and the soles as plates."""
+    """Return a ball at the joint of each moving link, a rod to each joint below it, and the soles as plates."""
     model = description.pinocchio_model()
     robot = description.robot()
     thickness = 0.03 * float(robot.com[2])

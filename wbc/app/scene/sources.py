@@ -1,4 +1,4 @@
-"""Where the live view takes its poses and forces from: a plant, or a robot model that somebody updates."""
+"""Sources of snapshots: a plant, or a robot model that the caller updates."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.view.scene import Scene, Snapshot, make_scene
-from wbc.app.view.shapes import Part, Shape, VisualBox, VisualCylinder, VisualEllipsoid, robot_parts
+from wbc.app.scene.robot_shapes import robot_parts
+from wbc.app.scene.scene import Scene, Snapshot, make_scene
+from wbc.app.scene.shapes import Part, Shape, VisualBox, VisualCylinder, VisualEllipsoid, sphere
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
@@ -20,62 +21,65 @@ if TYPE_CHECKING:
     from wbc.sim import Plant
 
 Force = tuple[str, Array, Array]
+"""Kind of arrow, point of attack (world, m) and force (world, N)."""
+
+FOOT = "foot/"
+"""Prefix of the names of bodies that a plant's feet add, which may equal names of the robot's links."""
 
 
 class PlantSource:
-    """Reads a plant, and never writes to it; soles of its feet that bend are drawn as they are bent."""
+    """Snapshots of a plant, with its soft soles as they are bent; it never writes to the plant."""
 
     def __init__(self, plant: Plant) -> None:
-        """Find the bodies.
+        """Make the scene and find the bodies.
 
         Args:
             plant: The plant.
         """
-        import mujoco  # noqa: PLC0415 (there is a plant, so it is there)
-
         self.plant = plant
         model = plant.model
-        parts = robot_parts(plant.description)
-        feet = _foot_parts(plant)
         self.scene: Scene = make_scene(
             plant.description.name,
-            [*parts, *feet],
+            [*robot_parts(plant.description), *_foot_parts(plant)],
             plant.terrain,
             float(plant.truth().com[2] - plant.terrain.surface.floor),
             plant.robot.mass * GRAVITY,
         )
-        kind = mujoco.mjtObj.mjOBJ_BODY
-        names = [body.removeprefix(FOOT) for body in self.scene.bodies]
-        self._ids = np.array([mujoco.mj_name2id(model, kind, name) for name in names])
+        self._ids = np.array([model.body(body.removeprefix(FOOT)).id for body in self.scene.bodies])
 
-    def snapshot(self) -> Snapshot:
-        """Take the present state down."""
-        plant = self.plant
-        truth, data = plant.truth(), plant.data
+    def poses(self) -> Array:
+        """Return the poses of the scene's bodies, homogeneous, shape (number of bodies, 4, 4), m."""
+        data = self.plant.data
         poses = np.tile(np.eye(4), (self._ids.size, 1, 1))
         poses[:, :3, :3] = data.xmat[self._ids].reshape(-1, 3, 3)
         poses[:, :3, 3] = data.xpos[self._ids]
+        return poses
+
+    def snapshot(self) -> Snapshot:
+        """Return the present state."""
+        plant = self.plant
+        truth, data = plant.truth(), plant.data
         position, force, sole = truth.contact_position, truth.contact_force, truth.contact_sole
         forces: list[Force] = []
         for i in range(len(plant.feet)):
-            mine = sole == i
-            load = force[mine, 2]
+            on_sole = sole == i
+            load = force[on_sole, 2]
             if load.sum() > 0.0:
-                point = load @ position[mine] / load.sum()
-                forces.append(("ground", point, force[mine].sum(axis=0)))
+                point = load @ position[on_sole] / load.sum()
+                forces.append(("ground", point, force[on_sole].sum(axis=0)))
         forces += [("ground", position[i], force[i]) for i in np.flatnonzero(sole < 0)]
         pushed = np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1))
         forces += [("push", data.xipos[i].copy(), data.xfrc_applied[i, :3].copy()) for i in pushed]
         wrench = np.concatenate([force.sum(axis=0), np.cross(position, force).sum(axis=0)])
         level = float(force[:, 2] @ position[:, 2] / max(force[:, 2].sum(), 1e-9)) if force.size else 0.0
-        return Snapshot(plant.time, poses, truth.com, _zmp(wrench, level), forces)
+        return Snapshot(plant.time, self.poses(), truth.com, _zmp(wrench, level), forces)
 
 
 class RobotSource:
-    """Draws a robot model: an estimate, a plan, a robot in the laboratory."""
+    """Snapshots of a robot model: an estimate, a plan, a real robot."""
 
     def __init__(self, description: RobotDescription, terrain: Terrain | None) -> None:
-        """Find the links.
+        """Make the scene and find the links.
 
         Args:
             description: The robot.
@@ -92,12 +96,12 @@ class RobotSource:
         self._ids = [self._robot.frame_id(body) for body in self.scene.bodies]
 
     def snapshot(self, state: Robot | Array, sole_wrench: Array | None, time: float) -> Snapshot:
-        """Take a state down.
+        """Return a state.
 
         Args:
             state: A robot of the same model, up to date, or a configuration of shape (nq,).
-            sole_wrench: What the ground does to each sole, [force; moment] in the sole frame, shape (number of
-                soles, 6), N and Nm.
+            sole_wrench: Contact wrench of each sole, [force; moment] in the sole frame, shape (number of soles, 6),
+                N and Nm.
             time: s.
 
         Raises:
@@ -119,20 +123,26 @@ class RobotSource:
             for sole, wrench in zip(robot.soles, wrenches, strict=True):
                 place = robot.placement(sole.frame)
                 total += place.act(pin.Force(wrench)).vector
-                try:
-                    point = place.act(np.array([*cop(wrench), 0.0]))
-                except NoContactForceError:
-                    continue
-                forces.append(("ground", point, place.rotation @ wrench[:3]))
+                forces += sole_force(place.translation, place.rotation, wrench)
         return Snapshot(time, poses, np.array(robot.com), _zmp(total, min(levels)), forces)
 
 
-FOOT = "foot/"
-"""Put before the names of bodies that a plant's feet add, which may be called like links of the robot."""
+def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
+    """Return the contact force of a sole at its centre of pressure; empty without contact.
+
+    Args:
+        position: Sole centre in the world, shape (3,), m.
+        rotation: Sole frame in the world, shape (3, 3).
+        wrench: Contact wrench, [force; moment] in the sole frame, shape (6,), N and Nm.
+    """
+    try:
+        return [("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]
+    except NoContactForceError:
+        return []
 
 
 def _foot_parts(plant: Plant) -> list[Part]:
-    """What the feet of a plant add to be looked at: the phalanges of a soft sole, its arch."""
+    """Return the visual shapes of a plant's feet: the phalanges of a soft sole, its arch."""
     import mujoco  # noqa: PLC0415
 
     from wbc.feet.soles.common_mjcf import VISUAL_GROUP  # noqa: PLC0415
@@ -161,14 +171,14 @@ def _geom_shape(kind: int, size: Sequence[float]) -> Shape | None:
     if kind in (types.mjGEOM_CAPSULE, types.mjGEOM_CYLINDER):
         return VisualCylinder(size[0], 2.0 * size[1], round_ends=kind == types.mjGEOM_CAPSULE)
     if kind == types.mjGEOM_SPHERE:
-        return VisualEllipsoid((size[0], size[0], size[0]))
+        return sphere(size[0])
     if kind == types.mjGEOM_ELLIPSOID:
         return VisualEllipsoid((size[0], size[1], size[2]))
     return None
 
 
 def _zmp(wrench: Array, level: float) -> Array | None:
-    """ZMP of a wrench at the world origin in the horizontal plane at a level, m; None without force."""
+    """Return the ZMP of a wrench at the world origin in the horizontal plane at a level, m; None without force."""
     try:
         return zmp(wrench, pin.SE3(np.eye(3), np.array([0.0, 0.0, level])))
     except NoContactForceError:

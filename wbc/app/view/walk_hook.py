@@ -1,16 +1,12 @@
-"""Watch a simulated walk: the live view as a hook.
-
-run_walk(spec, hooks=[WatchWalk()])
-"""
+"""Hook that shows a simulated walk in the live view."""
 
 from __future__ import annotations
 
-import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from wbc.app.view.controls import intervention_text
-from wbc.app.view.view import MeshcatView
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import non_negative
 from wbc.sim.walks.hooks import WalkHook
 
@@ -19,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class WatchWalk(WalkHook):
-    """Shows a walk in the browser. The result is that of the same walk unseen, unless the page's controls changed it.
+    """Live view of a walk. The result is that of the same walk without it, unless the page's controls changed it.
 
     Attributes:
         view: The view; None before the walk starts.
@@ -35,47 +31,41 @@ class WatchWalk(WalkHook):
         controls: bool = True,
         wait: float = 0.0,
     ) -> None:
-        """Say how to watch.
+        """Store the options of the view.
 
         Args:
             host: See `MeshcatView`.
             port: See `MeshcatView`.
             rate: See `MeshcatView`.
-            speed: See `MeshcatView`; in real time if nothing else is said.
+            speed: See `MeshcatView`.
             controls: See `MeshcatView`.
-            wait: How long the walk waits at most for somebody to open the page, s.
+            wait: Longest time that the walk waits for a page to be opened, s.
 
         Raises:
-            InputError: A time to wait that is negative.
+            InputError: A negative time to wait.
         """
         self._wait = non_negative("time to wait for a page (s)", wait)
-        self._options: dict[str, Any] = {
-            "host": host,
-            "port": port,
-            "rate": rate,
-            "speed": speed,
-            "controls": controls,
-        }
+        self._options: dict[str, Any] = dict(host=host, port=port, rate=rate, speed=speed, controls=controls)
         self.view: MeshcatView | None = None
-        self._told = 0
+        self._reported = 0
 
     @property
     def interventions(self) -> list[dict[str, Any]]:
-        """What was changed from the page; empty if the walk is what its spec says."""
+        """Changes made from the page; empty if the walk follows its spec."""
         return [] if self.view is None else self.view.interventions
 
     def news(self) -> str:
-        """What was changed from the page since the last call, for a log; empty if nothing."""
-        entries = self.interventions[self._told :]
-        self._told += len(entries)
+        """Return the changes made from the page since the last call, for a log; empty if none."""
+        entries = self.interventions[self._reported :]
+        self._reported += len(entries)
         return "; ".join(intervention_text(entry) for entry in entries)
 
     def open(self, trial: WalkTrial) -> None:
-        """Serve the page; done by `start` unless somebody wants to know earlier whether the port can be had.
+        """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free.
 
         Raises:
             InputError: An option out of range.
-            PortError: The port cannot be had.
+            PortError: The port is in use.
         """
         self.view = MeshcatView(trial.plant, walking=trial.walking, **self._options)
 
@@ -84,7 +74,7 @@ class WatchWalk(WalkHook):
         if self.view is None:
             self.open(trial)
         if self._wait > 0.0 and self.view is not None:
-            wait_for_page(self.view, self._wait)
+            self.view.wait_for_page(self._wait)
 
     def tick(self, tick: WalkTick) -> None:
         """See `WalkHook`."""
@@ -108,15 +98,3 @@ class WatchWalk(WalkHook):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def wait_for_page(view: MeshcatView, seconds: float) -> None:
-    """Say that the run waits for somebody to open the page, and wait.
-
-    Args:
-        view: The view.
-        seconds: How long at most, s.
-    """
-    if seconds > 0.0:
-        print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
-    view.wait(seconds)
