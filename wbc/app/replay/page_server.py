@@ -9,8 +9,7 @@ import sys
 import tornado.httpserver
 import tornado.web
 
-from wbc.app.view.errors import PortError
-from wbc.app.view.ports import address, listen
+from wbc.app.view.address import PortError, listen, url
 
 
 class _PageHandler(tornado.web.RequestHandler):
@@ -47,7 +46,7 @@ class PageServer:
             self._socket = listen(host, port)
         except OSError as error:
             raise PortError.at("replay", host, port, error.strerror or str(error)) from error
-        self.url = address(host, self._socket.getsockname()[1])
+        self.url = url(host, self._socket.getsockname()[1])
 
     def serve(self, page: str, seconds: float | None = None) -> None:
         """Serve a page until Ctrl-C, or for a while.

@@ -10,7 +10,7 @@
 What is drawn lives in `wbc.app.scene`; a new control of the page goes into `wbc.app.view.controls`.
 """
 
-from wbc.app.view.errors import PortError, ViewError
+from wbc.app.view.address import PortError, ViewError
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.walk_hook import WatchWalk
 

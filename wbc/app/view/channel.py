@@ -1,8 +1,4 @@
-"""Channel between a run and its drawing process: the newest frame one way, the newest user input the other way.
-
-It is shared memory with two slots each way. The writer never waits: it copies into the slot that does not hold the
-newest frame and then increments the number of the newest one. A slow reader misses frames.
-"""
+"""Channel between a run and its drawing process: the newest frame one way, the newest user input the other way."""
 
 from __future__ import annotations
 
@@ -16,19 +12,17 @@ import numpy as np
 from wbc.app.view.user_input import MAX_BYTES
 from wbc.core.errors import Array
 
-_NEWEST, _SHOWN, _PAGES, _INPUT = range(4)
-"""Words of the header: number of the newest frame, of the last one shown, open pages, number of the newest input."""
-
 MAX_ANNOTATIONS = 1 << 15
 """Largest packed annotations of a frame, bytes; larger ones are dropped."""
 
+_TEXT = ("length", "i8")
+
 
 class Channel:
-    """Frames to the drawing process, user input back.
+    """Shared memory with frames to the drawing process and user input back.
 
     Attributes:
         fd: File descriptor for the other process.
-        paths: Number of matrices in a frame.
     """
 
     def __init__(self, paths: int, fd: int | None = None) -> None:
@@ -38,18 +32,14 @@ class Channel:
             paths: Number of matrices in a frame.
             fd: File descriptor of the channel to join; None makes one.
         """
-        self.paths = paths
-        slot = [
-            ("time", "f8"),
-            ("matrices", "f8", (paths, 16)),
-            ("length", "i8"),
-            ("annotations", "u1", (MAX_ANNOTATIONS,)),
-        ]
+        frame = [("time", "f8"), ("matrices", "f8", (paths, 16)), _TEXT, ("text", "u1", (MAX_ANNOTATIONS,))]
         layout = np.dtype(
             [
-                ("header", "i8", (4,)),
-                ("slots", slot, (2,)),
-                ("input", [("length", "i8"), ("text", "u1", (MAX_BYTES,))], (2,)),
+                ("newest", "i8", (2,)),  # numbers of the newest frame and of the newest input
+                ("shown", "i8"),
+                ("pages", "i8"),
+                ("frames", frame, (2,)),
+                ("inputs", [_TEXT, ("text", "u1", (MAX_BYTES,))], (2,)),
             ]
         )
         self._file: IO[Any] | None = None
@@ -59,8 +49,9 @@ class Channel:
             os.ftruncate(fd, layout.itemsize)
         self.fd = fd
         self._memory = mmap.mmap(fd, layout.itemsize)
-        whole = np.frombuffer(self._memory, layout, 1)[0]
-        self._header, self._slots, self._input = whole["header"], whole["slots"], whole["input"]
+        self._all: Any = np.frombuffer(self._memory, layout, 1)[0]
+        self._frames = _Newest(self._all["newest"][:1], self._all["frames"])
+        self._inputs = _Newest(self._all["newest"][1:], self._all["inputs"])
 
     def write(self, time: float, matrices: Array, annotations: bytes = b"{}") -> None:
         """Write a frame.
@@ -70,12 +61,9 @@ class Channel:
             matrices: Homogeneous, shape (paths, 4, 4).
             annotations: Packed annotations.
         """
-        number = self.newest + 1
-        slot = self._slots[number % 2]
-        slot["time"] = time
-        slot["matrices"].reshape(-1, 4, 4)[:] = matrices.transpose(0, 2, 1)  # by columns, for the viewer
-        _store(slot, "annotations", annotations if len(annotations) <= MAX_ANNOTATIONS else b"{}")
-        self._header[_NEWEST] = number
+        columns = matrices.transpose(0, 2, 1).reshape(-1, 16)  # as the viewer takes them
+        text = annotations if len(annotations) <= MAX_ANNOTATIONS else b"{}"
+        self._frames.write(text, time=time, matrices=columns)
 
     def read(self, after: int) -> tuple[int, float, Array, bytes] | None:
         """Return the newest frame.
@@ -87,14 +75,11 @@ class Channel:
             Number, time (s), matrices by columns, shape (paths, 16), and packed annotations; None if there is no newer
             frame.
         """
-        number = self.newest
-        if number <= after:
+        newer = self._frames.read(after)
+        if newer is None:
             return None
-        slot = self._slots[number % 2]
-        time, matrices, annotations = float(slot["time"]), slot["matrices"].copy(), _load(slot, "annotations")
-        if self.newest > number + 1:  # overtaken twice while copying: the slot may hold parts of two frames
-            return None
-        return number, time, matrices, annotations
+        number, frame, annotations = newer
+        return number, float(frame["time"]), frame["matrices"], annotations
 
     def write_input(self, text: bytes) -> None:
         """Write the user input; it replaces the former one.
@@ -102,11 +87,8 @@ class Channel:
         Args:
             text: Packed `UserInput`; dropped if it is longer than `MAX_BYTES`.
         """
-        if len(text) > MAX_BYTES:
-            return
-        number = int(self._header[_INPUT]) + 1
-        _store(self._input[number % 2], "text", text)
-        self._header[_INPUT] = number
+        if len(text) <= MAX_BYTES:
+            self._inputs.write(text)
 
     def read_input(self, after: int) -> tuple[int, bytes] | None:
         """Return the newest user input.
@@ -117,49 +99,65 @@ class Channel:
         Returns:
             Number and packed `UserInput`; None if there is no newer one.
         """
-        number = int(self._header[_INPUT])
-        if number <= after:
-            return None
-        text = _load(self._input[number % 2], "text")
-        return None if int(self._header[_INPUT]) > number + 1 else (number, text)
+        newer = self._inputs.read(after)
+        return None if newer is None else (newer[0], newer[2])
 
     @property
     def newest(self) -> int:
         """Number of frames written so far."""
-        return int(self._header[_NEWEST])
+        return int(self._all["newest"][0])
 
     @property
     def shown(self) -> int:
         """Number of the last frame that was read."""
-        return int(self._header[_SHOWN])
+        return int(self._all["shown"])
 
     @shown.setter
     def shown(self, number: int) -> None:
-        self._header[_SHOWN] = number
+        self._all["shown"] = number
 
     @property
     def pages(self) -> int:
         """Number of open browser pages."""
-        return int(self._header[_PAGES])
+        return int(self._all["pages"])
 
     @pages.setter
     def pages(self, count: int) -> None:
-        self._header[_PAGES] = count
+        self._all["pages"] = count
 
     def close(self) -> None:
         """Release the memory; the numbers can still be read."""
-        self._header = self._header.copy()
-        del self._slots, self._input
+        self._all = {name: self._all[name].copy() for name in ("newest", "shown", "pages")}
+        del self._frames, self._inputs
         self._memory.close()
         if self._file is not None:
             self._file.close()
 
 
-def _store(slot: Any, name: str, text: bytes) -> None:
-    slot["length"] = len(text)
-    slot[name][: len(text)] = np.frombuffer(text, np.uint8)
+class _Newest:
+    """Two slots of which one holds the newest entry. A slow reader misses entries.
 
+    The writer never waits: it fills the slot that does not hold the newest entry, and then increments the number.
+    """
 
-def _load(slot: Any, name: str) -> bytes:
-    length = int(slot["length"])
-    return bytes(slot[name][: min(max(length, 0), slot[name].size)])
+    def __init__(self, number: Any, slots: Any) -> None:
+        self._number, self._slots = number, slots
+
+    def write(self, text: bytes, **fields: Any) -> None:
+        number = int(self._number[0]) + 1
+        slot = self._slots[number % 2]
+        for name, value in fields.items():
+            slot[name] = value
+        slot["length"] = len(text)
+        slot["text"][: len(text)] = np.frombuffer(text, np.uint8)
+        self._number[0] = number
+
+    def read(self, after: int) -> tuple[int, Any, bytes] | None:
+        """Return number, fields and text of the newest entry; None if there is none after a number."""
+        number = int(self._number[0])
+        if number <= after:
+            return None
+        slot = self._slots[number % 2].copy()
+        if int(self._number[0]) > number + 1:  # overtaken twice: the copy may hold parts of two entries
+            return None
+        return number, slot, slot["text"][: slot["length"]].tobytes()

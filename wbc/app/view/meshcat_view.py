@@ -12,7 +12,6 @@ import json
 import math
 import sys
 import time as clock
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from wbc.app.scene.shapes import HIDDEN
 from wbc.app.scene.sources import PlantSource, RobotSource
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.pace import Pace
-from wbc.app.view.process import DrawingProcess
+from wbc.app.view.process import DrawingProcess, ServerSetup
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
@@ -112,7 +111,8 @@ class MeshcatView:
             tuple(entry for layer in self._layers for entry in layer.legend),
         )
         self.controls = LiveControls(self._plant if controls else None, walking)
-        self._process = DrawingProcess(self.scene, host, port, rate, speed, self.controls.available())
+        setup = ServerSetup(self.scene, host, port, rate, speed, self.controls.available())
+        self._process = DrawingProcess(setup)
         self._next = -math.inf
         self._input_number = self._request_number = 0  # of the last ones that were read
         self._paused = False
@@ -261,7 +261,5 @@ class MeshcatView:
     def __enter__(self) -> MeshcatView:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()

@@ -19,9 +19,8 @@ from typing import Any
 
 from wbc.app.scene.layer import Annotations
 from wbc.app.scene.scene import Scene
+from wbc.app.view.address import PortError, ViewError, url
 from wbc.app.view.channel import Channel
-from wbc.app.view.errors import PortError, ViewError
-from wbc.app.view.ports import address
 from wbc.core.errors import Array
 
 START_TIME = 60.0
@@ -42,7 +41,6 @@ class ServerSetup:
         host: Address to listen at.
         port: Port to listen at; the first free one of a range when None, any free one when 0.
         rate: Largest rate of frames, 1/s.
-        fd: File descriptor of the channel.
         speed: Multiple of real time at the start; None for as fast as possible.
         controls: Controls of the page and their values at the start; see `wbc.app.view.controls`.
     """
@@ -51,7 +49,6 @@ class ServerSetup:
     host: str
     port: int | None
     rate: float
-    fd: int
     speed: float | None
     controls: dict[str, Any]
 
@@ -68,26 +65,23 @@ class DrawingProcess:
         channel: Frames to it, user input from it.
     """
 
-    def __init__(
-        self, scene: Scene, host: str, port: int | None, rate: float, speed: float | None, controls: Any
-    ) -> None:
-        """Start the process and wait until it listens; the arguments are those of `ServerSetup`.
+    def __init__(self, setup: ServerSetup) -> None:
+        """Start the process and wait until it listens.
 
         Raises:
             PortError: The port is in use; nothing is left running.
             ViewError: The process does not start; nothing is left running.
         """
-        self.channel = Channel(len(scene.moving))
+        self.channel = Channel(len(setup.scene.moving))
         self._process = _launch(self.channel.fd)
-        setup = ServerSetup(scene, host, port, rate, self.channel.fd, speed, controls)
         try:
             self._port = self._begin(setup)
         except ViewError:
             _stop(self._process, self.channel)
             raise
         self.pid = self._process.pid
-        self.url = address(host, self._port)
-        self._local = address("127.0.0.1" if host == "0.0.0.0" else host, self._port)
+        self.url = url(setup.host, self._port)
+        self._local = url("127.0.0.1" if setup.host == "0.0.0.0" else setup.host, self._port)
         self._finalizer = weakref.finalize(self, _stop, self._process, self.channel)
         self._warned = False
 
@@ -150,7 +144,7 @@ def _launch(fd: int) -> subprocess.Popen[bytes]:
     """Start the process with a channel's file descriptor and this copy of the library."""
     paths = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "wbc.app.view.server"],
+        [sys.executable, "-P", "-m", "wbc.app.view.server", str(fd)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         pass_fds=[fd],

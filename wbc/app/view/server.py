@@ -1,8 +1,8 @@
 """Server of the live view: sends the page and frames from shared memory to browsers, and user input back.
 
-Run as `python -m wbc.app.view.server` by `wbc.app.view.process`: a pickled `ServerSetup` comes in on the standard
-input, one line of JSON with the port (or an error) goes out on the standard output, and the end of the input ends the
-process.
+Run as `python -m wbc.app.view.server FD` by `wbc.app.view.process`, with the file descriptor of the channel: a pickled
+`ServerSetup` comes in on the standard input, one line of JSON with the port (or an error) goes out on the standard
+output, and the end of the input ends the process.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ import tornado.web
 import tornado.websocket
 
 from wbc.app.scene.shapes import HIDDEN, Surface
+from wbc.app.view.address import listen
 from wbc.app.view.channel import Channel
 from wbc.app.view.page import SCRIPT, Page
-from wbc.app.view.ports import listen
 from wbc.app.view.process import ServerSetup
 from wbc.app.view.user_input import UserInput
 from wbc.app.view.viewer_commands import (
@@ -217,7 +217,7 @@ async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> N
 
 async def _main() -> None:
     setup: ServerSetup = pickle.load(sys.stdin.buffer)
-    channel = Channel(len(setup.scene.moving), setup.fd)
+    channel = Channel(len(setup.scene.moving), int(sys.argv[1]))
     ended = asyncio.Event()
     asyncio.get_running_loop().add_reader(0, ended.set)  # nothing more is written: readable means the end
     try:
