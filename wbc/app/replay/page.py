@@ -13,10 +13,13 @@ import numpy as np
 from wbc.app.files import check_target
 from wbc.app.replay.caption import caption
 from wbc.app.replay.replay import Replay
-from wbc.app.view.page import Page, asset
+from wbc.app.view.page import Page
 from wbc.app.view.viewer_commands import empty_scene, object_commands, transform_command
 
 PAGES = (".html", ".htm")
+
+CONTROLS = Path(__file__).with_name("controls.html")
+"""Slider, buttons and script of the page."""
 
 RATE = 30.0
 """Rate of pictures, 1/s, as in the live view."""
@@ -45,7 +48,7 @@ def replay_page(
         if progress is not None:
             progress(i + 1, len(ticks))
     log, places = replay.log, replay.log["truth/base/position"][ticks]
-    controls = Template(asset("wbc.app.replay", "controls.html")).substitute(
+    controls = Template(CONTROLS.read_text("utf-8")).substitute(
         last=len(ticks) - 1,
         paths=json.dumps(replay.scene.moving),
         times=json.dumps([round(float(t), 4) for t in log.time[ticks]]),

@@ -8,7 +8,6 @@ import json
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from string import Template
 
@@ -20,9 +19,8 @@ SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 """MeshCat's viewer, as installed with it."""
 
 
-def asset(package: str, name: str) -> str:
-    """Return a file of HTML or JavaScript beside the modules of a package."""
-    return resources.files(package).joinpath(name).read_text(encoding="utf-8")
+PAGE, CONTROLS, LIVE = (Path(__file__).with_name(name) for name in ("page.html", "controls.html", "live.js"))
+"""Template of every page, controls of a live one, and the script that follows a run."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +44,9 @@ class Page:
 
     def live(self) -> str:
         """Return the page that follows a run; it loads MeshCat's viewer from the server."""
-        feed = asset("wbc.app.view", "live.js")
-        feed = feed.replace("START_HEIGHT", f"{0.95 * self.com_height:.3f}").replace(
-            "PAGE_KEY", str(self.key)
-        )
-        return self._fill(
-            source=' src="main.min.js"',
-            script="",
-            feed=feed,
-            time="",
-            text="",
-            controls=asset("wbc.app.view", "controls.html"),
-        )
+        feed = LIVE.read_text("utf-8").replace("PAGE_KEY", str(self.key))
+        feed = feed.replace("START_HEIGHT", f"{0.95 * self.com_height:.3f}")
+        return self._fill(source=' src="main.min.js"', feed=feed, controls=CONTROLS.read_text("utf-8"))
 
     def static(self, commands: Iterable[bytes], time: float, text: str = "") -> str:
         """Return a self-contained page, which needs no server.
@@ -69,15 +58,8 @@ class Page:
         """
         packed = json.dumps([base64.b64encode(command).decode("ascii") for command in commands])
         feed = f"for (const text of {packed}) take(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));"
-        script = SCRIPT.read_text(encoding="utf-8")
-        return self._fill(
-            source="",
-            script=script,
-            feed=feed,
-            time=f"{time:.2f} s",
-            text=html.escape(text),
-            controls="",
-        )
+        script = SCRIPT.read_text("utf-8")
+        return self._fill(script=script, feed=feed, time=f"{time:.2f} s", text=html.escape(text))
 
     def _fill(self, **parts: str) -> str:
         # The viewer's world has y up: (x, z, -y) of ours.
@@ -87,12 +69,13 @@ class Page:
             f'<div><i style="background: {_css(colour)}"></i>{html.escape(text)}</div>'
             for text, colour in self.legend
         )
-        return Template(asset("wbc.app.view", "page.html")).substitute(
+        empty = dict.fromkeys(("source", "script", "time", "text", "controls"), "")
+        return Template(PAGE.read_text("utf-8")).substitute(
             title=html.escape(self.title),
             legend=legend,
             camera=", ".join(f"{value:.3f}" for value in camera),
             target=", ".join(f"{value:.3f}" for value in target),
-            **parts,
+            **empty | parts,
         )
 
 
