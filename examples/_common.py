@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import wbc
-from wbc.app.view import MeshcatView, WatchWalk
+from wbc.app import MeshcatView, WatchWalk
 from wbc.sim.balance.falls import FallDetector
 from wbc.walking.control import WalkingControl
 
