@@ -139,7 +139,7 @@ class LiveControls:
 
     def _set_stiffness(self, request: dict[str, Any]) -> dict[str, Any]:
         from wbc.tasks.scheduling.policies import FixedPolicy  # noqa: PLC0415
-        from wbc.tasks.scheduling.stiffness import StiffnessScheduler  # noqa: PLC0415 - most runs need none
+        from wbc.tasks.scheduling.stiffness import StiffnessScheduler  # noqa: PLC0415 - few runs need it
 
         assert self._walking is not None and self._plant is not None
         foot = self._plant.foot
