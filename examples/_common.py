@@ -10,8 +10,8 @@ from typing import Any
 
 import wbc
 from wbc.app import MeshcatView, WatchWalk
-from wbc.sim.balance.falls import FallDetector
-from wbc.walking.control import WalkingControl
+from wbc.sim import TrueFallDetector
+from wbc.walking import WalkingControl
 
 BROWSER_TIME = 20.0
 """Longest time that a run with `--view` waits for a page to be opened, s."""
@@ -38,7 +38,7 @@ class Options(argparse.Namespace):
             yield view
 
     def hooks(self) -> list[WatchWalk]:
-        """The same for walks that `run_walk` runs."""
+        """The same for walks that `walk` runs."""
         return [WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME)] if self.view else []
 
 
@@ -85,7 +85,7 @@ def parse(
 
 def upright(plant: wbc.Plant) -> bool:
     """Return true if the robot is on its feet."""
-    return not FallDetector(plant.robot).fallen(plant.truth().q)
+    return not TrueFallDetector(plant.robot).fallen(plant.truth().q)
 
 
 def report(**facts: Any) -> dict[str, Any]:

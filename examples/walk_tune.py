@@ -14,10 +14,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl, WalkingControlSettings
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
-from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking import FootstepPlan, StabilizerGains, WalkingControl, WalkingControlSettings, walk_distance
 
 PUSH_TIME, IMPULSE, DURATION = 2.0, 0.08, 0.1
 """Time, s, impulse, Ns/kg, and duration, s, of a push to the left, which causes errors to be corrected."""

@@ -358,7 +358,7 @@ def stiffness_table(
 def seen_roughness(spec: WalkSpec, windows: int, recipe: ProfileRecipe) -> Array:
     """Roughness of what the toes see of a ground, left and right in turn, shape (windows, 10)."""
     assert recipe.window is not None
-    robot, ground = spec.prepared().robot(), spec.ground()
+    robot, ground = spec.prepare().robot(), spec.ground()
     count = round(recipe.window / recipe.step) + 1
     place = recipe.step * np.arange(count)
     end = ground.start + ground.length

@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 from wbc.core.errors import InputError, finite_scalar, positive, unknown_name
-from wbc.sim.walks.hooks import WalkHook, WalkTick
-from wbc.sim.walks.run import run_walk
-from wbc.sim.walks.spec import WalkSpec
+from wbc.core.settings import to_json
+from wbc.sim.walks import WalkHook, WalkSpec, WalkTick, walk
 
 Check = Callable[[], None]
 """To be called now and then by a trial that runs; raises `TrialTimeout` when its time is up."""
@@ -142,10 +141,10 @@ class CheckTime(WalkHook):
 
 def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
     """Run a walk as a trial."""
-    result = run_walk(spec, hooks=[CheckTime(check)])
+    result = walk(spec, hooks=[CheckTime(check)])
     assert result.clock is not None
     status = "diverged" if result.outcome == "diverged" else "done"
-    return Outcome(status, result.record(), result.clock.to_json())
+    return Outcome(status, result.record(), to_json(result.clock))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +205,7 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
 
     def recovers(impulse: float) -> bool:
         nonlocal seconds, diverged
-        result = run_walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
+        result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
         seconds += result.seconds
         diverged = diverged or result.outcome == "diverged"
         done = result.outcome == "completed"

@@ -7,7 +7,8 @@ import logging
 from rich.progress import track
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
+from wbc.core.settings import to_json
+from wbc.sim.balance import PushTableSpec, format_push_table, push_table
 
 
 @reports
@@ -32,6 +33,6 @@ def push(
         "duration_s": options.duration,
         "resolution": options.resolution,
         "noise": options.noise,
-        "cells": [cell.to_json() for cell in cells],
+        "cells": to_json(cells),
     }
     return output.report(data, text)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.sim.balance.standing import Stand, StandSpec
+from wbc.core.settings import to_json
+from wbc.sim.balance import StandSpec, StandTrial
 
 
 @reports
@@ -15,9 +16,9 @@ def stand(
     output: OutputOptions = Output(),
 ) -> Report:
     """Let a robot stand in the simulator, and say how still it stands and how fast the controller is."""
-    stage = Stand(options)
-    with live.show(stage.plant) as watching:
-        result = stage.result(watching.after_tick)
+    trial = StandTrial(options)
+    with live.show(trial.plant) as watching:
+        result = trial.run(watching.after_tick)
     state = "stood" if result.upright else "FELL after"
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
@@ -28,4 +29,4 @@ def stand(
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
     changes = watching.interventions
-    return output.report(result.to_json() | interactive(changes), text + interactive_text(changes))
+    return output.report(to_json(result) | interactive(changes), text + interactive_text(changes))

@@ -9,7 +9,7 @@ from collections import Counter
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -20,6 +20,7 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError, finite_scalar, unknown_name
 from wbc.core.files import read_text
+from wbc.core.settings import from_json
 from wbc.sim.balance.standing import Mode
 from wbc.sim.terrain.checks import check_clearance
 from wbc.sim.terrain.report import read_params
@@ -99,8 +100,8 @@ class WalkOptions:
     velocity: tuple[float, float, float] | None = None
     steps: int | None = None
     turn: float | None = None
-    stairs: str | None = None
-    first: str | None = None
+    stairs: Literal["together", "alternate"] | None = None
+    first: Literal["left", "right"] | None = None
     mode: Mode = WalkSpec.mode
     control_period: float | None = None
     timestep: float = WalkSpec.timestep
@@ -246,7 +247,7 @@ def read_push(text: str) -> WalkPush:
         values["direction"] = math.radians(
             finite_scalar("direction of a push (degrees)", values["direction"])
         )
-    return WalkPush.from_json(values)
+    return from_json(WalkPush, values)
 
 
 def walk_text(result: WalkResult, spec: WalkSpec) -> str:

@@ -20,7 +20,7 @@ from wbc.app.log.tick import Control, Source, Tick
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
-from wbc.sim.walks.hooks import WalkHook
+from wbc.sim.walks import WalkHook
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Recorder(WalkHook):
-    """A log that is written tick by tick, in a `with` block or as a hook: `run_walk(spec, hooks=[record])`.
+    """A log that is written tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[record])`.
 
     Attributes:
         path: The file.

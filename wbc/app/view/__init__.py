@@ -5,7 +5,7 @@
             plant.step(control.command(plant.measure()))
             view.update()
 
-    run_walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
+    walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
 
 What is drawn lives in `wbc.app.scene`; a new control of the page goes into `wbc.app.view.controls`.
 """

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from wbc.app.view.controls import intervention_text
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import non_negative
-from wbc.sim.walks.hooks import WalkHook
+from wbc.sim.walks import WalkHook
 
 if TYPE_CHECKING:
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
