@@ -74,10 +74,27 @@ def test_a_value_that_breaks_a_rule_is_refused_with_name_rule_and_value(
             from_json(Spec, values)
 
 
+def test_a_value_without_a_name_is_refused_under_the_name_of_its_field() -> None:
+    with pytest.raises(InputError, match=r"^time \(s\) must be a finite number above 0 or none, got -1$"):
+        Push(0.1, -1)
+
+
 def test_an_unknown_field_or_choice_is_an_unknown_name() -> None:
     for values in ({"lenght": 1.0}, {"side": "lef"}):
         with pytest.raises(UnknownNameError):
             Spec(**values)  # type: ignore[arg-type]
+
+
+@settings
+class Needed:
+    length: Positive
+
+
+def test_a_misspelt_name_is_refused_before_the_name_that_is_missing() -> None:
+    with pytest.raises(UnknownNameError, match="no setting of Needed 'lenght'; did you mean 'length'"):
+        from_json(Needed, {"lenght": 1.0})
+    with pytest.raises(InputError, match="^length is missing: a finite number above 0$"):
+        from_json(Needed, {})
 
 
 def test_messages_name_the_place_of_what_is_nested() -> None:

@@ -135,20 +135,30 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 def _refuse(kind: Any, error: ValidationError) -> NoReturn:
-    """Raise the first thing that was refused as an error of this library."""
-    first = error.errors(include_url=False)[0]
+    """Raise the first thing that was refused as an error of this library; a misspelt name before a missing one."""
+    refused = error.errors(include_url=False)
+    first = next((each for each in refused if each["type"].startswith("unexpected")), refused[0])
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, InputError):
         raise cause from None
     loc, value = first["loc"], first["input"]
-    if first["type"] == "missing" and isinstance(loc[-1], int):
+    short = first["type"] == "missing" and isinstance(loc[-1], int)
+    if short:
         loc = loc[:-1]  # too few values: the rule is that of the whole list
+    whole = _class_of(kind)
+    if whole is not None and loc and isinstance(loc[0], int):  # a value given without its name
+        names = [field.name for field in dataclasses.fields(whole)]
+        if loc[0] >= len(names):
+            raise InputError(
+                f"{whole.__name__} takes {len(names)} values ({', '.join(names)}), got more"
+            ) from None
+        loc = (names[loc[0]], *loc[1:])
     path, hint, unit = _locate(kind, loc)
     if first["type"].startswith("unexpected"):
         names = [field.name for field in dataclasses.fields(_class_of(hint))]
         unknown_name(f"setting of {path or _class_of(hint).__name__}", loc[-1], names)
     what = f"{path} ({unit})" if unit else path or getattr(kind, "__name__", str(kind))
-    if first["type"] == "missing" and loc is first["loc"]:
+    if first["type"] == "missing" and not short:
         raise InputError(f"{what} is missing: {rule_of(hint)}") from None
     if cause is not None:
         raise InputError(f"{what}: {cause}") from None
