@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import bootstrap
 
 from wbc.core.errors import InputError, finite_array, finite_scalar
 
@@ -58,6 +57,8 @@ def mean_interval(values: Sequence[float], *, confidence: float = CONFIDENCE) ->
 
     Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; `scipy.stats.bootstrap`.
     """
+    from scipy.stats import bootstrap  # noqa: PLC0415 - takes half a second to import
+
     finite_scalar("confidence", confidence, low=0.0, high=1.0, open_low=True)
     sample = finite_array("values to average", list(values))
     n = sample.size
