@@ -22,7 +22,7 @@ from wbc.sim.terrain import terrain
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.preview import PreviewController
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 from wbc.walking.planning.schedule import schedule
 
 COM, DCM, ZMP, FOOT = "#1565c0", "#2e7d32", "#c62828", "#90a4ae"

@@ -61,7 +61,7 @@ class Catcher(WalkHook):
             self.picture = photograph(self.plant)
 
     def tick(self, tick: WalkTick) -> None:
-        """The same for walks that `run_walk` runs."""
+        """The same for walks that `walk` runs."""
         self.plant = tick.plant
         self.update()
 

@@ -10,7 +10,7 @@ from PIL import Image
 from wbc.app.log import Log, Recorder
 from wbc.app.replay.film import render_video
 from wbc.app.replay.replay import Replay
-from wbc.sim.walks import WalkPlan, WalkSpec, run_walk
+from wbc.sim.walks import WalkPlan, WalkSpec, walk
 
 SPEC = WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.0))
 """The walk that is shown."""
@@ -33,7 +33,7 @@ def draw(path: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as folder:
         log, film = Path(folder) / "walk.arrow", Path(folder) / "walk.gif"
-        if run_walk(SPEC, hooks=[Recorder(log)]).fell:
+        if walk(SPEC, hooks=[Recorder(log)]).fell:
             raise RuntimeError("the robot of the picture has fallen")
         render_video(Replay(Log.open(log)), film, rate=RATE, size=SIZE)
         with Image.open(film) as pictures:

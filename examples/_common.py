@@ -11,7 +11,7 @@ from typing import Any
 import wbc
 from wbc.app.view.view import MeshcatView
 from wbc.app.view.walk import WatchWalk, wait_for_page
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking.control import WalkingControl
 
 BROWSER_TIME = 20.0
@@ -39,7 +39,7 @@ class Options(argparse.Namespace):
             yield view
 
     def hooks(self) -> list[WatchWalk]:
-        """The same for walks that `run_walk` runs."""
+        """The same for walks that `walk` runs."""
         return [WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME)] if self.view else []
 
 
@@ -86,7 +86,7 @@ def parse(
 
 def upright(plant: wbc.Plant) -> bool:
     """Tell whether the robot is on its feet."""
-    return not FallDetector(plant.robot).fallen(plant.truth().q)
+    return not TrueFallDetector(plant.robot).fallen(plant.truth().q)
 
 
 def report(**facts: Any) -> dict[str, Any]:

@@ -13,9 +13,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:

@@ -13,9 +13,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 DURATION = 0.1
 """How long the push lasts, s."""

@@ -13,10 +13,7 @@ from _common import parse, report, upright
 
 import wbc
 from wbc.sim.terrain import terrain
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import climb_stairs
+from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs
 
 TREAD = 0.25
 """Depth of a stair, m."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from _common import parse, report
 
-from wbc.sim.walks import WalkPlan, WalkSpec, run_walk
+from wbc.sim.walks import WalkPlan, WalkSpec, walk
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         seed=options.seed,
         plan=WalkPlan(distance=options.distance),
     )
-    result = run_walk(spec, hooks=options.hooks())
+    result = walk(spec, hooks=options.hooks())
     landed = result.touchdowns
     return report(
         upright=not result.fell,

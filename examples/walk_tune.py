@@ -15,10 +15,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl, WalkingControlSettings
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
-from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking import FootstepPlan, StabilizerGains, WalkingControl, WalkingControlSettings, walk_distance
 
 PUSH_TIME, IMPULSE, DURATION = 2.0, 0.08, 0.1
 """When a push to the left comes, s, how strong it is, Ns/kg, and how long it lasts, s: errors to be corrected."""

@@ -15,9 +15,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_velocity
+from wbc.walking import FootstepPlan, WalkingControl, walk_velocity
 
 STOPPING_TIME = 5.0
 """Longest time from the order to stop to standing still, s: a step, one more, and 0.8 s to come to rest."""

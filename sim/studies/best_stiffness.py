@@ -367,7 +367,7 @@ def stiffness_table(
 def seen_roughness(spec: WalkSpec, windows: int, recipe: ProfileRecipe) -> Array:
     """Return the roughness under the toes on a ground, left and right in turn, shape (windows, 10)."""
     assert recipe.window is not None
-    robot, ground = spec.prepared().robot(), spec.ground()
+    robot, ground = spec.prepare().robot(), spec.ground()
     count = round(recipe.window / recipe.step) + 1
     place = recipe.step * np.arange(count)
     end = ground.start + ground.length

@@ -17,11 +17,9 @@ from typing import Annotated, Any, ClassVar, Protocol
 
 from wbc.core.errors import InputError, positive
 from wbc.core.registry import Registry
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.studies.journal import Status
-from wbc.sim.walks.hooks import WalkHook, WalkTick
-from wbc.sim.walks.run import run_walk
-from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks import WalkHook, WalkSpec, WalkTick, walk
 
 Check = Callable[[], None]
 """Function that a running trial calls now and then; raises `TrialTimeout` after its time-out."""
@@ -140,10 +138,10 @@ class CheckTime(WalkHook):
 
 def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
     """Run a walk as a trial."""
-    result = run_walk(spec, hooks=[CheckTime(check)])
+    result = walk(spec, hooks=[CheckTime(check)])
     assert result.clock is not None
     status: Status = "diverged" if result.outcome == "diverged" else "done"
-    return Outcome(status, result.record(), result.clock.to_json())
+    return Outcome(status, result.record(), to_json(result.clock))
 
 
 @settings(kw_only=True)
@@ -202,7 +200,7 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
 
     def recovers(impulse: float) -> bool:
         nonlocal seconds, diverged
-        result = run_walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
+        result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
         seconds += result.seconds
         diverged = diverged or result.outcome == "diverged"
         done = result.outcome == "completed"

@@ -301,7 +301,7 @@ def test_an_internal_failure_is_told_apart_from_bad_input(
 
     from wbc.app.commands import balance  # noqa: PLC0415 - patched here
 
-    monkeypatch.setattr(balance, "Stand", broken)
+    monkeypatch.setattr(balance, "StandTrial", broken)
     code, out, err = wbc_command(capfd, "stand", "--json")
     assert code == cli.FAILED and out == ""
     assert "Traceback" in err and "something of ours" in err

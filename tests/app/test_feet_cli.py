@@ -22,8 +22,8 @@ from wbc.core.changes import changed, setting_names
 from wbc.core.errors import InputError
 from wbc.feet import SoftFoot, VariableStiffnessFoot, foot, foot_names
 from wbc.robots import load, names
+from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.shod import shod
 from wbc.sim.rig import stiffness_means, stiffness_table
 from wbc.sim.rig.study import StiffnessRow
 from wbc.sim.terrain import ClearanceWarning, terrain_families
@@ -209,7 +209,7 @@ def test_parameters_that_change_together_are_checked_together() -> None:
 def test_a_controller_knows_the_mass_of_the_feet_if_told(robot: str, name: str) -> None:
     description, design = load(robot), foot(name)
     plant = Plant(description, foot=design)
-    ignored, told = (shod(description, design, mass=mass).robot() for mass in (False, True))
+    ignored, told = (with_feet(description, design, mass=mass).robot() for mass in (False, True))
     total = float(plant.model.body_mass.sum())
     assert told.mass == pytest.approx(total, abs=1e-9)
     assert ignored.mass == pytest.approx(total - 2 * 0.34, abs=1e-9)
@@ -222,7 +222,7 @@ def test_a_controller_knows_the_mass_of_the_feet_if_told(robot: str, name: str) 
     np.testing.assert_allclose(
         np.linalg.eigvalsh(told.mass_matrix[3:6, 3:6]), np.linalg.eigvalsh(reference[3:6, 3:6]), rtol=1e-6
     )
-    again = shod(shod(description, design, mass=True), design, mass=True).robot()
+    again = with_feet(with_feet(description, design, mass=True), design, mass=True).robot()
     assert again.mass == pytest.approx(told.mass, abs=1e-12)
 
 

@@ -34,7 +34,7 @@ from wbc.app.view.view import MeshcatView, make_layers
 from wbc.app.view.walk import WatchWalk
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, run_walk
+from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, walk
 from wbc.walking.planning.gait import Gait
 
 GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
@@ -263,9 +263,9 @@ class Commands(WalkHook):
 def test_a_walk_is_the_same_bit_for_bit_with_and_without_a_view() -> None:
     spec = short_walk(foot="variable", terrain="stones", amplitude=0.01, plan=WalkPlan(distance=0.05))
     alone, watched = Commands(), Commands()
-    plain = run_walk(spec, hooks=[alone])
+    plain = walk(spec, hooks=[alone])
     with WatchWalk(port=0, rate=1e6, speed=None) as watch:
-        result = run_walk(spec, hooks=[watch, watched])
+        result = walk(spec, hooks=[watch, watched])
         assert watch.view is not None and watch.view.frames > len(watched.all)
     assert result.record() == plain.record() and plain.outcome == "completed"
     assert watched.all == alone.all

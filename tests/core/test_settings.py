@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import math
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.registry import Registry, call_checked
-from wbc.core.settings import Count, NonNegative, Positive, Seed, Share, from_json, settings, to_json
+from wbc.core.settings import (
+    Count,
+    NonNegative,
+    Positive,
+    Seed,
+    Share,
+    check_inherited,
+    from_json,
+    settings,
+    to_json,
+)
 
 
 @settings
@@ -38,6 +50,32 @@ class Spec:
     open: bool = False
     push: Push = field(default_factory=Push)
     pushes: tuple[Push, ...] = ()
+
+
+@settings
+class Design(abc.ABC):
+    """Settings that others derive from, some with `@dataclass` alone."""
+
+    size: tuple[Annotated[Positive, "m"], Annotated[Positive, "m"]] = (1.0, 2.0)
+    rate: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "1/s"] = math.inf
+
+    def __post_init__(self) -> None:
+        check_inherited(self)
+
+    @abc.abstractmethod
+    def area(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Plate(Design):
+    holes: int = 0
+
+    def area(self) -> float:
+        return self.size[0] * self.size[1] - self.holes
+
+
+class NamedPlate(Plate):
+    pass
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -74,27 +112,20 @@ def test_a_value_that_breaks_a_rule_is_refused_with_name_rule_and_value(
             from_json(Spec, values)
 
 
-def test_a_value_without_a_name_is_refused_under_the_name_of_its_field() -> None:
-    with pytest.raises(InputError, match=r"^time \(s\) must be a finite number above 0 or none, got -1$"):
-        Push(0.1, -1)
-
-
 def test_an_unknown_field_or_choice_is_an_unknown_name() -> None:
     for values in ({"lenght": 1.0}, {"side": "lef"}):
         with pytest.raises(UnknownNameError):
             Spec(**values)  # type: ignore[arg-type]
 
 
-@settings
-class Needed:
-    length: Positive
+def test_a_wrong_name_is_refused_before_the_value_that_it_leaves_missing() -> None:
+    @settings
+    class Step:
+        length: Positive
 
-
-def test_a_misspelt_name_is_refused_before_the_name_that_is_missing() -> None:
-    with pytest.raises(UnknownNameError, match="no setting of Needed 'lenght'; did you mean 'length'"):
-        from_json(Needed, {"lenght": 1.0})
-    with pytest.raises(InputError, match="^length is missing: a finite number above 0$"):
-        from_json(Needed, {})
+    for make in (lambda: Step(lenght=1.0), lambda: from_json(Step, {"lenght": 1.0})):  # type: ignore[call-arg]
+        with pytest.raises(UnknownNameError, match="did you mean 'length'"):
+            make()
 
 
 def test_messages_name_the_place_of_what_is_nested() -> None:
@@ -106,6 +137,32 @@ def test_messages_name_the_place_of_what_is_nested() -> None:
         from_json(Spec, {"push": {"impulse": 7}})
     with pytest.raises(InputError, match="^Spec must be Spec, got"):
         from_json(Spec, [1])
+
+
+def test_values_without_a_name_are_named_in_messages() -> None:
+    for args, message in (
+        ((-1.0,), r"^impulse \(Ns/kg\) must be .* got -1.0$"),
+        ((1.0, 0), r"^time \(s\) must be .* got 0$"),
+        ((1.0, 2.0, 3.0), r"^Push takes 2 values \(impulse, time\), got more$"),
+    ):
+        with pytest.raises(InputError, match=message):
+            Push(*args)
+
+
+@pytest.mark.parametrize("kind", [Plate, NamedPlate])
+def test_plain_dataclasses_that_derive_from_settings_are_checked(kind: type[Plate]) -> None:
+    plate = kind(size=[2, 3], holes=2)  # type: ignore[arg-type]
+    assert plate.size == (2.0, 3.0) and plate.area() == 4.0 and plate.rate == math.inf
+    assert replace(plate, rate=2).size == plate.size and hash(plate) == hash(replace(plate))
+    for values, message in (
+        ({"size": (1.0,)}, r"^size must be 2 values, each a finite number above 0, got \(1.0,\)$"),
+        ({"size": (1.0, 0.0)}, r"^size\[1\] \(m\) must be a finite number above 0, got 0"),
+        ({"rate": math.nan}, r"^rate \(1/s\) must be a number above 0, got nan$"),
+    ):
+        with pytest.raises(InputError, match=message):
+            kind(**values)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=message):
+            replace(plate, **values)  # type: ignore[arg-type]
 
 
 def test_settings_are_frozen_hashable_and_checked_again_when_replaced() -> None:

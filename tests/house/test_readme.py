@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc.app.cli import make_app
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -28,7 +28,7 @@ def test_the_smallest_program_is_small_and_balances_a_humanoid(capsys: pytest.Ca
     exec(smallest, names)
     plant, start = names["plant"], np.array(names["com"].target)
     assert plant.time == pytest.approx(5.0)
-    assert not FallDetector(plant.robot).fallen(plant.truth().q)
+    assert not TrueFallDetector(plant.robot).fallen(plant.truth().q)
     np.testing.assert_allclose(plant.truth().com, start, atol=2e-3)
     exec(squat, names)
     np.testing.assert_allclose(plant.truth().com, start - [0.0, 0.0, 0.1], atol=1e-2)  # the posture pulls

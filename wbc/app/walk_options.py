@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from wbc.app.files import read_json
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError, finite_scalar
-from wbc.core.settings import settings
+from wbc.core.settings import from_json, settings
 from wbc.sim.balance.standing import Mode
 from wbc.sim.terrain.report import read_params
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
@@ -84,8 +84,8 @@ class WalkOptions:
     velocity: tuple[float, float, float] | None = None
     steps: int | None = None
     turn: float | None = None
-    stairs: str | None = None
-    first: str | None = None
+    stairs: Literal["together", "alternate"] | None = None
+    first: Literal["left", "right"] | None = None
     mode: Mode = WalkSpec.mode
     control_period: float | None = None
     timestep: float = WalkSpec.timestep
@@ -180,4 +180,4 @@ def read_push(text: str) -> WalkPush:
         values["direction"] = math.radians(
             finite_scalar("direction of a push (degrees)", values["direction"])
         )
-    return WalkPush.from_json(values)
+    return from_json(WalkPush, values)

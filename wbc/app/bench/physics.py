@@ -14,7 +14,7 @@ from wbc.core.errors import InputError
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet import Foot, foot
 from wbc.robots import load
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.terrain import Terrain, terrain
@@ -148,5 +148,5 @@ def _speed(
         plant_real_time_factor=ticks * CONTROL_PERIOD / min(whole),
         contacts=float(np.mean(contacts)),
         nv=int(model.nv),
-        upright=plant.diverged is None and not FallDetector(plant.robot).fallen(plant.truth().q),
+        upright=plant.diverged is None and not TrueFallDetector(plant.robot).fallen(plant.truth().q),
     )

@@ -23,7 +23,7 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF
 from wbc.robots.description import RobotDescription
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.posture import PostureTask
@@ -51,7 +51,7 @@ class ProblemStream:
         """
         self._rng, self.scattered = rng, scattered
         self._robot = robot = description.robot()
-        self._falls = FallDetector(robot)
+        self._falls = TrueFallDetector(robot)
         self._dt = float(rng.choice([0.001, 0.002, 0.005]))
         self.controller = Controller(robot, self._dt)
         self._feet = [

@@ -11,9 +11,7 @@ from typing import Annotated, Any
 import mujoco
 
 from wbc.core.settings import Count, Positive, Seed, settings
-from wbc.sim.walks.plans import WalkPlan
-from wbc.sim.walks.run import WalkTrial, run_walk
-from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial, walk
 
 PARTS = ("physics", "sensors", "observer", "walk", "stabilizer", "program", "rest of the tick", "figures")
 """Parts of a control period.
@@ -100,7 +98,7 @@ def bench_walk(options: BenchWalkOptions) -> Iterator[WalkCost]:
             (_time_by_part(spec) for _ in range(options.repeats)), key=lambda parts: sum(parts.values())
         )
         whole = sum(parts.values())
-        results = [run_walk(spec) for _ in range(options.repeats)]
+        results = [walk(spec) for _ in range(options.repeats)]
         factor = max(result.clock.real_time_factor for result in results if result.clock is not None)
         period = 1e6 * spec.period / factor
         yield WalkCost(

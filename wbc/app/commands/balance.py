@@ -8,8 +8,8 @@ from rich.progress import track
 
 from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
-from wbc.sim.balance.standing import Stand, StandSpec
+from wbc.core.settings import to_json
+from wbc.sim.balance import PushTableSpec, StandSpec, StandTrial, format_push_table, push_table
 
 
 @reports
@@ -20,9 +20,9 @@ def stand(
     output: OutputOptions = Output(),
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
-    stage = Stand(options)
-    with live.show(stage.plant) as watching:
-        result = stage.result(watching.after_tick)
+    trial = StandTrial(options)
+    with live.show(trial.plant) as watching:
+        result = trial.run(watching.after_tick)
     state = "stood" if result.upright else "FELL after"
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
@@ -33,7 +33,7 @@ def stand(
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
     changes = watching.interventions
-    return output.report(result.to_json() | interactive(changes), text + interactive_text(changes))
+    return output.report(to_json(result) | interactive(changes), text + interactive_text(changes))
 
 
 @reports
@@ -56,6 +56,6 @@ def push(
         "duration_s": options.duration,
         "resolution": options.resolution,
         "noise": options.noise,
-        "cells": [cell.to_json() for cell in cells],
+        "cells": to_json(cells),
     }
     return output.report(data, text)

@@ -8,7 +8,7 @@
             record(plant, control, measurement, command)
             plant.step(command)
 
-    run_walk(spec, hooks=[Recorder("walk.arrow")])      # the same as a hook
+    walk(spec, hooks=[Recorder("walk.arrow")])      # the same as a hook
 
     log = Log.open("walk.arrow")
     log.time, log["com/estimated/x"], log["com/estimated"], log.units["com/estimated/x"]

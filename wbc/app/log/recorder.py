@@ -21,7 +21,7 @@ from wbc.app.log.tick import Control, Source, Tick
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
-from wbc.sim.walks.hooks import WalkHook
+from wbc.sim.walks import WalkHook
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class Recorder(WalkHook):
-    """Writes a log, tick by tick; use it in a `with` block, or as a hook: `run_walk(spec, hooks=[record])`.
+    """Writes a log, tick by tick; use it in a `with` block, or as a hook: `walk(spec, hooks=[record])`.
 
     Attributes:
         path: The file.

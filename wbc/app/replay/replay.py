@@ -19,7 +19,7 @@ from wbc.app.view.source import FOOT, PlantSource
 from wbc.core.errors import Array, InputError, positive
 from wbc.feet import FootParts
 from wbc.sim.plant.plant import Plant
-from wbc.walking.pattern.zmp import NoContactForceError, cop
+from wbc.walking.stabilizer.zmp import NoContactForceError, cop
 
 LEAST_LOAD = 1.0
 """Forces below this are not shown, N."""

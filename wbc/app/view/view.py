@@ -5,7 +5,7 @@
             plant.step(control.command(plant.measure()))
             view.update()
 
-    run_walk(spec, hooks=[WatchWalk()])     # a simulated walk, with footsteps and all
+    walk(spec, hooks=[WatchWalk()])     # a simulated walk, with footsteps and all
 
 SceneObject happens in a process of its own. `update` takes a snapshot at most 30 times a second and leaves it in shared
 memory; all other calls return at once. It reads the plant and never writes to it, so that a run gives the same numbers

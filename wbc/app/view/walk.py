@@ -1,6 +1,6 @@
 """Watch a simulated walk: the live view as a hook.
 
-run_walk(spec, hooks=[WatchWalk()])
+walk(spec, hooks=[WatchWalk()])
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from wbc.app.view.controls import intervention_text
 from wbc.app.view.view import MeshcatView
 from wbc.core.errors import non_negative
-from wbc.sim.walks.hooks import WalkHook
+from wbc.sim.walks import WalkHook
 
 if TYPE_CHECKING:
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial

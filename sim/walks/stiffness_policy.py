@@ -1,4 +1,4 @@
-"""Who sets the soles of a simulated walk: a policy by name, decided by the spec alone."""
+"""Stiffness policy of a simulated walk: by name and parameters, fixed by the spec alone."""
 
 from __future__ import annotations
 
@@ -15,23 +15,22 @@ from wbc.tasks.scheduling.policies import FixedPolicy, StiffnessPolicy, stiffnes
 from wbc.tasks.scheduling.record import StiffnessTiming
 
 DEFAULT_POLICY = "model"
-"""Policy of a sole of variable stiffness when none is named: the model that comes with the library."""
+"""Default policy of a sole of variable stiffness: the model that comes with the library."""
 
 FILE, CONTENT = "path", "sha256"
-"""Parameters of a policy that name a file, and say what is in it: a spec stands for one walk, whatever happens to the
-file."""
+"""Parameters of a policy for a file and the hash of its content: a spec stays one walk, also if the file changes."""
 
 
 def checked_policy(
     foot: Foot, name: str | None, parameters: Changes, timing: StiffnessTiming
 ) -> tuple[str | None, Changes]:
-    """Policy and parameters in their normal form: with a default, and with the hash of a file that is read.
+    """Return policy and parameters in their normal form: with the default, and with the hash of a file that is read.
 
     Args:
         foot: Foot of the walk.
         name: Policy; the default when None.
-        parameters: Of the policy.
-        timing: When the policy is asked, and what is done without an answer.
+        parameters: Parameters of the policy.
+        timing: Timing of the policy, and its fallback stiffness.
 
     Raises:
         UnknownNameError: No such policy or parameter.
@@ -39,7 +38,9 @@ def checked_policy(
             actuator cannot set, or a value out of range.
     """
     if not isinstance(foot, VariableStiffnessFoot):
-        if name is not None or set(dict(parameters)) - {CONTENT}:  # the hash is left of another foot's policy
+        if name is not None or set(dict(parameters)) - {
+            CONTENT
+        }:  # a hash remains when the foot of a spec is replaced
             raise InputError(
                 f"a stiffness policy ('{name or DEFAULT_POLICY}') needs feet of variable stiffness: foot 'variable'"
             )
@@ -56,21 +57,21 @@ def checked_policy(
         raise InputError(f"{FILE} of a stiffness policy must be the name of a file, got {file!r}")
     policy = make_policy(chosen, as_changes(values))
     policy.prepare(timing.scan)
-    for wanted in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None):
-        if wanted is not None:
-            foot.actuator.check(wanted)
-    used = _file(chosen, values)
-    if used is not None:
-        values[CONTENT] = file_hash(used)
+    for stiffness in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None):
+        if stiffness is not None:
+            foot.actuator.check(stiffness)
+    model = _file(chosen, values)
+    if model is not None:
+        values[CONTENT] = file_hash(model)
     elif CONTENT in values:
         raise InputError(
-            f"{CONTENT} says what is in a file, but the policy '{chosen}' has none; leave it out"
+            f"{CONTENT} is the hash of a file, but the policy '{chosen}' reads none; leave it out"
         )
     return chosen, as_changes(values)
 
 
 def _file(name: str, values: Mapping[str, Any]) -> str | None:
-    """The file that a policy is read from; None if there is none."""
+    """Return the file that a policy is read from, None if there is none."""
     file = values.get(FILE)
     if file is None and name == DEFAULT_POLICY:
         return str(DEFAULT_MODEL)
@@ -78,7 +79,7 @@ def _file(name: str, values: Mapping[str, Any]) -> str | None:
 
 
 def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
-    """The policy, for one walk.
+    """Return a policy for one walk.
 
     Raises:
         UnknownNameError: No such policy or parameter.
@@ -87,16 +88,16 @@ def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
     values: dict[str, Any] = dict(parameters)
     content, file = values.pop(CONTENT, None), _file(name, values)
     if content is not None and file is not None:
-        found = file_hash(file)
-        if found != content:
+        actual = file_hash(file)
+        if actual != content:
             raise InputError(
-                f"{file} has changed: its hash is {found}, the walk was specified with {content}"
+                f"{file} has changed: its hash is {actual}, the walk was specified with {content}"
             )
     return stiffness_policy(name, **values)
 
 
 def file_hash(path: str) -> str:
-    """Hash of a file's content, 16 hex digits.
+    """Return the hash of a file's content, 16 hex digits.
 
     Raises:
         InputError: It cannot be read.

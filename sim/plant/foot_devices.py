@@ -1,4 +1,4 @@
-"""The live parts of the feet: stiffness actuators and range sensors, for all soles of a robot together."""
+"""Stiffness actuators and range sensors of all feet of a robot."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.sim.plant.model import PlantModel
 
 
-class Soles:
-    """Stiffness and range of every sole, left first."""
+class FootDevices:
+    """Stiffness actuator and range sensor of every sole, left first."""
 
     def __init__(self, plant: PlantModel, foot: Foot, range_sensor: RangeSensor | None) -> None:
-        """Look everything up.
+        """Find the devices in the model.
 
         Args:
             plant: The compiled model.
-            foot: What was built under the ankles.
+            foot: Foot that was built under both ankles.
             range_sensor: Range sensor under each toe; none when None.
         """
         self._plant = plant
@@ -37,7 +37,7 @@ class Soles:
         self._ranges: list[RangeFinder] = []
 
     def reset(self, seeds: list[int]) -> None:
-        """Go back to the stiffness at the start and forget all ranges.
+        """Restore the stiffness at the start and restart the range sensors.
 
         Args:
             seeds: Seed of the errors of each range sensor.
@@ -58,7 +58,7 @@ class Soles:
             ]
 
     def check(self, command: Array | None) -> None:
-        """Refuse a stiffness command that cannot be followed; nothing changes.
+        """Check a stiffness command; nothing changes.
 
         Args:
             command: Commanded stiffness, shape (number of soles,), Nm/rad; None for none.
@@ -81,10 +81,10 @@ class Soles:
             sole.actuator.check(stiffness)
 
     def advance(self, command: Array | None, duration: float) -> bool:
-        """Let the stiffness actuators work.
+        """Advance the stiffness actuators.
 
         Args:
-            command: Commanded stiffness, checked; None goes on with the last one.
+            command: Commanded stiffness, checked; the last one when None.
             duration: s.
 
         Returns:
@@ -95,18 +95,18 @@ class Soles:
             for i, sole in enumerate(self._stiffness):
                 assert sole is not None
                 before = sole.actual
-                wanted = sole.state.commanded if command is None else float(command[i])
-                changed |= sole.step(wanted, duration) != before
+                commanded = sole.state.commanded if command is None else float(command[i])
+                changed |= sole.step(commanded, duration) != before
         return changed
 
     def stiffness(self) -> Array:
-        """Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid one."""
+        """Return the actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid one."""
         if self._stiffness[0] is None:
             return self._none
         return np.array([math.nan if sole is None else sole.actual for sole in self._stiffness])
 
     def ranges(self, data: mujoco.MjData) -> Array:
-        """Reading of each range sensor, shape (number of soles,), m; NaN where there is none or it sees nothing."""
+        """Return the reading of each range sensor, shape (number of soles,), m; NaN without a sensor or an echo."""
         if not self._ranges:
             return self._none
         return np.array([finder.read(self._plant.model, data) for finder in self._ranges])

@@ -1,4 +1,4 @@
-"""A robot as it is with other feet on: what its controller has to know of them."""
+"""Robot descriptions with other feet: the soles, and on request the masses, that a controller has to know."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from wbc.robots.description import RobotDescription
 from wbc.robots.frames import SoleDescription
 from wbc.sim.plant.model import sole_geometries
 
-ADDED = "/mass"
-"""What follows the name of a sole in the name of the link that has the mass of its foot."""
+MASS_SUFFIX = "/mass"
+"""Suffix of a sole's name in the name of the link that carries the mass of its foot."""
 
 
-def shod(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
-    """Describe a robot whose soles are those of a foot, for its controller.
+def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
+    """Return the description of a robot on other feet, for its controller.
 
     Contacts, the observer and the force sensors then agree on where each sole is and how large.
 
     Args:
-        description: The robot with its own soles.
-        foot: Put under both ankles.
-        mass: True to tell the controller's model the mass and inertia of the feet in their rest shape; otherwise they
-            stay unknown to it, as in the paper. The plant builds the feet itself and takes a description without them.
+        description: The robot on its own soles.
+        foot: Foot under both ankles.
+        mass: Add mass and inertia of the feet in their rest shape; otherwise they stay unknown to the controller, as in
+            the paper. The plant builds the feet itself and takes a description without them.
 
     Returns:
         The same description if there is nothing to change.
@@ -37,23 +37,23 @@ def shod(description: RobotDescription, foot: Foot, *, mass: bool = False) -> Ro
     robot = description.robot()
     soles = []
     tree = urdf.read(description.urdf)
-    for own, geometry in zip(description.soles, sole_geometries(robot), strict=True):
+    for sole, geometry in zip(description.soles, sole_geometries(robot), strict=True):
         fit = foot.fit(geometry)
         if mass and fit.mass > 0.0:
-            _add_mass(tree, f"{own.name}{ADDED}", geometry.ankle_link, fit.added_inertia)
+            _add_mass(tree, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)
         fitted = fit.sole
         unchanged = fitted.placement.isApprox(geometry.placement, 1e-9)
-        if unchanged and (fitted.length, fitted.width) == (own.length, own.width):
-            soles.append(own)
+        if unchanged and (fitted.length, fitted.width) == (sole.length, sole.width):
+            soles.append(sole)
             continue
-        link, _ = description.attachment(own.frame)
+        link, _ = description.attachment(sole.frame)
         soles.append(
             SoleDescription(
-                frame=own.frame if unchanged else f"{own.name}_fitted",
-                link=own.link if unchanged else link,
-                translation=own.translation if unchanged else fitted.translation,
-                rpy=own.rpy if unchanged else tuple(pin.rpy.matrixToRpy(fitted.rotation_matrix).tolist()),
-                name=own.name,
+                frame=sole.frame if unchanged else f"{sole.name}_fitted",
+                link=sole.link if unchanged else link,
+                translation=sole.translation if unchanged else fitted.translation,
+                rpy=sole.rpy if unchanged else tuple(pin.rpy.matrixToRpy(fitted.rotation_matrix).tolist()),
+                name=sole.name,
                 length=fitted.length,
                 width=fitted.width,
             )

@@ -1,6 +1,6 @@
-"""The pendulum's motion over a broken line of ZMPs, in closed form; and the analytic plan.
+"""Motion of the pendulum over a broken line of ZMPs, in closed form; and the analytic plan.
 
-The DCM is known backwards from where the walk comes to rest, the CoM follows it forwards:
+The DCM is known backwards from the point of rest at the end of the walk, the CoM follows it forwards:
 
     ξ(t) = z + ż/ω + e^{ω(t − T)} (ξ_T − z_T − ż/ω)      on each piece, ending at T.
 
@@ -22,7 +22,7 @@ from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
 
 
 def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Array:
-    """DCM at the knots of a broken line of ZMPs, from the one at the end.
+    """Return the DCM at the knots of a broken line of ZMPs, from that at the end.
 
     Args:
         times: Knots, increasing, shape (k,), s.
@@ -49,7 +49,7 @@ def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Arr
 
 
 class Pattern:
-    """A motion of the pendulum, from a start on for ever.
+    """Motion of the pendulum from a start on, without end.
 
     Attributes:
         times: Knots, from the start of the pattern, shape (k,), s.
@@ -74,12 +74,12 @@ class Pattern:
         Args:
             times: Knots, increasing from 0, shape (k,), s.
             zmp: ZMP at the knots, shape (k, 2), m.
-            com: CoM at the start, horizontal, shape (2,), m; its convergent part is taken over, its DCM is
-                what leads to `dcm_end`.
-            com_velocity: Its velocity, shape (2,), m/s.
+            com: CoM at the start, horizontal, shape (2,), m; only its convergent part is used, since the DCM is the one
+                that leads to `dcm_end`.
+            com_velocity: Velocity of the CoM, shape (2,), m/s.
             height: Height of the CoM over the support, m.
             profile: Height of the support.
-            dcm_end: DCM at the last knot, shape (2,), m; the last ZMP when None, which is coming to rest.
+            dcm_end: DCM at the last knot, shape (2,), m; the last ZMP, over which the CoM comes to rest, when None.
 
         Raises:
             InputError: Times that do not increase, or a height not above zero.
@@ -113,7 +113,7 @@ class Pattern:
         return float(self.times[-1])
 
     def at(self, time: float) -> Pendulum:
-        """The pendulum at a time from the start of the pattern (s, not negative)."""
+        """Return the pendulum at a time from the start of the pattern (s, not negative)."""
         com, velocity, zmp, zmp_velocity = self._horizontal(time)
         level, climb, push = self._profile.at(time)
         square = self.omega * self.omega
@@ -128,12 +128,12 @@ class Pattern:
         )
 
     def dcm_at(self, time: float) -> Array:
-        """The DCM at a time from the start of the pattern (s, not negative), shape (2,), m."""
+        """Return the DCM at a time from the start of the pattern (s, not negative), shape (2,), m."""
         (x, y), (speed_x, speed_y), _, _ = self._horizontal(time)
         return np.array((x + speed_x / self.omega, y + speed_y / self.omega))
 
     def _horizontal(self, time: float) -> tuple[tuple[float, float], ...]:
-        """CoM (m) and its velocity (m/s), ZMP (m) and its velocity (m/s)."""
+        """Return CoM (m) and its velocity (m/s), ZMP (m) and its velocity (m/s)."""
         i = max(0, bisect_right(self._knots, time) - 1)
         omega, dt = self.omega, max(0.0, time - self._knots[i])
         x0, y0, rate_x, rate_y, dcm_x, dcm_y, convergent_x, convergent_y = self._pieces[i]
@@ -155,7 +155,7 @@ class Pattern:
 
 
 def height_profile(supports: Sequence[SupportPhase], height: float, start: Pendulum) -> HeightProfile:
-    """Height of the support from now on, such that the CoM moves on smoothly from where it is."""
+    """Return the height of the support from now on such that the CoM goes on without a jump in acceleration."""
     return HeightProfile(
         supports,
         (float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])),
@@ -169,16 +169,16 @@ def analytic_pattern(
     *,
     target: ZmpTarget | None = None,
 ) -> Pattern:
-    """The plan whose ZMP rests under the stance feet, from wherever the pendulum is now.
+    """Return the plan whose ZMP rests under the stance feet, from any state of the pendulum.
 
-    One more knot in the middle of the first support makes the DCM start where it is; it may lie outside the
-    support, which the preview controller (`wbc.walking.pattern.preview`) would not let it.
+    One more knot in the middle of the first support gives the DCM its present value; unlike in the preview controller
+    (`wbc.walking.pattern.preview`), it may lie outside the support.
 
     Args:
         supports: Schedule from now on; its first support has time left.
         height: Height of the CoM over the support, m.
-        start: The pendulum now.
-        target: Where under a stance foot the ZMP should be; the sole centre when None.
+        start: State of the pendulum now.
+        target: Reference of the ZMP under a stance foot; the sole centre when None.
 
     Raises:
         InputError: A first support without time left.

@@ -1,10 +1,9 @@
-"""What the soles of variable stiffness did on a walk: how well the ground was seen, and what came of it."""
+"""Figures of soles of variable stiffness on a walk: errors of the scans, and the stiffness of each swing."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from wbc.core.errors import Array
@@ -15,16 +14,16 @@ from wbc.tasks.scheduling.record import StepStiffness
 from wbc.walking.control import WalkingControl
 
 
-class SoleMeter:
-    """Compares each scan with the true ground when its step is decided, and collects the steps.
+class StiffnessMeter:
+    """Comparison of each scan with the true ground when its step is decided, and the record of all steps.
 
     A scan is made with estimated poses, and the estimate drifts along a walk. Its *shape*, which decides the stiffness,
-    is compared with the ground at the place where the foot truly is; *as believed* it is compared with the ground at
-    the place where the controller takes it to be.
+    is compared with the ground under the true pose of the foot; *as believed* it is compared with the ground under the
+    estimated pose.
     """
 
     def __init__(self, plant: Plant, walking: WalkingControl) -> None:
-        """Begin with nothing.
+        """Begin without any step.
 
         Args:
             plant: The plant.
@@ -32,27 +31,25 @@ class SoleMeter:
         """
         assert walking.stiffness is not None
         self._plant, self._walking, self._task = plant, walking, walking.stiffness
-        kind = mujoco.mjtObj.mjOBJ_SITE
-        self._sites = [mujoco.mj_name2id(plant.model, kind, foot.wrench_site) for foot in plant.feet]
         self._soles = [sole.frame for sole in walking.controller.robot.soles]
-        self._seen: StepStiffness | None = None
+        self._last: StepStiffness | None = None
         self._errors: dict[int, tuple[Array, Array]] = {}
         self._times: list[float] = []
 
     def update(self) -> None:
-        """Take in a tick, before the plant moves on."""
+        """Record a tick, before the plant moves on."""
         decided = self._task.decided
-        if decided is None or decided is self._seen:
+        if decided is None or decided is self._last:
             return
-        self._seen = decided
+        self._last = decided
         self._times.append(1e6 * decided.computing)
         if decided.profile is not None:
             self._errors[decided.step] = self._compare(SIDES.index(decided.side), decided.profile)
 
     def _compare(self, side: int, profile: Profile) -> tuple[Array, Array]:
-        """Scanned minus true heights, shape (n,), m: of the shape, without its mean; and as believed."""
+        """Return scanned minus true heights, shape (n,), m: of the shape, without its mean; and as believed."""
         estimate = self._walking.control.observer.robot.placement(self._soles[side])
-        data, site = self._plant.data, self._sites[side]
+        data, site = self._plant.data, self._plant.sole_sites[side]
         rotation = data.site_xmat[site].reshape(3, 3) @ estimate.rotation.T
         points = profile.points
         there = data.site_xpos[site] + (points - estimate.translation) @ rotation.T
@@ -61,11 +58,11 @@ class SoleMeter:
         return shape - shape.mean(), points[:, 2] - ground.height(points[:, 0], points[:, 1])
 
     def steps(self) -> list[dict[str, Any]]:
-        """What happened in each swing, as plain values that the spec decides."""
+        """Return the record of each swing, as plain values that follow from the spec."""
         result = []
         for step in self._task.steps:
             entry = step.as_dict()
-            del entry["decision_us"]  # the clock's
+            del entry["decision_us"]  # a wall-clock time
             shape, believed = self._errors.get(step.step, (None, None))
             entry["profile_error_m"] = None if shape is None else magnitude(shape)
             entry["profile_error_as_believed_m"] = None if believed is None else magnitude(believed)
@@ -73,13 +70,13 @@ class SoleMeter:
         return result
 
     def decision_us(self) -> dict[str, float] | None:
-        """Time that profile and policy took, µs: median and most; None without a decision."""
+        """Return the computing time of profile and policy, µs: median and maximum; None without a decision."""
         if not self._times:
             return None
         return {"median": float(np.median(self._times)), "max": max(self._times)}
 
 
 def magnitude(errors: Array) -> dict[str, float]:
-    """Mean and 95th percentile of magnitudes."""
+    """Return mean and 95th percentile of magnitudes."""
     size = np.abs(errors)
     return {"mean": float(size.mean()), "p95": float(np.percentile(size, 95))}

@@ -1,4 +1,4 @@
-"""Plans from a distance, a velocity, a path of the middle between the feet, or a stair."""
+"""Footstep plans from a distance, a velocity, a path of the middle between the feet, or a stair."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wbc.core.errors import InputError, choose, finite_scalar, positive
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
 
 MOST_STEPS = 10_000
-"""Steps of a plan: an hour or three of walking. What asks for more is a slip of the finger."""
+"""Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
 
 
 def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") -> FootstepPlan:
@@ -21,7 +21,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
 
     Args:
         start: Feet and gait; its steps are dropped.
-        distance: How far the feet go, m; negative walks backwards.
+        distance: Way of the feet, m; negative walks backwards.
         first: Side that steps first.
 
     Raises:
@@ -30,7 +30,8 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     distance = finite_scalar("distance (m)", distance)
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
-    count = _count("distance (m)", distance, max(1, math.ceil(abs(distance) / start.gait.step_length - 1e-9)))
+    count = max(1, math.ceil(abs(distance) / start.gait.step_length - 1e-9))
+    _check_count("distance (m)", distance, count)
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
 
@@ -56,7 +57,7 @@ def walk_velocity(
     vx, vy, turn = (finite_scalar("velocity", value) for value in velocity)
     if steps < 1:
         raise InputError(f"steps must be at least 1, got {steps}")
-    _count("steps", steps, steps)
+    _check_count("steps", steps, steps)
     duration = start.gait.single_support + start.gait.double_support
     if abs(2.0 * turn * duration) >= math.pi:
         raise InputError(
@@ -84,7 +85,7 @@ def turn_in_place(start: FootstepPlan, angle: float, *, per_step: float = 0.25) 
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
     pairs = math.ceil(abs(angle) / finite_scalar("per_step (rad)", per_step, low=1e-3, high=3.0) - 1e-9)
-    _count("angle (rad)", angle, 2 * pairs)
+    _check_count("angle (rad)", angle, 2 * pairs)
     leader = "left" if angle > 0.0 else "right"
     # Each pair of steps turns by one opening, so that there is nothing left to close.
     return walk_path(
@@ -104,14 +105,14 @@ def walk_path(
 
     Args:
         start: Feet and gait; its steps are dropped.
-        moves: Motion of the middle with each step: forward (m), left (m), turn (rad).
+        moves: Motion of the middle in each step: forward (m), left (m), turn (rad).
         first: Side that steps first.
         leader: Side that takes the sideways and turning motion of two steps, so that the feet never cross;
             each step takes its own when None.
         close: Add a step that brings the other foot beside the last one.
     """
     choose("side", first, SIDES)
-    half = _half_spacing(start)
+    half = 0.5 * start.spacing
     middle = _middle(start.left, start.right)
     steps = []
     side = first
@@ -135,7 +136,7 @@ def climb_stairs(
     together: bool = True,
     first: str = "left",
 ) -> FootstepPlan:
-    """Climb (or, with a negative rise, descend) a stair that is known.
+    """Climb a stair that is known, or descend it with a negative rise.
 
     Args:
         start: Feet and gait; its steps are dropped.
@@ -153,7 +154,7 @@ def climb_stairs(
         raise InputError(f"a stair must have a rise and at least one step, got rise {rise} m, count {count}")
     tread = positive("tread (m)", tread)
     middle = _middle(start.left, start.right)
-    half = _half_spacing(start)
+    half = 0.5 * start.spacing
     ground = 0.5 * (start.left.z + start.right.z)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.
     approach = positive("first_edge (m)", first_edge) - 0.5 * tread
@@ -175,24 +176,17 @@ def climb_stairs(
     return replace(start, steps=tuple(steps))
 
 
-def _count(what: str, value: float, count: int) -> int:
-    """The number of steps, if it is one that somebody can mean."""
+def _check_count(what: str, value: float, count: int) -> None:
     if count > MOST_STEPS:
         raise InputError(f"{what} of {value:g} takes {count} steps; a plan has at most {MOST_STEPS}")
-    return count
 
 
 def _planar(x: float, y: float, yaw: float) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
 
 
-def _half_spacing(start: FootstepPlan) -> float:
-    spacing = start.gait.feet_spacing
-    return 0.5 * (abs(start.left.seen_from(start.right)[1]) if spacing is None else spacing)
-
-
 def _middle(left: Footstep, right: Footstep) -> pin.SE3:
-    """Between two feet, at their mean heading and height."""
+    """Frame between two feet, at their mean heading and height."""
     middle = _planar(0.0, 0.0, mean_heading(left.yaw, right.yaw))
     middle.translation = 0.5 * (left.position + right.position)
     return middle
