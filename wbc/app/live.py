@@ -1,4 +1,4 @@
-"""Live view of a command that runs a robot: its options, and the context in which it runs."""
+"""What every command that runs a robot offers: watching it live."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.core.settings import settings
 from wbc.sim.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from wbc.sim.walks import WalkTrial
 
 BROWSER_TIME = 20.0
-"""Longest time that a run waits for the page to be opened, s."""
+"""How long a run waits for somebody to open the page, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +24,17 @@ class Watching:
     """A run that may be watched.
 
     Attributes:
-        after_tick: Function to call after every tick; None without a view.
-        interventions: Changes from the page, each with its time.
+        after_tick: To be called after every tick; None if nobody watches.
+        interventions: What was changed from the page, each with its time.
     """
 
     after_tick: Callable[[], None] | None
     interventions: list[dict[str, Any]]
 
 
-@settings(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Live:
-    """Options of the live view in a browser.
+    """Whether a run is shown in a browser.
 
     Attributes:
         view: Show the run live in the browser, in real time.
@@ -49,13 +48,13 @@ class Live:
 
     @contextmanager
     def show(self, plant: Plant) -> Iterator[Watching]:
-        """Show a plant, if `view` is set.
+        """Show a plant, if that is asked for.
 
         Args:
             plant: The plant.
 
         Raises:
-            InputError: A port that does not exist or is in use.
+            InputError: A port that is none, or one that is in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:
@@ -70,13 +69,13 @@ class Live:
 
     @contextmanager
     def watch(self, trial: WalkTrial) -> Iterator[WatchWalk | None]:
-        """Show a walk, if `view` is set: the port is taken now, the page is waited for when the walk starts.
+        """Show a walk, if that is asked for: the port is taken now, the page is waited for when the walk starts.
 
         Args:
             trial: The walk.
 
         Raises:
-            InputError: A port that does not exist or is in use.
+            InputError: A port that is none, or one that is in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:
@@ -90,20 +89,23 @@ class Live:
 
 
 LiveOptions = Annotated[Live, Parameter(name="*")]
-"""Annotation of the parameter `live` of a command that can be watched."""
+"""A command that can be watched takes it as `live`."""
 
 
 def interactive(interventions: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the changes from the page for a result: a run that had any is not reproduced by its options.
+    """What a result says about changes from the page: a run that had any is not what its options say.
 
     Args:
-        interventions: Changes from the page.
+        interventions: What was changed.
     """
-    return {"interactive": bool(interventions)} | ({"interventions": interventions} if interventions else {})
+    said: dict[str, Any] = {"interactive": bool(interventions)}
+    if interventions:
+        said["interventions"] = interventions
+    return said
 
 
 def interactive_text(interventions: list[dict[str, Any]]) -> str:
-    """Return the changes from the page as text, a line for each that begins with a line break."""
+    """The same for people, each change on a line of its own that begins with a line break."""
     from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
 
     return "".join(f"\n  CHANGED   from the page at {intervention_text(entry)}" for entry in interventions)
