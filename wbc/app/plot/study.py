@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from wbc.app.plot.style import COLOURS, grid, new_figure
 from wbc.core.errors import InputError
-from wbc.sim.studies.comparison import Estimate
-from wbc.sim.studies.tables import StudyTable, TableCell
+from wbc.sim.studies.intervals import Estimate
+from wbc.sim.studies.study_table import StudyTable, TableCell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,8 +37,8 @@ def study_figure(table: StudyTable) -> Figure:
             f"{len(rows)} rows are too many for one figure, {len(COLOURS)} at most; put cells together by a part of "
             f"their specs, such as 'terrain'"
         )
-    found = table.found
-    means = {row: [_estimate(found, row, arm, False) for arm in arms] for row in rows}
+    cells = table.by_name
+    means = {row: [_estimate(cells, row, arm, False) for arm in arms] for row in rows}
     if not any(e is not None and e.mean is not None for row in means.values() for e in row):
         raise InputError(f"there is nothing to draw: no trial of '{table.study.name}' has a {table.metric}")
     others = [arm for arm in arms if arm != table.reference]
@@ -48,7 +48,7 @@ def study_figure(table: StudyTable) -> Figure:
     _draw(axes[0], arms, means)
     axes[0].set_ylabel(table.metric.replace("_", " ").replace(".", ", "))
     if others:
-        _draw(axes[1], others, {row: [_estimate(found, row, arm, True) for arm in others] for row in rows})
+        _draw(axes[1], others, {row: [_estimate(cells, row, arm, True) for arm in others] for row in rows})
         axes[1].axhline(0.0, color="0.3", linewidth=0.8)
         axes[1].set_ylabel(f"difference to {table.reference}")
     figure.legend(
@@ -58,9 +58,9 @@ def study_figure(table: StudyTable) -> Figure:
 
 
 def _estimate(
-    found: dict[tuple[str, str], TableCell], row: str, arm: str, difference: bool
+    cells: dict[tuple[str, str], TableCell], row: str, arm: str, difference: bool
 ) -> Estimate | None:
-    cell = found.get((row, arm))
+    cell = cells.get((row, arm))
     if cell is None:
         return None
     return cell.difference if difference else cell.estimate

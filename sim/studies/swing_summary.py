@@ -1,40 +1,40 @@
-"""What soles of variable stiffness did in the swings of a study's walks."""
+"""Summary of the swings of soles of variable stiffness, over the walks of a study."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import Study, found_entries
-from wbc.sim.studies.tables import ALL
+from wbc.sim.studies.study import Study, study_entries
+from wbc.sim.studies.study_table import ALL
 
-NEAR = 0.5
-"""A stiffness is as wanted if it is this near, Nm/rad."""
+TOLERANCE = 0.5
+"""Largest difference of equal stiffnesses, Nm/rad."""
 
 
 @dataclass(frozen=True)
 class SwingSummary:
-    """The swings of several walks. Quantities without a value are None.
+    """Summary of the swings of several walks. Quantities without a value are None.
 
     Attributes:
         walks: Number of walks.
         swings: Number of swings.
-        reached: Share whose sole had the commanded stiffness at the landing.
-        decided: Share decided by the policy.
-        as_wanted: Share of these in which the policy's own choice was commanded, not the part of the way that could be
-            made in time.
-        fallbacks: Why it was not asked or not followed → number.
-        stiffness: Commanded stiffness: 10, 50 and 90 % of the swings have less, Nm/rad.
-        ahead: Time from the decision to the landing: 1, 50 and 99 % of the swings have less, s.
+        reached: Share of swings whose stiffness was reached before touch-down.
+        decided: Share of swings whose stiffness the policy decided.
+        as_wanted: Share of these in which the choice of the policy was commanded, not the part of the way to it that
+            could be made in time.
+        fallbacks: Reason why the policy was not asked or not followed → number.
+        stiffness: Commanded stiffness: 10th, 50th and 90th percentile over the swings, Nm/rad.
+        ahead: Time from the decision to the landing: 1st, 50th and 99th percentile over the swings, s.
         profile_error: |scanned − true| ground as the policy sees it (its shape), m: mean, and mean of the scans' 95th
             percentiles.
-        profile_error_as_believed: The same where the controller believes the ground to be, m.
-        decision_us: From a whole scan to the command, µs: median over the walks, and the longest.
+        profile_error_as_believed: The same at the height at which the controller believes the ground to be, m.
+        decision_us: Time from the complete scan to the command, µs: median over the walks, and the longest.
     """
 
     walks: int
@@ -49,10 +49,6 @@ class SwingSummary:
     profile_error_as_believed: tuple[float, float] | None
     decision_us: tuple[float, float] | None
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
-
 
 @dataclass
 class _Collected:
@@ -61,21 +57,21 @@ class _Collected:
     clocks: list[Mapping[str, float]] = field(default_factory=list)
 
 
-def swing_report(
+def swing_summaries(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> dict[str, SwingSummary]:
-    """Sum up the swings of each cell, and of all of them.
+    """Sum up the swings of each cell, and of all cells.
 
     Args:
-        study: With walks on soles of variable stiffness; others are passed over.
-        entries: Those of a journal, by key.
+        study: A study with walks on soles of variable stiffness; other walks are left out.
+        entries: Entries of a journal, by key.
         any_code: Take walks of other versions of the code, too.
 
     Returns:
         Cell → summary; the last is "all" if there are several.
     """
     collected: dict[str, _Collected] = {}
-    for trial, entry in found_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries, any_code=any_code):
         if entry is None or entry.status != "done" or not (entry.result or {}).get("stiffness"):
             continue
         for row in (trial.cell, ALL):
@@ -94,14 +90,14 @@ def _summary(mine: _Collected) -> SwingSummary:
     swings = mine.swings
     fallbacks = Counter(s["fallback"].partition(":")[0].partition(",")[0] for s in swings if s["fallback"])
     decided = [s for s in swings if s["fallback"] is None]
-    wanted = [abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= NEAR for s in decided]
+    followed = [abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= TOLERANCE for s in decided]
     ahead = [s["seconds_before_landing"] for s in swings if s["seconds_before_landing"] is not None]
     return SwingSummary(
         walks=mine.walks,
         swings=len(swings),
         reached=float(np.mean([s["reached"] for s in swings])),
         decided=len(decided) / len(swings),
-        as_wanted=float(np.mean(wanted)) if wanted else None,
+        as_wanted=float(np.mean(followed)) if followed else None,
         fallbacks=dict(fallbacks.most_common()),
         stiffness=_percentiles([s["commanded_nm_per_rad"] for s in swings], 10),
         ahead=_percentiles(ahead, 1) if ahead else None,
@@ -127,12 +123,12 @@ def _errors(swings: list[Mapping[str, Any]], name: str) -> tuple[float, float] |
     return float(np.mean([e["mean"] for e in known])), float(np.mean([e["p95"] for e in known]))
 
 
-def swing_text(found: Mapping[str, SwingSummary]) -> str:
-    """The summaries as a table for people."""
-    width = max(len(row) for row in found)
+def swing_table(summaries: Mapping[str, SwingSummary]) -> str:
+    """Return summaries as a table for people."""
+    width = max(len(row) for row in summaries)
     head = f"{'':<{width}} swings reached decided as wanted  k 10/50/90 %     ahead (s)      scan error (mm)"
     lines = [head]
-    for row, s in found.items():
+    for row, s in summaries.items():
         k = "/".join(f"{value:.3g}" for value in s.stiffness)
         ahead = "" if s.ahead is None else "/".join(f"{value:.2f}" for value in s.ahead)
         error = (
@@ -145,7 +141,7 @@ def swing_text(found: Mapping[str, SwingSummary]) -> str:
             f"{row:<{width}} {s.swings:6d} {100 * s.reached:5.1f} % {100 * s.decided:5.1f} % {wanted:>9}"
             f"  {k:<15} {ahead:<15} {error}"
         )
-    last = list(found.values())[-1]
+    last = list(summaries.values())[-1]
     if last.fallbacks:
         lines.append("not decided: " + ", ".join(f"{n} {reason}" for reason, n in last.fallbacks.items()))
     if last.decision_us is not None:

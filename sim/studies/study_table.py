@@ -1,4 +1,4 @@
-"""What came of a study: means with intervals, paired differences, and how walks ended."""
+"""Tables of a study: means with intervals, paired differences, outcomes; and its rows for a spreadsheet."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wbc.core.errors import InputError, unknown_name
-from wbc.sim.studies.comparison import Estimate, mean_interval, paired_difference
+from wbc.core.settings import to_json
+from wbc.sim.studies.intervals import CONFIDENCE, Estimate, mean_interval, paired_difference
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import METRICS, Study, StudyTrial, found_entries
+from wbc.sim.studies.study import METRICS, Study, StudyTrial, study_entries
 
 ALL = "all"
-"""Name of the row that takes all cells together."""
+"""Name of the row of all cells together."""
 
 
 @dataclass(frozen=True)
 class TableCell:
-    """What one arm did in one row.
+    """Result of one arm in one row.
 
     Attributes:
-        row: Name.
-        arm: Name.
-        estimate: Of the metric; in a row of several cells over the grounds that all arms of the row have.
-        difference: To the reference arm, pair by pair; None of the reference itself.
+        row: Name of the row.
+        arm: Name of the arm.
+        estimate: Mean of the metric; in a row of several cells over the grounds that all arms of the row have.
+        difference: Difference to the reference arm, pair by pair; None for the reference itself.
         statuses: Status of the trials → number; "missing" have not been run.
-        outcomes: How walks ended → number.
-        fall_reasons: Why robots fell → number.
-        directions: Where falls began to go → number.
+        outcomes: Outcome of the walks → number.
+        fall_reasons: Reason of the falls → number.
+        directions: Direction in which falls began → number.
     """
 
     row: str
@@ -41,17 +42,9 @@ class TableCell:
     directions: dict[str, int]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "row": self.row,
-            "arm": self.arm,
-            **self.estimate.to_json(),
-            "difference": None if self.difference is None else self.difference.to_json(),
-            "statuses": self.statuses,
-            "outcomes": self.outcomes,
-            "fall_reasons": self.fall_reasons,
-            "directions": self.directions,
-        }
+        """Return the result as plain values."""
+        values = to_json(self)
+        return {"row": values.pop("row"), "arm": values.pop("arm"), **values.pop("estimate"), **values}
 
 
 @dataclass(frozen=True)
@@ -60,12 +53,12 @@ class StudyTable:
 
     Attributes:
         study: The study.
-        metric: What it is about.
-        completed_only: Only walks that were completed count.
+        metric: Part of the results that the table is about.
+        completed_only: Only completed walks are counted.
         by: Parts of the specs by which cells were put together; empty if each cell is a row.
         reference: Arm that the others are compared with.
-        rows: Names of the rows; the last one takes all cells together if there are several.
-        cells: Row by row.
+        rows: Names of the rows; the last one has all cells together if there are several.
+        cells: Results, row by row.
     """
 
     study: Study
@@ -77,35 +70,35 @@ class StudyTable:
     cells: tuple[TableCell, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+        """Return the table as plain values."""
         return {
             "study": self.study.name,
             "metric": self.metric,
             "completed_only": self.completed_only,
             "by": list(self.by),
-            "confidence": 0.95,
+            "confidence": CONFIDENCE,
             "reference": self.reference,
             "cells": [cell.to_json() for cell in self.cells],
         }
 
     @property
-    def found(self) -> dict[tuple[str, str], TableCell]:
-        """Row and arm → what is there."""
+    def by_name(self) -> dict[tuple[str, str], TableCell]:
+        """Row and arm → result."""
         return {(cell.row, cell.arm): cell for cell in self.cells}
 
     def markdown(self) -> str:
-        """Three tables: means, paired differences, and how walks ended; in brackets the number of trials or pairs."""
-        arms, found = list(self.study.arms), self.found
+        """Return three tables: means, paired differences, outcomes; in brackets the number of trials or pairs."""
+        arms, cells = list(self.study.arms), self.by_name
         which = ", completed walks alone" if self.completed_only else ""
         parts = [
-            f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(self.rows, arms, found, _mean_text)
+            f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(self.rows, arms, cells, _mean_text)
         ]
         if len(arms) > 1:
             title = f"Difference to '{self.reference}' on the same seeds: mean [95 % interval]"
             others = [arm for arm in arms if arm != self.reference]
-            parts.append(title + "\n\n" + _grid(self.rows, others, found, _difference_text))
+            parts.append(title + "\n\n" + _grid(self.rows, others, cells, _difference_text))
         if any(cell.outcomes for cell in self.cells):
-            parts.append("How they ended\n\n" + _grid(self.rows, arms, found, _ending_text))
+            parts.append("How they ended\n\n" + _grid(self.rows, arms, cells, _ending_text))
         return "\n\n".join(parts)
 
 
@@ -143,7 +136,7 @@ def _ending_text(cell: TableCell) -> str:
 
 @dataclass
 class _Column:
-    """What has been collected for one arm in one row."""
+    """Results of one arm in one row, while they are collected."""
 
     values: dict[Hashable, float] = field(default_factory=dict)  # (cell, seed) → metric
     statuses: Counter[str] = field(default_factory=Counter)
@@ -152,7 +145,7 @@ class _Column:
     directions: Counter[str] = field(default_factory=Counter)
 
     def count(self, entry: Entry | None) -> None:
-        """Count how a trial ended."""
+        """Count status, outcome and fall of a trial."""
         self.statuses["missing" if entry is None else entry.status] += 1
         result = None if entry is None or entry.status != "done" else entry.result
         if result is None or result.get("outcome") is None:
@@ -175,18 +168,18 @@ def study_table(
 ) -> StudyTable:
     """Make the table of a study.
 
-    Trials that diverged, crashed or took too long are counted, and enter no mean. In a row that puts cells together,
-    means are over the grounds (cell and seed) that all its arms have, so that no arm gains by a gap; differences are
-    over the grounds that an arm and the reference have.
+    Trials that diverged, crashed or timed out are counted, and enter no mean. In a row of several cells, means are over
+    the grounds (cell and seed) that all its arms have, so that missing walks favour no arm; differences are over the
+    grounds that an arm and the reference have.
 
     Args:
         study: The study.
-        entries: Those of a journal, by key.
-        metric: Part of the results; the study's own when None.
+        entries: Entries of a journal, by key.
+        metric: Part of the results; that of the study when None.
         completed_only: Leave out walks that were not completed, and their pairs.
         by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
             any, each cell is a row.
-        any_code: Take results of other versions of the code, too; else only those of the present one.
+        any_code: Take results of other versions of the code, too.
 
     Raises:
         UnknownNameError: A metric that no result has, or a part that no spec has.
@@ -195,7 +188,7 @@ def study_table(
     reference = study.reference or next(iter(study.arms))
     columns: dict[tuple[str, str], _Column] = {}
     members: dict[str, set[str]] = {}  # row → its cells
-    for trial, entry in found_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries, any_code=any_code):
         row = _row(trial, by) if by else trial.cell
         value = _value(entry, name, completed_only)
         for title in (row, ALL):
@@ -230,13 +223,13 @@ def study_table(
 
 
 def _common(columns: Mapping[str, _Column]) -> set[Hashable]:
-    """Grounds that all arms have which have any."""
+    """Return the grounds that all arms with any values have."""
     sets = [set(column.values) for column in columns.values() if column.values]
     return set.intersection(*sets) if sets else set()
 
 
 def _row(trial: StudyTrial, by: Sequence[str]) -> str:
-    """Name of the row of a trial when cells are put together."""
+    """Return the name of the row of a trial when cells are put together."""
     spec = trial.spec.to_json()
     values = [part_of(spec, name, "part of a spec") for name in by]
     return ", ".join(
@@ -246,7 +239,7 @@ def _row(trial: StudyTrial, by: Sequence[str]) -> str:
 
 
 def _value(entry: Entry | None, name: str, completed_only: bool) -> float | None:
-    """A number out of a trial's result; None where it was not measured or does not count."""
+    """Return a number of a trial's result; None where it was not measured or is not counted."""
     if entry is None or entry.status != "done" or entry.result is None:
         return None
     if completed_only and entry.result.get("outcome") != "completed":
@@ -262,12 +255,12 @@ def _value(entry: Entry | None, name: str, completed_only: bool) -> float | None
 def study_rows(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> tuple[list[str], list[list[Any]]]:
-    """All trials of a study as rows for a spreadsheet or a data frame.
+    """Return all trials of a study as rows for a spreadsheet or a data frame.
 
     Args:
         study: The study.
-        entries: Those of a journal, by key.
-        any_code: Take results of other versions of the code, too; else only those of the present one.
+        entries: Entries of a journal, by key.
+        any_code: Take results of other versions of the code, too.
 
     Returns:
         Names of the columns and the rows: cell, arm, seed, status, and every part of the results that is no list, such
@@ -276,33 +269,33 @@ def study_rows(
     first = ["cell", "arm", "seed", "status"]
     found: list[tuple[list[Any], dict[str, Any]]] = []
     columns: dict[str, None] = {}
-    for trial, entry in found_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries, any_code=any_code):
         status = "missing" if entry is None else entry.status
-        parts = flat({} if entry is None else entry.result or {})
+        parts = flattened({} if entry is None else entry.result or {})
         columns |= dict.fromkeys(parts)
         found.append(([trial.cell, trial.arm, trial.seed, status], parts))
     names = [name for name in columns if name not in first]
     return [*first, *names], [[*head, *(parts.get(name) for name in names)] for head, parts in found]
 
 
-def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Plain values by their dotted names; lists are left out."""
+def flattened(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return plain values by their dotted names; lists are left out."""
     result: dict[str, Any] = {}
     for key, value in data.items():
         if isinstance(value, Mapping):
-            result |= flat(value, f"{prefix}{key}.")
+            result |= flattened(value, f"{prefix}{key}.")
         elif not isinstance(value, (list, tuple)):
             result[prefix + key] = value
     return result
 
 
 def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:
-    """A part of plain data by its dotted name.
+    """Return a part of plain data by its dotted name.
 
     Args:
         data: Objects within objects.
         name: Such as "zmp_error.mean".
-        what: What to call it in a message.
+        what: Noun for the message, such as "part of a spec".
 
     Raises:
         UnknownNameError: There is no such part.

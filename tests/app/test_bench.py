@@ -1,4 +1,4 @@
-"""The benchmarks of the command line: the task of the comparison, and problems whose feasibility is known."""
+"""The benchmarks of the command line: the task of the comparison, problems of known feasibility, parts of a walk."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from types import ModuleType
 
+import mujoco
 import numpy as np
 import pytest
 
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver, primal_residual
 from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import BenchTickOptions, bench_tick, start_configuration
+from wbc.app.bench.walk import CASES, PARTS, BenchWalkOptions, bench_walk
 from wbc.robots import load, names
 from wbc.sim.balance.controller import balance_controller
 from wbc.tasks import PositionTask
@@ -103,3 +105,16 @@ def test_a_wrong_solution_has_a_residual() -> None:
     assert primal_residual(problem, solution) < 1e-5
     solution.variables[0] += 1.0
     assert primal_residual(problem, solution) > 1.0
+
+
+def test_parts_make_up_the_period_of_a_walk_that_is_otherwise_the_same() -> None:
+    costs = list(bench_walk(BenchWalkOptions(distance=0.15, repeats=1)))
+    assert [cost.name for cost in costs] == list(CASES)
+    for cost in costs:
+        assert cost.steps_done == cost.steps_planned == 3
+        assert tuple(cost.parts_us) == PARTS and min(cost.parts_us.values()) > 0.0
+        assert sum(cost.parts_us.values()) == pytest.approx(cost.period_us)
+        assert cost.real_time_factor == pytest.approx(1e6 * cost.control_period / cost.period_us)
+        assert cost.parts_us["physics"] > cost.parts_us["sensors"]
+        assert 0.0 < cost.collision_share < cost.constraint_share < 1.0
+    assert mujoco.get_mjcb_time() is None

@@ -1,4 +1,4 @@
-"""From walks to labels: which stiffness was best on a ground, how sure that is, and what the foot sees there."""
+"""Best stiffness of each ground, fitted to walks, and the table of it that a stiffness model learns from."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.errors import Array, InputError, finite_array, positive, whole_number
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.roughness import PARAMETERS, roughness
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import Study, found_entries, ground_of
+from wbc.sim.studies.study import Study, ground_of, study_entries
 from wbc.sim.walks.spec import WalkSpec
 
 NEARLY = 5.0
@@ -22,32 +22,32 @@ NEARLY = 5.0
 cost, in which a missed step counts 10."""
 
 Curve = Callable[[Array], Array]
-"""log10 of the stiffness → J."""
+"""Function: log10 of the stiffness → J."""
 
-LEAST_STIFFNESSES = 4
-"""Fewest different stiffnesses that say something of a best one."""
+MIN_STIFFNESSES = 4
+"""Smallest number of different stiffnesses to which a curve is fitted."""
 
 GRID = 121
-"""Stiffnesses at which the fitted cost is looked at."""
+"""Number of stiffnesses at which the fitted J is evaluated."""
 
 DRAWS = 1000
-"""Draws from the posterior, for the spread of the best stiffness."""
+"""Number of draws from the posterior, for the spread of the best stiffness."""
 
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """What is known of the best stiffness on one ground at one amplitude.
+    """Best stiffness on one ground at one amplitude, with its uncertainty.
 
     Attributes:
-        stiffness: Where the expected J is greatest, Nm/rad.
-        nearly_low: Least stiffness that is nearly as good, and all between, Nm/rad.
-        nearly_high: Greatest one, Nm/rad.
+        stiffness: Stiffness of the greatest expected J, Nm/rad.
+        nearly_low: Lower end of the range around it that is nearly as good, Nm/rad.
+        nearly_high: Upper end of that range, Nm/rad.
         best_low: The best stiffness is less than this with a probability of 10 %, Nm/rad.
-        best_high: It is more than this with a probability of 10 %, Nm/rad.
-        J: Expected at the best.
-        J_std: Standard deviation of that which is left by the fit over the stiffness; grounds differ by more.
+        best_high: The best stiffness is more than this with a probability of 10 %, Nm/rad.
+        J: Expected J at the best stiffness.
+        J_std: Standard deviation of J left by the fit over the stiffness; grounds differ by more.
         gain: Expected J at the best minus that of the worst stiffness tried: how much the stiffness matters.
-        walks: Number of walks that this rests on.
+        walks: Number of walks.
     """
 
     stiffness: float
@@ -72,29 +72,25 @@ def best_stiffness(
 ) -> Label:
     """Fit J over the logarithm of the stiffness by a Gaussian process, and find its maximum.
 
-    Grounds of one kind differ in how hard they are: what a ground adds to all of its walks is taken off first. The
-    noise of single walks is fitted, too, so that one lucky walk is not the answer. What few walks leave open is filled
-    by the prior.
+    Grounds of one kind differ in how hard they are: the offset of each ground is subtracted first. The noise of single
+    walks is fitted, too, so that one lucky walk does not decide. The prior decides where there are few walks.
 
     Args:
-        stiffness: Of each walk, shape (n,), Nm/rad, positive.
-        J: What came of it, shape (n,).
-        ground: Number of the ground that it was walked on, shape (n,).
-        prior: What is known from elsewhere: log10 of the stiffness → J, up to a constant; nothing when None.
-        nearly: How much worse than the best is nearly best.
-        seed: Of the draws.
+        stiffness: Stiffness of each walk, shape (n,), Nm/rad, positive.
+        J: J of each walk, shape (n,).
+        ground: Number of the ground of each walk, shape (n,).
+        prior: Curve from other grounds, up to a constant; a constant when None.
+        nearly: Difference in J to the best that counts as nearly best.
+        seed: Seed of the draws.
 
     Raises:
         InputError: Fewer than four different stiffnesses, shapes that differ, or values that are not finite.
     """
-    from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415 - takes a second to import
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # noqa: PLC0415
-
     k, value, places = _walks(stiffness, J, ground)
     positive("nearly best", nearly)
-    if np.unique(k).size < LEAST_STIFFNESSES:
+    if np.unique(k).size < MIN_STIFFNESSES:
         raise InputError(
-            f"a best stiffness needs walks with {LEAST_STIFFNESSES} different ones, got {np.unique(k)} Nm/rad"
+            f"a best stiffness needs walks with {MIN_STIFFNESSES} different ones, got {np.unique(k)} Nm/rad"
         )
     at = np.log10(np.geomspace(k.min(), k.max(), GRID))
     expected, known = np.zeros(GRID), np.zeros(k.size)
@@ -106,15 +102,9 @@ def best_stiffness(
     spread = float(left.std())
     mean, covariance = np.zeros(GRID), np.zeros((GRID, GRID))
     if spread > 1e-9:
-        kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(0.5, (0.2, 3.0), nu=2.5) + WhiteKernel(
-            0.5, (1e-3, 1e1)
-        )
-        model = GaussianProcessRegressor(kernel, n_restarts_optimizer=2, random_state=seed)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed).*")
-            model.fit(np.log10(k)[:, None], left / spread)
-            mean, covariance = model.predict(at[:, None], return_cov=True)
-        # What is predicted is another noisy walk; what is asked for is the mean under it.
+        model = _fitted(np.log10(k), left / spread, noisy=True, seed=seed)
+        mean, covariance = model.predict(at[:, None], return_cov=True)
+        # The model predicts another noisy walk; without the noise it is the mean.
         covariance = covariance - model.kernel_.k2.noise_level * np.eye(GRID)
     rng = np.random.default_rng(seed)
     draws = rng.multivariate_normal(mean, covariance, size=DRAWS, method="eigh", check_valid="ignore")
@@ -141,16 +131,40 @@ def best_stiffness(
     )
 
 
-def ground_offsets(stiffness: Array, J: Array, ground: NDArray[np.intp]) -> Array:
-    """What each ground adds to J, whatever the stiffness, shape (number of grounds,).
-
-    The least-squares solution of J = offset of the ground + effect of the stiffness, the effects with mean zero: where
-    walks are missing on some grounds, their means would be those of different stiffnesses.
+def _fitted(
+    log_stiffness: Array, values: Array, *, noisy: bool = False, seed: int = 0, alpha: Any = 1e-10
+) -> Any:
+    """Return a Gaussian process fitted to values over log10 of the stiffness.
 
     Args:
-        stiffness: Of each walk, shape (n,), Nm/rad.
-        J: What came of it, shape (n,).
-        ground: Number of the ground, from 0, shape (n,).
+        log_stiffness: Shape (n,).
+        values: Shape (n,), with a standard deviation of about one.
+        noisy: Fit the noise of the values, too.
+        seed: Seed of the restarts.
+        alpha: Known variance of the values.
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415 - takes a second to import
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # noqa: PLC0415
+
+    kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(0.5, (0.2, 3.0), nu=2.5)
+    if noisy:
+        kernel += WhiteKernel(0.5, (1e-3, 1e1))
+    model = GaussianProcessRegressor(kernel, alpha=alpha, n_restarts_optimizer=2, random_state=seed)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed).*")
+        return model.fit(log_stiffness[:, None], values)
+
+
+def ground_offsets(stiffness: Array, J: Array, ground: NDArray[np.intp]) -> Array:
+    """Return the offset of each ground in J, shape (number of grounds,).
+
+    The least-squares solution of J = offset of the ground + effect of the stiffness, the effects with mean zero. Means
+    over grounds would differ by the stiffnesses whose walks are missing.
+
+    Args:
+        stiffness: Stiffness of each walk, shape (n,), Nm/rad.
+        J: J of each walk, shape (n,).
+        ground: Number of the ground of each walk, from 0, shape (n,).
     """
     tried, which = np.unique(stiffness, return_inverse=True)
     grounds = int(ground.max()) + 1
@@ -164,7 +178,7 @@ def ground_offsets(stiffness: Array, J: Array, ground: NDArray[np.intp]) -> Arra
 
 
 def _walks(stiffness: Array, J: Array, ground: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Checked columns of walks, grounds numbered from 0."""
+    """Return the columns of walks after a check, grounds numbered from 0."""
     k, value = finite_array("stiffness (Nm/rad)", stiffness), finite_array("J", J)
     places = np.asarray(ground)
     if k.ndim != 1 or k.size == 0 or not k.shape == value.shape == places.shape:
@@ -178,12 +192,12 @@ def _walks(stiffness: Array, J: Array, ground: Array) -> tuple[Array, Array, NDA
 
 
 def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
-    """What all grounds together say: a smooth curve through the mean J of each stiffness.
+    """Fit a smooth curve through the mean J of each stiffness over all grounds.
 
     Args:
-        stiffness: Of each walk, shape (n,), Nm/rad, positive.
-        J: What came of it, shape (n,).
-        ground: Number of the ground that it was walked on, shape (n,); what each adds is taken off.
+        stiffness: Stiffness of each walk, shape (n,), Nm/rad, positive.
+        J: J of each walk, shape (n,).
+        ground: Number of the ground of each walk, shape (n,); the offset of each ground is subtracted.
 
     Returns:
         log10 of the stiffness → J, up to a constant.
@@ -191,9 +205,6 @@ def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
     Raises:
         InputError: Shapes that differ, a stiffness of 0, or values that are not finite.
     """
-    from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415 - takes a second to import
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern  # noqa: PLC0415
-
     k, value, places = _walks(stiffness, J, ground)
     left = value - ground_offsets(k, value, places)[places]
     tried, which = np.unique(k, return_inverse=True)
@@ -202,13 +213,7 @@ def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
     freedom = max(k.size - tried.size - int(places.max()), 1)
     error = np.sqrt(((left - mean[which]) ** 2).sum() / freedom / count)
     scale = max(float(mean.std()), float(error.mean()), 1e-9)
-    kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(0.5, (0.2, 3.0), nu=2.5)
-    model = GaussianProcessRegressor(
-        kernel, alpha=np.maximum(error / scale, 1e-3) ** 2, n_restarts_optimizer=2, random_state=0
-    )
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed).*")
-        model.fit(np.log10(tried)[:, None], mean / scale)
+    model = _fitted(np.log10(tried), mean / scale, alpha=np.maximum(error / scale, 1e-3) ** 2)
 
     def curve(at: Array) -> Array:
         values: Array = scale * model.predict(np.asarray(at)[:, None])
@@ -220,13 +225,13 @@ def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
 def labels(
     study: Study, entries: Mapping[str, Entry], *, pooled: bool = True, any_code: bool = False
 ) -> dict[str, Label]:
-    """Best stiffness of each cell of a study whose arms are stiffnesses.
+    """Find the best stiffness of each cell of a study whose arms are stiffnesses.
 
     Args:
-        study: Such as `wbc.sim.studies.stiffness.dataset()`.
-        entries: Those of a journal.
-        pooled: What all other grounds have in common is the prior of each: where its own walks say little, its label
-            is what is best on the whole. Without it each ground stands alone, as in the paper.
+        study: A study such as `wbc.sim.studies.stiffness_studies.dataset()`.
+        entries: Entries of a journal, by key.
+        pooled: The pooled curve of all other grounds is the prior of each ground: it decides where walks of the ground
+            do not. Without it each ground stands alone, as in the paper.
         any_code: Take walks of other versions of the code, too.
 
     Returns:
@@ -238,19 +243,31 @@ def labels(
     """
     _check_arms(study)
     found: dict[str, list[tuple[float, float, int]]] = {}
-    for trial, entry in found_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries, any_code=any_code):
         if entry is not None and entry.status == "done" and entry.result is not None:
             assert isinstance(trial.spec, WalkSpec) and trial.spec.stiffness is not None
             found.setdefault(trial.cell, []).append((trial.spec.stiffness, entry.result["J"], trial.seed))
     walks = {
         cell: np.array(rows)
         for cell, rows in found.items()
-        if len({k for k, _, _ in rows}) >= LEAST_STIFFNESSES
+        if len({k for k, _, _ in rows}) >= MIN_STIFFNESSES
     }
     return {
         cell: best_stiffness(*rows.T, prior=_prior_without(cell, walks) if pooled else None)
         for cell, rows in walks.items()
     }
+
+
+def label_table(labels_of: Mapping[str, Label]) -> str:
+    """Return labels as a table for people."""
+    lines = [f"{'best stiffness, Nm/rad':<32} best   nearly best     80 % sure        J   gained by it"]
+    for cell, label in labels_of.items():
+        near = f"{label.nearly_low:.3g} … {label.nearly_high:.3g}"
+        sure = f"{label.best_low:.3g} … {label.best_high:.3g}"
+        lines.append(
+            f"  {cell:<30} {label.stiffness:4.3g}  {near:^14} {sure:^14} {label.J:8.3g} {label.gain:8.2g}"
+        )
+    return "\n".join(lines)
 
 
 def _check_arms(study: Study) -> None:
@@ -274,7 +291,7 @@ def _check_arms(study: Study) -> None:
 
 
 def _prior_without(cell: str, walks: Mapping[str, Array]) -> Curve | None:
-    """What all cells but one have in common; None if there is no other."""
+    """Return the pooled curve of all cells but one; None if there is no other."""
     others = [rows for name, rows in walks.items() if name != cell]
     if not others:
         return None
@@ -283,53 +300,43 @@ def _prior_without(cell: str, walks: Mapping[str, Array]) -> Curve | None:
     return pooled_curve(k, J, place * (1.0 + seed.max()) + seed)
 
 
-def check_windows(windows: int) -> None:
-    """Refuse a number of windows that cannot be.
-
-    Raises:
-        InputError: It is no whole number, or less than 2.
-    """
-    if isinstance(windows, bool) or not isinstance(windows, int) or windows < 2:
-        raise InputError(f"windows of each ground must be a whole number of at least 2, got {windows!r}")
-
-
 def stiffness_table(
     study: Study,
-    found: Mapping[str, Label],
+    labels_of: Mapping[str, Label],
     *,
     windows: int = 6,
     recipe: ProfileRecipe | None = None,
     made: Mapping[str, Any] | None = None,
 ) -> StiffnessTable:
-    """The table that a stiffness model learns from: what the toes see of each ground, with the ground's label.
+    """Make the table that a stiffness model learns from: roughness under the toes, with the label of the ground.
 
     The ground is cut along the lines of both toes into windows as long as a scan, evenly spread over the walk and
     taken from the left and from the right in turn.
 
     Args:
         study: The study.
-        found: Its labels.
-        windows: Windows of each ground.
-        recipe: How roughness is computed.
-        made: What is to be written down about how the table was made.
+        labels_of: Its labels: cell → label.
+        windows: Windows of each ground, at least 2.
+        recipe: Settings of the roughness.
+        made: Origin of the table, written into it.
 
     Raises:
         InputError: No labels, or fewer than two windows.
     """
     given = ProfileRecipe() if recipe is None else recipe
-    check_windows(windows)
-    if not found:
+    whole_number("windows of each ground", windows, low=2)
+    if not labels_of:
         raise InputError("no best stiffness is known yet; run the study first")
     if given.window is None:
         raise InputError("a table of windows needs the length of a window")
     rows: list[tuple[Any, ...]] = []
     done: set[tuple[str, int]] = set()
     for trial in study.trials():
-        if trial.cell not in found or (trial.cell, trial.seed) in done:
+        if trial.cell not in labels_of or (trial.cell, trial.seed) in done:
             continue
         done.add((trial.cell, trial.seed))
         assert isinstance(trial.spec, WalkSpec)
-        label, ground = found[trial.cell], ground_of(trial.cell)
+        label, ground = labels_of[trial.cell], ground_of(trial.cell)
         values = seen_roughness(trial.spec, windows, given)
         for window, row in enumerate(values):
             shown = [float(f"{value:.9g}") for value in row]
@@ -347,7 +354,9 @@ def stiffness_table(
             )
     names = ("ground", "family", "amplitude", "seed", "window", *PARAMETERS)
     columns = (*names, "stiffness", "stiffness_low", "stiffness_high", "J")
-    cells = {cell: {k: float(f"{v:.5g}") for k, v in asdict(label).items()} for cell, label in found.items()}
+    cells = {
+        cell: {k: float(f"{v:.5g}") for k, v in asdict(label).items()} for cell, label in labels_of.items()
+    }
     return StiffnessTable.from_columns(
         dict(zip(columns, zip(*rows, strict=True), strict=True)),
         recipe=given,
@@ -356,7 +365,7 @@ def stiffness_table(
 
 
 def seen_roughness(spec: WalkSpec, windows: int, recipe: ProfileRecipe) -> Array:
-    """Roughness of what the toes see of a ground, left and right in turn, shape (windows, 10)."""
+    """Return the roughness under the toes on a ground, left and right in turn, shape (windows, 10)."""
     assert recipe.window is not None
     robot, ground = spec.prepare().robot(), spec.ground()
     count = round(recipe.window / recipe.step) + 1

@@ -1,33 +1,32 @@
-"""Means with intervals, and differences of pairs: what may be said of trials that were run on the same grounds."""
+"""Means with confidence intervals, and differences of pairs: trials that were run on the same grounds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import bootstrap
 
 from wbc.core.errors import InputError, finite_array, finite_scalar
 
 CONFIDENCE = 0.95
-"""Confidence of the intervals."""
+"""Default confidence of an interval."""
 
 RESAMPLES = 9999
-"""Resamples of the bootstrap, scipy's default: ends of an interval then move by about 1 % of its width."""
+"""Resamples of the bootstrap, scipy's default: the ends of an interval vary by about 1 % of its width."""
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A mean with its interval.
+    """A mean with its confidence interval.
 
     Attributes:
         n: Number of values.
-        mean: None without values.
+        mean: Mean; None without values.
         low: Lower end of the interval; None with fewer than two values.
-        high: Upper end.
+        high: Upper end of the interval.
     """
 
     n: int
@@ -35,12 +34,8 @@ class Estimate:
     low: float | None
     high: float | None
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
-
     def text(self, digits: int = 3) -> str:
-        """Such as "20.4 [18.2, 21.7]"."""
+        """Return a text such as "20.4 [18.2, 21.7]"."""
         if self.mean is None:
             return "–"
         if self.low is None or self.high is None:
@@ -49,19 +44,21 @@ class Estimate:
 
 
 def mean_interval(values: Sequence[float], *, confidence: float = CONFIDENCE) -> Estimate:
-    """Mean with its bootstrap interval, bias-corrected and accelerated; the same for the same values.
+    """Return the mean with its bootstrap interval, bias-corrected and accelerated; the same for the same values.
 
-    Values that are all equal have an interval without width: the sample says nothing of what it has not seen.
+    Values that are all equal have an interval of no width.
 
     Args:
-        values: Of independent trials.
-        confidence: Of the interval.
+        values: Values of independent trials.
+        confidence: Confidence of the interval.
 
     Raises:
         InputError: Values that are not finite, or a confidence outside (0, 1).
 
     Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; `scipy.stats.bootstrap`.
     """
+    from scipy.stats import bootstrap  # noqa: PLC0415 - takes half a second to import
+
     finite_scalar("confidence", confidence, low=0.0, high=1.0, open_low=True)
     sample = finite_array("values to average", list(values))
     n = sample.size
@@ -88,12 +85,12 @@ def mean_interval(values: Sequence[float], *, confidence: float = CONFIDENCE) ->
 def paired_difference(
     values: Mapping[Any, float], reference: Mapping[Any, float], *, confidence: float = CONFIDENCE
 ) -> Estimate:
-    """Mean difference to a reference over the pairs that both have, with its interval.
+    """Return the mean difference to a reference over the pairs that both have, with its interval.
 
     Args:
         values: Pair (a seed, a ground) → value.
-        reference: The same of what it is compared with.
-        confidence: Of the interval.
+        reference: Pair → value of the reference.
+        confidence: Confidence of the interval.
     """
     pairs = [key for key in values if key in reference]
     return mean_interval([values[key] - reference[key] for key in pairs], confidence=confidence)

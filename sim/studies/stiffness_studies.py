@@ -1,4 +1,4 @@
-"""Studies of the sole's stiffness: the walks that a model learns from, and those that show what it is good for."""
+"""Studies of the sole's stiffness: walks that a stiffness model learns from, and walks that show its use."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import InputError, finite_scalar
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, Positive, settings
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, found_entries, ground_of
+from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, ground_of, study_entries
 from wbc.sim.terrain import terrain
 from wbc.sim.walks.spec import WalkSpec
 
 DATA = Path(__file__).parent / "data"
-"""What these studies have found, and others rest on."""
+"""Folder of results of these studies that other studies depend on."""
 
 RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Cut-offs of the unidirectional grounds: seven between 0.0001 and 0.1 (the paper, section IV-B)."""
@@ -34,12 +36,12 @@ OTHER_AMPLITUDES = (0.010, 0.040)
 """Least and greatest amplitude of these, m (the paper, section IV-B)."""
 
 SOFTEST, STIFFEST = 1.0, 80.0
-"""Stiffnesses that are tried lie between these, Nm/rad: below the least the sole hangs like a string and nothing
-changes any more; the greatest is the paper's upper bound (table I)."""
+"""Range of the stiffnesses that are tried, Nm/rad: below the lower bound the sole hangs slack and a lower stiffness
+changes nothing; the upper one is the paper's (table I)."""
 
 
 def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
-    """The twelve grounds of the paper's training set: name → parts of a spec, least and greatest amplitude (m)."""
+    """Return the twelve grounds of the paper's training set: name → parts of a spec, range of amplitudes (m)."""
     random = {
         f"random {cutoff:g}": ({"terrain": "random", "terrain_params": {"cutoff": cutoff}}, RANDOM_AMPLITUDES)
         for cutoff in RANDOM_CUTOFFS
@@ -48,59 +50,56 @@ def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
 
 
 def stiffness_grid(evaluations: int) -> tuple[float, ...]:
-    """Stiffnesses to be tried, with a fixed ratio, three digits, Nm/rad: a walk feels the order of magnitude."""
+    """Return the stiffnesses that are tried, a geometric series of three digits, Nm/rad."""
     return tuple(float(f"{k:.3g}") for k in np.geomspace(SOFTEST, STIFFEST, evaluations))
 
 
-def dataset(
-    seeds: int = 2,
-    amplitudes: int = 5,
-    evaluations: int = 16,
-    distance: float = 3.0,
-    height: float = 1.0,
-) -> Study:
-    """Walks on soft soles of many stiffnesses: which one is best on which ground, at which amplitude?
+@settings(kw_only=True)
+class DatasetSize:
+    """Number and size of the walks of the study 'dataset'.
+
+    Attributes:
+        seeds: Grounds of each kind and amplitude.
+        amplitudes: Amplitudes of each of the twelve kinds of ground.
+        evaluations: Stiffnesses that are tried on each ground.
+        distance: Length of a walk, m.
+        height: Amplitudes over those of the paper; higher grounds tell more where every walk is survived.
+    """
+
+    seeds: Count = 2
+    amplitudes: Count = 5
+    evaluations: Annotated[int, Field(ge=4)] = 16
+    distance: Annotated[Positive, "m"] = 3.0
+    height: Positive = 1.0
+
+
+def dataset(size: DatasetSize | None = None) -> Study:
+    """Return walks on soft soles of many stiffnesses: which is best on which ground, at which amplitude?
 
     Stiffnesses share grounds and sensor errors, so that each ground compares them with one another. The paper's 6,000
     walks are 100 for each ground and amplitude: 50 stiffnesses on 2 grounds, say.
 
     Args:
-        seeds: Grounds of each kind and amplitude.
-        amplitudes: Amplitudes of each kind of ground.
-        evaluations: Stiffnesses.
-        distance: Length of a walk, m.
-        height: Amplitudes over those of the paper: on grounds that every walk survives, steps say nothing.
-
-    Raises:
-        InputError: Fewer than one seed, one amplitude or four stiffnesses, or no distance.
+        size: Number and size of the walks.
 
     Source: the paper, section IV-B.
     """
-    for name, value, least in (
-        ("seeds", seeds, 1),
-        ("amplitudes", amplitudes, 1),
-        ("evaluations", evaluations, 4),
-    ):
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise InputError(
-                f"{name} of the dataset must be a whole number of at least {least}, got {value!r}"
-            )
-    length = finite_scalar("distance of the dataset's walks (m)", distance, low=0.0, open_low=True)
-    factor = finite_scalar("height of the dataset's grounds over the paper's", height, low=0.0, open_low=True)
+    size = DatasetSize() if size is None else size
+    grid = stiffness_grid(size.evaluations)
     cells = tuple(
         Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
         for name, (values, (low, high)) in training_grounds().items()
-        for amplitude in (factor * np.linspace(low, high, amplitudes)).round(6).tolist()
+        for amplitude in (size.height * np.linspace(low, high, size.amplitudes)).round(6).tolist()
     )
     return Study(
         name="dataset",
         about="the best stiffness for ground x amplitude: what a stiffness model learns from",
-        base={"foot": "soft", "noise": "realistic", "plan": {"distance": length}},
+        base={"foot": "soft", "noise": "realistic", "plan": {"distance": size.distance}},
         cells=cells,
-        arms={f"{k:g}": {"stiffness": k} for k in stiffness_grid(evaluations)},
-        seeds=tuple(range(seeds)),
+        arms={f"{k:g}": {"stiffness": k} for k in grid},
+        seeds=tuple(range(size.seeds)),
         metric="J",
-        reference=f"{stiffness_grid(evaluations)[evaluations // 2]:g}",
+        reference=f"{grid[size.evaluations // 2]:g}",
     )
 
 
@@ -125,12 +124,18 @@ QUESTION_GROUNDS = (
 )
 """Every family that is rough: all but flat floor, slopes and pictures."""
 
+HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)
+"""Heights of the study 'halfway', m."""
+
+SWINGS = (0.06, 0.09)
+"""Swing heights, m: the paper's and a higher one."""
+
 QUESTION_DISTANCE = 1.5
 """Length of a walk of the stiffness question, m: twelve steps, the first two of them on flat floor."""
 
 
 def halfway(seeds: int = 6) -> Study:
-    """At which height do half of the walks on a soft sole come to their end? There a sole can show a difference."""
+    """Return walks that tell at which height of the ground half of them fall, where a sole can make a difference."""
     return Study(
         name="halfway",
         about="how high each ground must be for half of the walks to fall",
@@ -153,11 +158,11 @@ def halfway(seeds: int = 6) -> Study:
 
 
 def stiffness_question(seeds: int = 6) -> Study:
-    """When does the stiffness of a sole matter?
+    """Return walks that tell when the stiffness of a sole matters.
 
     A rigid sole of the same footprint, and soft ones from 1 to 100 Nm/rad, two of them with a twentieth of the paper's
-    damping, too, on every rough family at the height where half of the walks fall; and all of it once more with a
-    higher swing, as a foot that does not touch needs no softness. Gains were fixed before; grounds are fresh.
+    damping, too, on every rough family at the height where half of the walks fall; and all of it with a higher
+    swing, too, as a foot that does not touch needs no softness. Gains are tuned on other seeds.
     """
     heights = halfway_heights()
     arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
@@ -184,7 +189,7 @@ def stiffness_question(seeds: int = 6) -> Study:
 
 
 def arches(seeds: int = 6) -> Study:
-    """Is a soft foot whose arch reaches to the toe better than the paper's, where the stiffness question was asked?"""
+    """Return walks that compare a soft foot whose arch reaches to the toe with the paper's."""
     arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
     for k in (3.2, 32.0):
         arms[f"soft, {k:g}"] = {"foot": "soft", "stiffness": k}
@@ -200,26 +205,22 @@ def arches(seeds: int = 6) -> Study:
     )
 
 
-SWINGS = (0.06, 0.09)
-"""Swing heights, m: the paper's and a higher one."""
-
-
 def halfway_heights() -> dict[str, float]:
-    """Height of each family at which half of the walks of the study 'halfway' fell, m."""
-    data = _found("halfway.json", "wbc study heights")
+    """Return the height of each family at which half of the walks of the study 'halfway' fell, m."""
+    data = _result("halfway.json", "wbc study heights")
     return {name: float(height) for name, height in data["heights_m"].items()}
 
 
 def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> dict[str, float]:
-    """Height of each ground at which half of the walks are completed, m.
+    """Return the height of each ground at which half of the walks are completed, m.
 
-    Shares of completed walks are made to fall with the height (isotonic regression) and taken as linear between the
-    heights that were tried; if the share is a half over a range, the middle of it is taken. A ground on which fewer
-    than half fall everywhere has the greatest of these heights, one on which more than half fall everywhere the least.
+    The share of completed walks is fitted by a decreasing function of the height (isotonic regression), linear between
+    the heights that were tried; if it is a half over a range, the middle of the range is taken. A ground on which fewer
+    than half fall at every height gets the greatest height, one on which more than half fall at every height the least.
 
     Args:
-        study: Such as `halfway()`, with cells that differ in "terrain" and "amplitude".
-        entries: Those of a journal.
+        study: A study such as `halfway()`, with cells that differ in "terrain" and "amplitude".
+        entries: Entries of a journal, by key.
         any_code: Take walks of other versions of the code, too.
 
     Raises:
@@ -233,7 +234,7 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
     from sklearn.isotonic import IsotonicRegression  # noqa: PLC0415 - takes a second to import
 
     walks: dict[str, list[tuple[float, bool]]] = {}
-    for trial, entry in found_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries, any_code=any_code):
         if entry is not None and entry.status == "done" and entry.result is not None:
             spec = trial.spec.to_json()
             done = entry.result["outcome"] == "completed"
@@ -249,10 +250,6 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
     return result
 
 
-HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)
-"""Heights among which the halfway one is looked for, m."""
-
-
 UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
     "stones": (0.040, 0.055),
     "roof_tiles": (0.040, 0.055),
@@ -262,8 +259,8 @@ UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
 }
 """Grounds that no model is trained on, at the least and the greatest amplitude of the paper's table IV, m."""
 
-ORACLE_STIFFNESS = (1.0, 3.0, 8.0, 20.0, 45.0, 80.0)
-"""Stiffnesses among which the oracle may choose, Nm/rad."""
+TUNED_FIXED_CHOICES = (1.0, 3.0, 8.0, 20.0, 45.0, 80.0)
+"""Stiffnesses that are tried to tune a fixed one to each unknown ground, Nm/rad."""
 
 
 def _unknown_cells() -> tuple[Cell, ...]:
@@ -274,27 +271,27 @@ def _unknown_cells() -> tuple[Cell, ...]:
     )
 
 
-def oracle(seeds: int = 4) -> Study:
-    """Which fixed stiffness is best on each of the unknown grounds? Asked on other seeds than the table's."""
+def tuned_fixed(seeds: int = 4) -> Study:
+    """Return walks that tune a fixed stiffness to each of the unknown grounds, on other seeds than the table's."""
     return Study(
-        name="oracle",
+        name="tuned_fixed",
         about="the best fixed stiffness on each ground of 'unknown_ground', on seeds of its own",
         base={"foot": "soft", "noise": "realistic", "plan": {"distance": 3.0}},
         cells=_unknown_cells(),
-        arms={f"{k:g}": {"stiffness": k} for k in ORACLE_STIFFNESS},
+        arms={f"{k:g}": {"stiffness": k} for k in TUNED_FIXED_CHOICES},
         seeds=tuple(range(seeds)),
         metric="J",
-        reference=f"{ORACLE_STIFFNESS[2]:g}",
+        reference=f"{TUNED_FIXED_CHOICES[2]:g}",
     )
 
 
 def unknown_ground(seeds: int = 20) -> Study:
-    """Does a sole whose stiffness follows the ground walk further over ground that it has never seen?
+    """Return walks that tell whether a sole whose stiffness follows the ground walks further over unknown ground.
 
-    The arms: the robot's own flat sole; a rigid one of the soft footprint, which tells size from softness; soft ones
-    of the paper's 5 Nm/rad and of the median of all best stiffnesses that the model was trained on; the variable one;
-    and an oracle that knows the best fixed stiffness of each kind and height of ground, once the study 'oracle' has
-    been run.
+    The arms: the robot's own flat sole; a rigid one of the soft footprint, which separates size from softness; soft
+    ones of the paper's 5 Nm/rad and of the median of all best stiffnesses that the model was trained on; the variable
+    one; and, if there is a result of the study 'tuned_fixed', a fixed stiffness that was tuned to each kind and height
+    of ground on other seeds.
     """
     median = float(f"{np.median(StiffnessTable.load(DEFAULT_TABLE).stiffness):.3g}")
     arms: dict[str, dict[str, Any]] = {
@@ -305,10 +302,12 @@ def unknown_ground(seeds: int = 20) -> Study:
         "variable": {"foot": "variable"},
     }
     cells = _unknown_cells()
-    if oracle_known():
-        best = oracle_choice()
-        arms["oracle"] = {"foot": "soft"}
-        cells = tuple(replace(cell, own={"oracle": {"stiffness": best[cell.name]}}) for cell in cells)
+    if tuned_fixed_known():
+        best = tuned_fixed_stiffness()
+        arms["tuned fixed"] = {"foot": "soft"}
+        cells = tuple(
+            replace(cell, arm_values={"tuned fixed": {"stiffness": best[cell.name]}}) for cell in cells
+        )
     return Study(
         name="unknown_ground",
         about="3 m over ground that nothing was trained or tuned on, all soles",
@@ -320,25 +319,25 @@ def unknown_ground(seeds: int = 20) -> Study:
     )
 
 
-def oracle_known() -> bool:
-    """True if the study 'oracle' has been run, and what it found is kept with the library."""
-    return (DATA / "oracle.json").is_file()
+def tuned_fixed_known() -> bool:
+    """Return True if the library holds a result of the study 'tuned_fixed'."""
+    return (DATA / "tuned_fixed.json").is_file()
 
 
-def oracle_choice() -> dict[str, float]:
-    """Best fixed stiffness of each of the unknown grounds, Nm/rad: cell → stiffness, as the study 'oracle' found it."""
-    data = _found("oracle.json", "wbc study best oracle")
+def tuned_fixed_stiffness() -> dict[str, float]:
+    """Return the fixed stiffness that the study 'tuned_fixed' found best: cell → Nm/rad."""
+    data = _result("tuned_fixed.json", "wbc study best tuned_fixed")
     return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}
 
 
-def _found(file: str, command: str) -> dict[str, Any]:
-    """What an earlier study has found, as it is kept with the library.
+def _result(file: str, command: str) -> dict[str, Any]:
+    """Return the result of a study that the library holds.
 
     Raises:
-        InputError: It is not there.
+        InputError: There is none.
     """
     path = DATA / file
     if not path.is_file():
-        raise InputError(f"no {path}: `{command} --journal JOURNAL --json` prints what belongs there")
+        raise InputError(f"no {path}: `{command} --journal JOURNAL --json` prints its content")
     data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return data

@@ -9,7 +9,7 @@ import pytest
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study
-from wbc.sim.studies.swings import swing_report, swing_text
+from wbc.sim.studies.swing_summary import swing_summaries, swing_table
 
 
 def swing(reached: bool = True, commanded: float = 50.0, **values: Any) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def test_swings_are_summed_up_by_cell() -> None:
             entry = Entry(trial.spec.to_json(), "done", {"stiffness": swings}, clock, None, provenance())
             entries[entry.key] = entry
 
-    found = swing_report(study, entries)
+    found = swing_summaries(study, entries)
     assert list(found) == ["low", "high", "all"]
     low, everything = found["low"], found["all"]
     assert (low.walks, low.swings, low.reached, low.decided) == (2, 4, 1.0, 0.75)
@@ -66,5 +66,5 @@ def test_swings_are_summed_up_by_cell() -> None:
     assert low.decision_us == (401.5, 2000.0)
     assert (everything.walks, everything.swings) == (3, 6)
     assert everything.reached == pytest.approx(5 / 6) and everything.as_wanted == pytest.approx(4 / 5)
-    assert "83.3 %" in swing_text(found) and "1 scan too short" in swing_text(found)
-    assert swing_report(study, {}) == {}
+    assert "83.3 %" in swing_table(found) and "1 scan too short" in swing_table(found)
+    assert swing_summaries(study, {}) == {}

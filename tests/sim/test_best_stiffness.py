@@ -13,8 +13,7 @@ from wbc.core.errors import InputError
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.model import StiffnessModel
 from wbc.feet.stiffness.roughness import PARAMETERS
-from wbc.sim.studies.journal import Entry, Journal, read_journal
-from wbc.sim.studies.labels import (
+from wbc.sim.studies.best_stiffness import (
     NEARLY,
     Label,
     best_stiffness,
@@ -24,9 +23,11 @@ from wbc.sim.studies.labels import (
     seen_roughness,
     stiffness_table,
 )
+from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.stiffness import (
+from wbc.sim.studies.stiffness_studies import (
     QUESTION_GROUNDS,
+    DatasetSize,
     dataset,
     half_heights,
     halfway,
@@ -129,7 +130,7 @@ def test_equal_walks_and_a_prior_are_the_prior() -> None:
 
 def test_the_prior_of_a_ground_is_made_without_it() -> None:
     rng = np.random.default_rng(1)
-    study = dataset(seeds=1, amplitudes=1, evaluations=8)
+    study = dataset(DatasetSize(seeds=1, amplitudes=1, evaluations=8))
     entries = {}
     for trial in study.trials():
         spec = trial.spec.to_json()
@@ -167,12 +168,12 @@ def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
     assert sum(1 for _ in study.trials()) == 12 * 5 * 16 * 2
     amplitudes = sorted({dict(cell.values)["amplitude"] for cell in study.cells})
     assert amplitudes[0] == 0.01 and amplitudes[-1] == 0.04
-    assert sum(1 for _ in dataset(seeds=2, evaluations=50).trials()) == 6000
-    higher = {dict(cell.values)["amplitude"] for cell in dataset(height=1.5).cells}
+    assert sum(1 for _ in dataset(DatasetSize(seeds=2, evaluations=50)).trials()) == 6000
+    higher = {dict(cell.values)["amplitude"] for cell in dataset(DatasetSize(height=1.5)).cells}
     assert max(higher) == pytest.approx(0.06)
     for bad in ({"height": 0.0}, {"seeds": 0}, {"amplitudes": 0}, {"evaluations": 3}, {"distance": 0.0}):
-        with pytest.raises(InputError, match="dataset"):
-            dataset(**bad)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=f"^{next(iter(bad))}.* must be .* (above|at least) [014], got"):
+            dataset(DatasetSize(**bad))  # type: ignore[arg-type]
 
 
 def test_windows_are_what_the_toes_see() -> None:
@@ -194,7 +195,7 @@ def journal_of(path: Path, best: float) -> None:
 
 
 def small():  # type: ignore[no-untyped-def]
-    return dataset(seeds=1, amplitudes=1, evaluations=6)
+    return dataset(DatasetSize(seeds=1, amplitudes=1, evaluations=6))
 
 
 def test_a_journal_becomes_a_table_and_the_table_a_model(
@@ -278,7 +279,7 @@ def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest
     assert cli.main(["study", "best", "rough_ground", "--journal", str(journal)]) == 2
     assert "says no stiffness" in capfd.readouterr().err
     assert cli.main(["study", "best", "push_recovery", "--journal", str(journal)]) == 2
-    assert cli.main(["study", "best", "oracle", "--journal", str(journal)]) == 2  # other grounds
+    assert cli.main(["study", "best", "tuned_fixed", "--journal", str(journal)]) == 2  # other grounds
     assert "walks of enough stiffnesses" in capfd.readouterr().err
 
 
@@ -303,7 +304,7 @@ def test_the_model_of_the_library_is_the_model_of_its_table(
     [
         (["stiffness", "train", "nowhere.csv", "--output", "m.json"], "no stiffness table"),
         (["stiffness", "train", "--output", "m.txt"], ".json"),
-        (["stiffness", "judge", "--features", "pretty"], "paper, window or select"),
+        (["stiffness", "judge", "--features", "pretty"], 'Choose from: "paper", "window", "select"'),
         (["study", "dataset", "--journal", "j.jsonl", "--output", "t.txt"], ".csv"),
         (["study", "dataset", "--journal", "j.jsonl", "--output", "t.csv", "--windows", "1"], "at least 2"),
         (["stiffness", "train", "/bin/ls", "--output", "m.json"], "no text"),
