@@ -50,3 +50,12 @@ def read_json(path: Path) -> Any:
         return json.loads(text)
     except ValueError as error:
         raise InputError(f"{path} is not JSON: {error}") from error
+
+
+def check_picture(path: Path | None) -> Path | None:
+    """Return where a picture is to be written, None if none is wanted.
+
+    Raises:
+        InputError: As `check_target` raises it.
+    """
+    return None if path is None else check_target("a picture", path, (".png", ".pdf", ".svg", ".jpg"))

@@ -24,8 +24,7 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain import Terrain
-from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain import Terrain, add_to_spec
 
 READABLE = (".stl", ".obj")
 """Mesh formats that MuJoCo reads; coal reads the others."""
