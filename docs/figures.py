@@ -15,8 +15,8 @@ import wbc
 from wbc.core.errors import Array
 from wbc.feet.sensing.scan import resample
 from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import DEFAULT_TABLE
-from wbc.feet.stiffness.plot import draw_model, labels_figure
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.sim.terrain import terrain
 from wbc.walking.pattern.lipm import Pendulum

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
 
@@ -308,7 +309,7 @@ def test_the_generator_is_deterministic() -> None:
 
 
 def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
+    monkeypatch.setattr(registry, "_FACTORIES", copy.copy(registry._FACTORIES))
     assert names()[:3] == BUILT_IN
     assert load("talos") is load("talos")
     with pytest.raises(UnknownNameError, match="did you mean 'talos'"):

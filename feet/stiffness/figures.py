@@ -1,4 +1,4 @@
-"""One picture of a stiffness model: data, confusion, learning curve, and stiffness against amplitude."""
+"""Figures of stiffness models and their data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.feet.stiffness.comparison import LearningCurve, learning_curve, principal_components
+from wbc.feet.stiffness.analysis import LearningCurve, learning_curve, principal_components
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings
 from wbc.feet.stiffness.validation import Validation, cross_validate
@@ -20,7 +20,7 @@ PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
 
 def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings | None = None) -> None:
-    """Draw what a table holds and how well a nearest-neighbour model does on it.
+    """Draw a table and the quality of a nearest-neighbour model on it.
 
     Four panels: profiles in the first two principal components; confusion of clusters, grounds kept apart; accuracy
     against the number of training grounds; best stiffness against amplitude, a line per ground.
@@ -28,10 +28,10 @@ def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings 
     Args:
         table: Profiles with their best stiffness.
         path: Picture to write (.png, .pdf, .svg, .jpg).
-        settings: The model; the paper's when None.
+        settings: Settings of the model; the paper's when None.
 
     Raises:
-        InputError: The path cannot be written, or the table is too small to judge a model on it.
+        InputError: The path cannot be written, or the table is too small for a cross-validation.
     """
     target = Path(path)
     if target.suffix.lower() not in PICTURES:
@@ -48,8 +48,8 @@ def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings 
 def model_figure(
     table: StiffnessTable, settings: ModelSettings, validation: Validation, curve: LearningCurve
 ) -> Figure:
-    """The picture that `draw_model` writes, from results that are there already."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes long to import
+    """Return the figure of `draw_model` from given results."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
 
     figure = Figure(figsize=(11.0, 8.5), layout="constrained")
     (data, confusion), (learning, trend) = figure.subplots(2, 2)
@@ -105,21 +105,21 @@ def _draw_curve(axes: Any, curve: LearningCurve) -> None:
 
 
 def _draw_trends(axes: Any, table: StiffnessTable) -> None:
-    from matplotlib import colormaps  # noqa: PLC0415 - as above
+    from matplotlib import colormaps  # noqa: PLC0415 - slow to import
 
     axes.set_prop_cycle(color=colormaps["tab20"](range(20)))
     for ground in dict.fromkeys(table.ground.tolist()):
-        mine = table.ground == ground
-        amplitudes = np.unique(table.amplitude[mine])
-        best = [table.stiffness[mine & (table.amplitude == a)].mean() for a in amplitudes]
+        rows = table.ground == ground
+        amplitudes = np.unique(table.amplitude[rows])
+        best = [table.stiffness[rows & (table.amplitude == a)].mean() for a in amplitudes]
         axes.plot(1e3 * amplitudes, best, ".-", label=ground)
     axes.set(xlabel="amplitude of the ground (mm)", ylabel="best stiffness (Nm/rad)", title="by ground")
     axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def labels_figure(table: StiffnessTable) -> Figure:
-    """Best stiffness against amplitude, a panel per ground, with the range of nearly best stiffness."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - as above
+    """Return a figure of best stiffness against amplitude, a panel per ground, with the range of nearly best values."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
 
     grounds = list(dict.fromkeys(table.ground.tolist()))
     columns = min(4, len(grounds))

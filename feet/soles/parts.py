@@ -1,4 +1,4 @@
-"""Names of what a foot has added to a simulator model."""
+"""`FootParts`: names of the parts that a foot adds to a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from wbc.feet.soles.sole import FootFit
 
 @dataclass(frozen=True)
 class FootParts:
-    """Handle of a built foot: names, and the numbers that go with them.
+    """Names of a built foot's body, sites, sensors, geoms and joints in its MuJoCo model.
 
     Attributes:
         side: "left" or "right".
         fit: Rectangle, inertia and height of the foot under its ankle.
-        body: Body welded under the ankle link with everything of the foot below it; its frame is the sole
-            frame.
+        body: Body welded under the ankle link, root of all others of the foot; its frame is the sole frame.
         wrench_site: Site of the force sensor, at the sole centre in sole axes.
         force_sensor: Force of the foot on the ankle link reversed, in sole axes, N: the ground's force has
             its opposite sign.
-        torque_sensor: Torque that goes with it about the sole centre, Nm.
+        torque_sensor: Torque of the foot on the ankle link reversed, about the sole centre in sole axes, Nm.
         range_site: Site under the toe whose z axis is the ray of the range sensor.
         range_height: Height of that site over the sole in the rest shape, m.
         contact_geoms: Spheres that touch the ground, row by row from the toe, each row from right to left.
