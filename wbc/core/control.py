@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from time import perf_counter
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive, scalar
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
@@ -33,7 +33,7 @@ Feedforward = Callable[[Solution], Array]
 """Called once a tick after the problem has been solved; returns joint torques, shape (na,), Nm."""
 
 
-@dataclass(frozen=True)
+@settings
 class FailurePolicy:
     """What to do when a tick has no solution or its measurement cannot be used.
 
@@ -46,14 +46,9 @@ class FailurePolicy:
         stop_after: Time of uninterrupted failure after which the robot is stopped, s.
     """
 
-    damping_time: float = 0.05
-    joint_damping: float = 0.02
-    stop_after: float = 0.1
-
-    def __post_init__(self) -> None:
-        positive("damping time of the failure policy (s)", self.damping_time)
-        non_negative("joint damping of the failure policy (s/rad)", self.joint_damping)
-        non_negative("stop_after of the failure policy (s)", self.stop_after)
+    damping_time: Annotated[Positive, "s"] = 0.05
+    joint_damping: Annotated[NonNegative, "s/rad"] = 0.02
+    stop_after: Annotated[NonNegative, "s"] = 0.1
 
 
 class _Control:

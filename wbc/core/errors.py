@@ -34,10 +34,6 @@ class ModelError(InputError):
     """A robot model that cannot be simulated or controlled as it stands."""
 
 
-class InfeasibleError(WbcError):
-    """Hard constraints that contradict each other; the message names the groups."""
-
-
 class MeasurementError(WbcError):
     """A measurement that cannot be used, such as one with NaN in it."""
 

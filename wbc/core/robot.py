@@ -7,13 +7,14 @@ are plain attributes. Frames and joints are looked up by name once, when a task 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, ModelError, finite_array, positive, unknown_name
+from wbc.core.errors import Array, InputError, ModelError, finite_array, unknown_name
+from wbc.core.settings import Positive, settings
 
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
@@ -22,7 +23,7 @@ BASE_DOF = 6
 """Velocity coordinates of the floating base: linear, then angular, both in the base frame."""
 
 
-@dataclass(frozen=True)
+@settings
 class Sole:
     """A rectangular sole.
 
@@ -35,12 +36,8 @@ class Sole:
 
     name: str
     frame: str
-    length: float
-    width: float
-
-    def __post_init__(self) -> None:
-        positive(f"length of sole '{self.name}' (m)", self.length)
-        positive(f"width of sole '{self.name}' (m)", self.width)
+    length: Annotated[Positive, "m"]
+    width: Annotated[Positive, "m"]
 
 
 class _View:

@@ -15,40 +15,36 @@ the integral of the correction, R. Mahony, T. Hamel, J.-M. Pflimlin, IEEE TAC 53
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
-from wbc.core.errors import Array, positive, scalar
+from wbc.core.errors import Array, scalar
 from wbc.core.lag import LagGain
 from wbc.core.robot import GRAVITY
+from wbc.core.settings import Positive, settings
 
 
-@dataclass(frozen=True)
+@settings
 class InertialSettings:
-    """How fast the legs pull the drift out of the inertial estimate. Time constants, so the period is free.
+    """Time constants with which the velocity of the legs corrects the inertial estimate.
 
     Attributes:
-        velocity_time_constant: Accelerometer above it, legs below it, s.
-        tilt_time_constant: Decay of a roll or pitch error, s; far above the former.
+        velocity_time_constant: Cross-over between accelerometer (faster) and velocity of the legs (slower), s.
+        tilt_time_constant: Decay of a roll or pitch error, s; far above `velocity_time_constant`.
         yaw_time_constant: Decay of a yaw error towards the feet, s.
         bias_time_constant: Integral time of the gyro bias, s; 4 tilt time constants are critically damped,
             infinity keeps the bias at zero.
         flight_time_constant: Decay of the velocity when no foot is loaded, s.
     """
 
-    velocity_time_constant: float = 0.05
-    tilt_time_constant: float = 2.0
-    yaw_time_constant: float = 1.0
-    bias_time_constant: float = 8.0
-    flight_time_constant: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("velocity", "tilt", "yaw", "flight"):
-            positive(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
-        if not self.bias_time_constant > 0.0:
-            positive("bias_time_constant (s)", self.bias_time_constant)
+    velocity_time_constant: Annotated[Positive, "s"] = 0.05
+    tilt_time_constant: Annotated[Positive, "s"] = 2.0
+    yaw_time_constant: Annotated[Positive, "s"] = 1.0
+    bias_time_constant: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "s"] = 8.0
+    flight_time_constant: Annotated[Positive, "s"] = 1.0
 
 
 _HALF = scalar(0.5)

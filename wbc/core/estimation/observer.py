@@ -14,15 +14,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import NonNegative, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned
 
@@ -30,7 +32,7 @@ SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_for
 """What an estimate is made of, as `Measurement` calls it."""
 
 
-@dataclass(frozen=True)
+@settings
 class ObserverSettings:
     """Settings of the observer.
 
@@ -47,16 +49,11 @@ class ObserverSettings:
 
     inertial: InertialSettings = field(default_factory=InertialSettings)
     anchor_at_cop: bool = True
-    min_load: float = 20.0
-    load_time_constant: float = 0.01
-    cop_time_constant: float = 0.02
-    slip_time_constant: float = 0.2
-    reference_time_constant: float = 0.1
-
-    def __post_init__(self) -> None:
-        non_negative("min_load (N)", self.min_load)
-        for name in ("load", "cop", "slip", "reference"):
-            non_negative(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
+    min_load: Annotated[NonNegative, "N"] = 20.0
+    load_time_constant: Annotated[NonNegative, "s"] = 0.01
+    cop_time_constant: Annotated[NonNegative, "s"] = 0.02
+    slip_time_constant: Annotated[NonNegative, "s"] = 0.2
+    reference_time_constant: Annotated[NonNegative, "s"] = 0.1
 
 
 class Observer:

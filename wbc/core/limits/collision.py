@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_array, non_negative, positive
+from wbc.core.errors import Array, InputError, non_negative, positive
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
+from wbc.core.settings import Positive, settings
 
 Point = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@settings
 class CollisionSphere:
     """A sphere around a point of a frame.
 
@@ -28,15 +29,11 @@ class CollisionSphere:
         centre: In the frame, m.
     """
 
-    radius: float
-    centre: Point = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        positive("radius of a sphere (m)", self.radius)
-        finite_array("centre of a sphere (m)", self.centre, (3,))
+    radius: Annotated[Positive, "m"]
+    centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
+@settings
 class CollisionCapsule:
     """All points within a radius of a line segment in a frame.
 
@@ -46,14 +43,12 @@ class CollisionCapsule:
         end: Its other end, m.
     """
 
-    radius: float
-    start: Point
-    end: Point
+    radius: Annotated[Positive, "m"]
+    start: Annotated[Point, "m"]
+    end: Annotated[Point, "m"]
 
     def __post_init__(self) -> None:
-        positive("radius of a capsule (m)", self.radius)
-        start = finite_array("start of a capsule (m)", self.start, (3,))
-        if np.linalg.norm(finite_array("end of a capsule (m)", self.end, (3,)) - start) < 1e-9:
+        if math.dist(self.start, self.end) < 1e-9:
             raise InputError(
                 f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
             )

@@ -16,15 +16,17 @@ from __future__ import annotations
 import enum
 import logging
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import proxsuite
 import qpsolvers
+from pydantic import Field
 from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.core.errors import Array, InputError, positive, scalar
+from wbc.core.errors import Array, scalar
 from wbc.core.qp.problem import Problem
+from wbc.core.settings import Count, Positive, settings
 
 logger = logging.getLogger(__name__)
 
@@ -59,7 +61,7 @@ class Status(enum.Enum):
         return self in (Status.SOLVED, Status.RECOVERED, Status.FALLBACK, Status.RELAXED)
 
 
-@dataclass(frozen=True)
+@settings
 class SolverSettings:
     """Settings of the ladder; the defaults are measured on streams of humanoid problems.
 
@@ -76,29 +78,13 @@ class SolverSettings:
             a tick is "infeasible" when None. Dynamics and inequalities are always kept.
     """
 
-    tolerance: float = 1e-6
-    residual_tolerance: float = 1e-5
-    max_iterations: int = 15
-    max_inner_iterations: int = 30
-    equality_penalty: float = 1e-7
-    active_set_changes: int = 4
-    relaxation: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in (
-            "tolerance",
-            "residual_tolerance",
-            "max_iterations",
-            "max_inner_iterations",
-            "equality_penalty",
-        ):
-            positive(f"solver setting '{name}'", getattr(self, name))
-        if self.relaxation is not None:
-            positive("solver setting 'relaxation'", self.relaxation)
-        if self.active_set_changes < 0:
-            raise InputError(
-                f"solver setting 'active_set_changes' must be ≥ 0, got {self.active_set_changes}"
-            )
+    tolerance: Positive = 1e-6
+    residual_tolerance: Positive = 1e-5
+    max_iterations: Count = 15
+    max_inner_iterations: Count = 30
+    equality_penalty: Positive = 1e-7
+    active_set_changes: Annotated[int, Field(ge=0)] = 4
+    relaxation: Positive | None = None
 
 
 _ONE, _LEAST_WEIGHT = scalar(1.0), scalar(1e-12)
@@ -406,17 +392,16 @@ class QpSolver:
         # The backend is named because the automatic choice changes with the number of rows, to one twice as slow.
         size = (p.diagonal.size, p.n_eq, p.lower.size)
         qp = dense.QP(*size, False, dense.HessianType.Dense, dense.DenseBackend.PrimalDualLDLT)
-        settings = qp.settings
-        settings.eps_abs, settings.eps_rel = ours.tolerance, 0.0
-        settings.eps_primal_inf = settings.eps_dual_inf = (
-            1e-8  # 1e-4, the default, calls feasible problems infeasible
-        )
-        settings.max_iter, settings.max_iter_in = ours.max_iterations, ours.max_inner_iterations
-        settings.default_mu_eq = ours.equality_penalty
-        settings.check_duality_gap = False
-        settings.compute_timings = False
-        settings.verbose = False
-        settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
+        options = qp.settings
+        options.eps_abs, options.eps_rel = ours.tolerance, 0.0
+        # 1e-4, the default, calls feasible problems infeasible.
+        options.eps_primal_inf = options.eps_dual_inf = 1e-8
+        options.max_iter, options.max_iter_in = ours.max_iterations, ours.max_inner_iterations
+        options.default_mu_eq = ours.equality_penalty
+        options.check_duality_gap = False
+        options.compute_timings = False
+        options.verbose = False
+        options.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
         return qp
 
     def _daqp(
