@@ -6,14 +6,10 @@ from those given here, its docstring says so.
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TypedDict
 
 from numpy.typing import ArrayLike
-
-from wbc.core.errors import unknown_name
-from wbc.core.qp.task import Task
 
 
 class TaskOptions(TypedDict, total=False):
@@ -69,21 +65,3 @@ class ComplianceOptions(MotionOptions, total=False):
 
     time_constant: float
     velocity_bound: ArrayLike
-
-
-def check_options(task: Task, kind: type, options: Mapping[str, object]) -> None:
-    """Refuse options that a task does not take.
-
-    Args:
-        task: The task.
-        kind: The class of options that it takes, such as `MotionOptions`.
-        options: Options by name.
-
-    Raises:
-        UnknownNameError: An unknown option; the nearest ones are named.
-    """
-    known = frozenset(kind.__annotations__)
-    for option in options:
-        if option not in known:
-            own = frozenset(inspect.signature(type(task)).parameters) - {"options"}
-            unknown_name(f"option of {type(task).__name__}", option, known | own)

@@ -7,9 +7,9 @@ from typing import Unpack
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, check_options
 from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import ComplianceOptions, check_options
+from wbc.tasks.options import ComplianceOptions
 
 
 class AdmittanceTask(ComplianceTask):

@@ -22,12 +22,20 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
+from wbc.core.errors import (
+    Array,
+    InputError,
+    MeasurementError,
+    check_options,
+    finite_array,
+    non_negative,
+    positive,
+)
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
-from wbc.tasks.options import ComplianceOptions, MotionOptions, check_options
+from wbc.tasks.options import ComplianceOptions, MotionOptions
 
 VELOCITY_BOUND = (0.1, 0.3)
 """Clamp of the compliance velocity, m/s and rad/s: the bounds of mc_rtc's walking stabilizer on CoP tasks."""

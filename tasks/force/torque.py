@@ -8,12 +8,12 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, finite_array, finite_scalar, unknown_name
+from wbc.core.errors import Array, check_options, finite_array, finite_scalar, unknown_name
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import distinct_joints, joint_columns
-from wbc.tasks.options import TaskOptions, check_options
+from wbc.tasks.options import TaskOptions
 
 
 class JointTorqueTask(VariableTask):

@@ -8,12 +8,12 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, unknown_name
+from wbc.core.errors import Array, InputError, check_options, finite_array, unknown_name
 from wbc.core.qp.contact import AXES, Contact
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
 from wbc.tasks.motion.axes import axis_mask
-from wbc.tasks.options import TaskOptions, check_options
+from wbc.tasks.options import TaskOptions
 
 
 class WrenchTask(VariableTask):

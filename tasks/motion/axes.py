@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError, unknown_name
+from wbc.core.errors import Array, InputError, check_options, unknown_name
 from wbc.core.qp.task import MotionTask
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.tasks.options import MotionOptions, check_options
+from wbc.tasks.options import MotionOptions
 
 POSITION_AXES = ("x", "y", "z")
 ROTATION_AXES = ("roll", "pitch", "yaw")

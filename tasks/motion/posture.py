@@ -8,11 +8,11 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative
+from wbc.core.errors import Array, InputError, check_options, finite_array, finite_scalar, non_negative
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import distinct_joints, joint_columns
-from wbc.tasks.options import GainOptions, check_options
+from wbc.tasks.options import GainOptions
 
 
 class PostureTask(SelectionTask):

@@ -7,6 +7,7 @@ input without reading this code.
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
 from collections.abc import Iterable
 from typing import Any, NoReturn
@@ -70,6 +71,24 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
     if name not in names:
         unknown_name(kind, name, names)
     return name
+
+
+def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
+    """Refuse options that a task or contact does not take.
+
+    Args:
+        owner: The task or contact.
+        kind: Typed dictionary of the options that it takes, such as `wbc.tasks.MotionOptions`.
+        options: Names of the options given.
+
+    Raises:
+        UnknownNameError: An unknown option; the nearest ones are named.
+    """
+    known = frozenset(kind.__annotations__)
+    for option in options:
+        if option not in known:
+            own = frozenset(inspect.signature(type(owner)).parameters) - {"options"}
+            unknown_name(f"option of {type(owner).__name__}", option, known | own)
 
 
 def scalar(value: float) -> Array:
