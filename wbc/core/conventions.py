@@ -1,4 +1,4 @@
-"""Every convention of the library, and the one place where states are translated to MuJoCo's and back.
+"""Conventions of the library, and the only translation of states to MuJoCo's and back.
 
 World frame: z up; metres, newtons, kilograms, radians, seconds. Gravity is `wbc.core.robot.GRAVITY` along −z.
 
@@ -35,11 +35,11 @@ from numpy.typing import NDArray
 from wbc.core.errors import Array
 
 Index = NDArray[np.intp]
-"""Places of joints in an array."""
+"""Indices of joints in an array."""
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Rotation matrix of a unit quaternion.
+    """Return the rotation matrix of a unit quaternion.
 
     Args:
         quaternion: xyzw, shape (4,), of unit length.

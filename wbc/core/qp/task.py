@@ -243,7 +243,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 class MotionTask(Task):
     """A task on a motion: rows over the generalised accelerations.
 
-    A task of your own needs `bind`, to look names up, and `evaluate`, to fill its rows.
+    A task of your own needs `bind`, to look up names, and `evaluate`, to fill its rows.
     """
 
     @abstractmethod
