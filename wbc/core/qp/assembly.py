@@ -36,39 +36,21 @@ from wbc.core.robot import BASE_DOF, Robot
 
 @dataclass(slots=True)
 class _ContactSlot:
-    """Place of one contact in the QP, and the state of what is written there.
-
-    Attributes:
-        contact: The contact.
-        rows: Its motion rows among the equalities.
-        columns: Its force variables among all contact forces.
-        jacobian: View of its motion rows over the accelerations.
-        error: View of the error of its motion rows.
-        drift: View of their drift.
-        force: View of its motion rows over its own force.
-        cone: View of its cone rows over its own force.
-        cone_upper: View of their upper bounds.
-        normal_lower: View of the lower bound of its normal force.
-        normal_upper: View of the upper bound of its normal force.
-        partly_free: True if it leaves an axis free.
-        full: Jacobian with the free axes in it, where those keep their force; else None.
-        revision: Revision of the contact that is written.
-        engaged: True if it is written as engaged; None before the first tick.
-    """
+    """Place of one contact in the QP, views of its values there, and the state that they are written for."""
 
     contact: Contact
-    rows: slice
-    columns: slice
+    rows: slice  # its motion rows among the equalities
+    columns: slice  # its force variables among all contact forces
     jacobian: Array
     error: Array
     drift: Array
-    force: Array
-    cone: Array
+    force: Array  # the motion rows over the contact's own force
+    cone: Array  # the cone rows over the contact's own force
     cone_upper: Array
     normal_lower: Array
     normal_upper: Array
     partly_free: bool
-    full: Array | None
+    full: Array | None  # Jacobian with the free axes in it, where those keep their force
     revision: int = -1
     engaged: bool | None = None
 
@@ -196,16 +178,7 @@ class Assembly:
         self._limit_names += [f"limits of {joint}" for joint in self._robot.joint_names]
 
     def _place_contacts(self, contacts: Sequence[Contact], at: int, cone_at: int) -> tuple[int, int]:
-        """Place motion rows, force variables, cones and normal forces of the contacts.
-
-        Args:
-            contacts: The contacts.
-            at: First equality.
-            cone_at: First inequality.
-
-        Returns:
-            Equality and inequality after the last contact.
-        """
+        """Place the contacts, from an equality and an inequality on; return the next free ones."""
         p, nv = self.problem, self._robot.nv
         column = nv
         for contact in contacts:

@@ -109,15 +109,10 @@ class Contact(ABC):
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
         free: Mask of the axes that are not held, shape (dim,).
-        free_force: True if the force along free axes may be anything within the cone; else it is zero.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
-        wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,), above zero.
-        stiffness: Pull back to where the contact was made, 1/s².
-        damping: Damping of contact velocity, 1/s.
-        ramp: Time of the force ramp, s.
-        min_force: Smallest normal force while fully active, N.
-        max_force: Greatest normal force, N; several times the robot's weight when None.
         revision: Number that changes with the cone and the range of the normal force.
+
+    The options of `ContactOptions` are attributes as well, the wrench weight of shape (dim,).
     """
 
     dim: int
@@ -139,11 +134,6 @@ class Contact(ABC):
         free_axes: Sequence[str] = (),
         free_force: bool = False,
     ) -> None:
-        """Describe the contact; the arguments are its attributes and those of `ContactOptions`.
-
-        Raises:
-            InputError: A value out of range.
-        """
         self.name = name
         self.frame = frame
         self.cone = cone
