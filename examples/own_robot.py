@@ -15,7 +15,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:

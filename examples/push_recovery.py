@@ -13,7 +13,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 IMPULSE = 0.15
 """Impulse of the push per mass, Ns/kg: the change of the velocity of the centre of mass, m/s."""

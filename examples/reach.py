@@ -13,7 +13,7 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 REACH = np.array([0.30, -0.05, 0.25])
 """Vector from the hand's initial position to the point, m: forward, inward, up."""

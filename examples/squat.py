@@ -13,7 +13,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 DEPTH, PERIOD = 0.12, 4.0
 """Amplitude of the centre of mass, m, and duration of down and up together, s."""

@@ -11,10 +11,9 @@ from typing import Any
 
 from _common import parse, report
 
-from wbc.feet.stiffness.roughness import profile_roughness
-from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
-from wbc.tasks import StiffnessPolicy
-from wbc.tasks.scheduling.policies import SwingScan
+from wbc.feet import profile_roughness
+from wbc.sim import WalkPlan, WalkSpec, WalkTrial
+from wbc.tasks import StiffnessPolicy, SwingScan
 
 
 class SofterWhereItIsRough(StiffnessPolicy):

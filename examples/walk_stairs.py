@@ -12,7 +12,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.terrain import terrain
+from wbc.sim import terrain
 from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs
 
 TREAD = 0.25
