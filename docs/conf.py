@@ -159,27 +159,6 @@ def list_commands(app: Sphinx, docname: str, source: list[str]) -> None:
         source[0] = source[0].replace(STUDIES, "\n".join(lines))
 
 
-# Sections of the README, which has the tables of measurements
-
-README = re.compile(r"^<!-- README\.md: (.+) -->$", re.MULTILINE)
-LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!\w+://)([^)]+)\)")
-
-
-def quote_readme(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put a section of the README in the place of `<!-- README.md: its heading -->`."""
-    source[0] = README.sub(lambda match: _readme_section(match[1], docname), source[0])
-
-
-def _readme_section(heading: str, docname: str) -> str:
-    _, found, rest = (ROOT / "README.md").read_text(encoding="utf-8").partition(f"\n## {heading}\n")
-    if not found:
-        logger.warning("the README has no section '%s'", heading, location=docname)
-    text = rest.partition("\n## ")[0].replace("](docs/", "](")
-    return LINK.sub(
-        lambda link: link[0] if (ROOT / "docs" / link[2]).exists() else f"{link[1]} (`{link[2]}`)", text
-    )
-
-
 # Docstrings are plain text with Google sections: indented blocks are equations or programs, backticks are code
 
 SECTION = re.compile(r"(Args|Attributes|Example|Raises|Returns|Yields):\s*$")
@@ -334,7 +313,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("source-read", list_modules)
     app.connect("source-read", list_settings)
     app.connect("source-read", list_commands)
-    app.connect("source-read", quote_readme)
     app.connect("autodoc-process-docstring", docstring_to_rest, priority=400)
     app.connect("autodoc-process-docstring", escape_types, priority=600)
     app.connect("autodoc-skip-member", skip_strangers)

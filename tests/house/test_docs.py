@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import json
 import re
 import shlex
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import matplotlib
 import pytest
 
-from wbc.app.cli import make_app
+from wbc.app.cli import main, make_app
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
@@ -139,6 +140,39 @@ def test_links_and_pictures_lead_somewhere(page: Path) -> None:
     for target in LINK.findall(FENCE.sub("", text_of(page))):
         if "://" not in target:
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+MEASURED = (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")
+VERSION = re.compile(
+    r"^\| (\d+) \| `\w{7}`, [\d-]{10} \| .* \| ([\d.]+), ([\d.]+), ([\d.]+) \|$", re.MULTILINE
+)
+TABLE = re.compile(r"(?:^\|.*\n)+\n(.*)$", re.MULTILINE)
+CAPTION = re.compile(
+    r"\*Measured at `\w{7}`, \d{4}-\d\d-\d\d(?:, walk (\d+)(; \*\*stale\*\*: the walk is (\d+) now)?)?\.\*"
+)
+
+
+def test_every_table_of_results_says_its_version_and_whether_it_is_stale() -> None:
+    now = max(int(version[0]) for version in VERSION.findall(MEASURED))
+    captions = TABLE.findall(MEASURED.partition("\n## Results\n")[2])
+    assert captions
+    for caption in captions:
+        match = CAPTION.fullmatch(caption)
+        assert match, f"no 'Measured at' behind a table but: {caption}"
+        if match[1] is not None:
+            stale = int(match[1]) < now
+            assert (match[2] is not None) == stale, caption
+            assert not stale or int(match[3]) == now, caption
+
+
+def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """Fails when walks compute something else: then add a version to measured.md, and mark what is stale."""
+    (command,) = re.findall(r"The reference walk is `wbc ([^`]+)`", MEASURED)
+    assert main([*command.split(), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    errors = [1e3 * result[name]["mean"] for name in ("zmp_error", "com_error", "dcm_error")]
+    expected = [float(value) for value in VERSION.findall(MEASURED)[-1][1:]]
+    assert errors == pytest.approx(expected, rel=0.01)
 
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:
