@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import importlib
 import io
 import json
@@ -14,12 +15,16 @@ from typing import Any
 import matplotlib
 import pytest
 
+import wbc
 from wbc.app.cli import main, make_app
+from wbc.feet import foot
+from wbc.sim.rig import FootTest, press
+from wbc.sim.terrain import terrain
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
-ELSEWHERE = ("feet.md", "grounds.md")
-"""Pages whose programs `test_feet_docs.py` runs and looks at more closely."""
+ELSEWHERE = ("feet.md", "grounds.md", "CONTRIBUTING.md")
+"""Pages whose programs tests of their own run and look at more closely."""
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OUTPUT = re.compile(r"\s*^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -69,12 +74,14 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     matplotlib.use("Agg")
     for module, name in REGISTERS:
         place = importlib.import_module(module)
-        monkeypatch.setattr(place, name, dict(getattr(place, name)))
+        monkeypatch.setattr(place, name, copy.copy(getattr(place, name)))
     return tmp_path
 
 
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if p.name not in ELSEWHERE and programs(p)], ids=lambda page: page.stem
+    "page",
+    [p for p in PAGES if p.name not in ELSEWHERE and programs(p)],
+    ids=lambda page: page.stem,
 )
 def test_programs_of_a_page_run_one_after_the_other(page: Path, workplace: Path) -> None:
     run(page, slow=False)
@@ -88,16 +95,35 @@ def test_slow_programs_of_a_page_run_too(page: Path, workplace: Path) -> None:
     run(page, slow=True)
 
 
-def run(page: Path, *, slow: bool) -> None:
+def run(page: Path, *, slow: bool) -> dict[str, Any]:
     names: dict[str, Any] = {"__name__": "page"}
     for line, program, expected in programs(page, slow=slow):
-        code = compile("\n" * line + program, str(page), "exec")  # with the lines of the page in a traceback
+        # With the lines of the page in a traceback, and without this file's future statement.
+        code = compile("\n" * line + program, str(page), "exec", dont_inherit=True)
         with contextlib.redirect_stdout(io.StringIO()) as printed:
             exec(code, names)
         if expected is not None:
             assert printed.getvalue().rstrip() == expected.rstrip(), (
                 f"{page.name}:{line + 1} prints otherwise"
             )
+    return names
+
+
+def test_the_smallest_of_each_works(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Task, foot, ground, robot, study and command of CONTRIBUTING."""
+    names = run(ROOT / "CONTRIBUTING.md", slow=False)
+    assert len((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").splitlines()) <= 110
+    robot = wbc.load_robot("biped").robot()
+    controller = wbc.Controller(robot, 0.005)
+    controller.add(wbc.PostureTask(), wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+    height = controller.add(names["HeightTask"](robot.torso_frame))
+    assert controller.solve().ok and abs(height.error[0]) < 1e-12
+    height.target = height.target + 0.1
+    assert controller.solve().ok and height.error[0] == pytest.approx(0.1)
+    assert {trial.spec.foot for trial in names["study"].trials()} == {"flat", "long_toes"}
+    assert press(FootTest(foot("long_toes"), terrain("waves", amplitude=0.01))).hold is not None
+    names["mass"]("biped")
+    assert capsys.readouterr().out == f"biped: {robot.mass:.1f} kg\n"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
