@@ -16,14 +16,14 @@ import wbc
 from wbc.core.errors import Array
 from wbc.feet.sensing.scan import resample
 from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import DEFAULT_TABLE
-from wbc.feet.stiffness.plot import draw_model, labels_figure
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.sim.terrain import terrain
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.preview import PreviewController
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 from wbc.walking.planning.schedule import schedule
 
 COM, DCM, ZMP, FOOT = "#1565c0", "#2e7d32", "#c62828", "#90a4ae"

@@ -13,7 +13,7 @@ from PIL import Image
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import Replay
 from wbc.app.replay.stage import Stage
-from wbc.sim.walks import WalkPlan, WalkSpec, run_walk
+from wbc.sim.walks import WalkPlan, WalkSpec, walk
 
 SPEC = WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.6))
 """The walk that is filmed."""
@@ -36,7 +36,7 @@ def draw(path: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "walk.arrow"
-        if run_walk(SPEC, hooks=[Recorder(log)]).fell:
+        if walk(SPEC, hooks=[Recorder(log)]).fell:
             raise RuntimeError("the filmed robot has fallen")
         frames = film(Replay(Log.open(log)))
     frames[0].save(

@@ -1,17 +1,15 @@
-"""The README does what it says: its programs run, its commands exist, its files are there."""
+"""The README does what it says: its programs run, its files are there."""
 
 from __future__ import annotations
 
 import re
-import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from wbc.app.cli import make_app
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -34,7 +32,7 @@ def test_the_smallest_stand_balances_a_humanoid() -> None:
     exec(program, names)
     plant, start = names["plant"], np.array(names["com"].target)
     assert plant.time == pytest.approx(3.0)
-    assert not FallDetector(plant.robot).fallen(plant.truth().q)
+    assert not TrueFallDetector(plant.robot).fallen(plant.truth().q)
     np.testing.assert_allclose(plant.truth().com, start, atol=2e-3)
 
 
@@ -55,23 +53,6 @@ def test_the_smallest_walk_walks(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(program.strip().splitlines()) <= 15
     exec(program, {})
     assert capsys.readouterr().out.startswith("completed 5 of 5")
-
-
-@pytest.mark.parametrize("line", [li for block in blocks("bash") for li in block.splitlines()])
-def test_every_command_line_is_understood(line: str) -> None:
-    words = shlex.split(line.rpartition("&&")[2], comments=True)
-    if Path(words[0]).name == "wbc":
-        command, bound, _ = make_app(words[1]).parse_args(words[1:], exit_on_error=False, print_error=False)
-        assert callable(command) and bound is not None
-    else:
-        assert "pytest" in line
-
-
-@pytest.mark.parametrize("line", re.findall(r"`(wbc [a-z][^`]*)`", README))
-def test_every_command_in_the_text_is_understood(line: str) -> None:
-    words = line.split()
-    command, _, _ = make_app(words[1]).parse_args(words[1:], exit_on_error=False, print_error=False)
-    assert callable(command)
 
 
 def test_the_two_lines_of_the_start_do_all_set_up() -> None:

@@ -21,7 +21,7 @@ from wbc.walking.pattern.lipm import (
     natural_frequency,
     zmp_of_motion,
 )
-from wbc.walking.pattern.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
+from wbc.walking.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 
 metres = st.floats(-0.5, 0.5)
 

@@ -14,12 +14,12 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.control import WalkingControl
-from wbc.walking.pattern.analytic import analytic_pattern
 from wbc.walking.pattern.lipm import Pendulum, com_after, natural_frequency
+from wbc.walking.pattern.pattern import analytic_pattern
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import schedule, support_area
 from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster

@@ -1,16 +1,20 @@
-"""Between the words of a command line and the values of its options: files of options, and numbers that are whole."""
+"""Options of commands, between the words of a command line and settings: files of options, whole numbers, checks."""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import tomllib
+import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, field, fields, is_dataclass, make_dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from cyclopts import App, Argument, ArgumentCollection, Token
+from cyclopts import App, Argument, ArgumentCollection, Parameter, Token
 from cyclopts.config import Dict
 
 from wbc.core.errors import InputError
@@ -165,3 +169,75 @@ def _check_whole(option: str, text: str) -> None:
         return  # no number: the library says so
     if not number.is_integer():
         raise InputError(f"{option} must be a whole number, got {text}")
+
+
+def plain_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command whose settings cyclopts reads as plain dataclasses; the settings alone check them.
+
+    Of a Pydantic dataclass cyclopts would not convert the words, and of its fields it would word the errors itself.
+
+    Args:
+        command: A command with annotated parameters, some of them settings.
+    """
+
+    @functools.wraps(command)
+    def run(*args: Any, **values: Any) -> None:
+        command(*map(_settings, args), **{name: _settings(value) for name, value in values.items()})
+
+    hints = typing.get_type_hints(command, include_extras=True)
+    parameters = [
+        parameter.replace(annotation=_plain(hints[name]), default=_twin_of(parameter.default))
+        for name, parameter in inspect.signature(command).parameters.items()
+    ]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    run.__dict__["__signature__"] = inspect.Signature(parameters)
+    del run.__dict__["__wrapped__"]
+    return run
+
+
+def _plain(hint: Any) -> Any:
+    """An annotation without ranges and units, and with plain dataclasses for settings."""
+    inside = typing.get_args(hint)
+    if typing.get_origin(hint) is Annotated:
+        kept = [item for item in inside[1:] if isinstance(item, Parameter)]
+        return Annotated[(_plain(inside[0]), *kept)] if kept else _plain(inside[0])
+    if typing.get_origin(hint) in UNIONS:
+        return typing.Union[tuple(map(_plain, inside))]  # noqa: UP007 - of a tuple of types
+    if typing.get_origin(hint) is tuple:
+        return tuple[tuple(item if item is ... else _plain(item) for item in inside)]  # type: ignore[misc]
+    return _twin(hint) if isinstance(hint, type) and is_dataclass(hint) else hint
+
+
+UNIONS = (typing.Union, types.UnionType)
+
+
+@functools.cache
+def _twin(kind: type) -> type:
+    """Return a dataclass of the same fields, defaults and documentation, without checks."""
+    hints = typing.get_type_hints(kind, include_extras=True)
+    own = [(each.name, _plain(hints[each.name]), _default(each)) for each in fields(kind)]
+    bases = tuple(_twin(base) for base in kind.__bases__ if is_dataclass(base))
+    namespace = {"__doc__": kind.__doc__, "__module__": kind.__module__, "__settings__": kind}
+    return make_dataclass(kind.__name__, own, bases=bases, namespace=namespace)
+
+
+def _default(of: Field[Any]) -> Any:
+    made = of.default if of.default_factory is MISSING else of.default_factory()
+    if is_dataclass(made):
+        return field(default_factory=lambda: _twin_of(made), kw_only=of.kw_only)
+    return field(default=made, kw_only=of.kw_only)
+
+
+def _twin_of(value: Any) -> Any:
+    """Return settings as their plain dataclass; anything else as it is."""
+    if not is_dataclass(value) or isinstance(value, type):
+        return value
+    return _twin(type(value))(**{each.name: _twin_of(getattr(value, each.name)) for each in fields(value)})
+
+
+def _settings(value: Any) -> Any:
+    """Return the settings of a plain dataclass; anything else as it is."""
+    kind = getattr(type(value), "__settings__", None)
+    if kind is None:
+        return value
+    return kind(**{each.name: _settings(getattr(value, each.name)) for each in fields(value)})

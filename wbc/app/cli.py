@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from wbc._version import __version__
-from wbc.app.arguments import take_in
+from wbc.app.arguments import plain_options, take_in
 from wbc.app.commands import COMMANDS, GROUPS
 from wbc.core.errors import InputError, WbcError
 
@@ -48,7 +48,7 @@ def make_app(first_word: str | None = None) -> App:
                 app.command(groups[group[0]])
             parent = groups[group[0]]
         module, _, function = place.partition(":")
-        parent.command(getattr(importlib.import_module(module), function), name=name)
+        parent.command(plain_options(getattr(importlib.import_module(module), function)), name=name)
     return app
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, positive, whole_number
+from wbc.core.errors import Array
+from wbc.core.settings import Count, Positive, settings
 
 
 class FallReason(enum.Enum):
@@ -21,31 +22,26 @@ class FallReason(enum.Enum):
     DCM = "the DCM is out of reach"
 
 
-@dataclass(frozen=True)
+@settings
 class FallSettings:
-    """Limits. The defaults for height and tilt are those that a first study of walks used for its fall test.
+    """Limits beyond which a walk counts as a fall; the defaults of drop and tilt are those of the first study of walks.
 
     Attributes:
-        drop: How far the CoM, or in the true state the pelvis, may sink below where it should be, m.
-        tilt: Angle of the torso to the vertical, rad; acos(0.8).
-        dcm: How far the DCM may be beyond an edge of the hull of both soles as they stood when a foot was last lifted
-            or put down, m.
-        dcm_time: How long it may stay there, s.
-        failures: Failed programs in a row.
-        speed: Greatest joint or base speed that can be real, m/s or rad/s.
+        drop: Greatest distance of the CoM, or in the true state of the pelvis, below its target, m.
+        tilt: Greatest angle of the torso to the vertical, rad; acos(0.8).
+        dcm: Greatest distance of the DCM beyond an edge of the hull of both soles, as they stood when a foot was last
+            lifted or put down, m.
+        dcm_time: Longest time of the DCM beyond that distance, s.
+        failures: Number of failed QPs in a row.
+        speed: Greatest speed of joints and base, m/s and rad/s; a faster simulation has diverged.
     """
 
-    drop: float = 0.18
-    tilt: float = 0.6435
-    dcm: float = 0.3
-    dcm_time: float = 0.1
-    failures: int = 20
-    speed: float = 100.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"fall limit {field.name}", getattr(self, field.name))
-        whole_number("fall limit failures", self.failures, low=1)
+    drop: Annotated[Positive, "m"] = 0.18
+    tilt: Annotated[Positive, "rad"] = 0.6435
+    dcm: Annotated[Positive, "m"] = 0.3
+    dcm_time: Annotated[Positive, "s"] = 0.1
+    failures: Count = 20
+    speed: Annotated[Positive, "m/s, rad/s"] = 100.0
 
 
 class FallDetector:

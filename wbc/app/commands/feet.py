@@ -1,25 +1,24 @@
-"""`wbc feet`: what feet there are, and how they sit under a robot's ankles."""
+"""`wbc feet`: the feet, their parameters and their fit under the ankles of robots."""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import setting_names
 from wbc.core.errors import InputError
+from wbc.core.settings import settings, to_json
 from wbc.feet import Foot, foot, foot_names
 from wbc.robots import load, names
 from wbc.sim.plant.model import sole_geometries
-from wbc.sim.rig import to_json
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class FeetOptions:
-    """Under whose ankles.
+    """Options of `wbc feet`.
 
     Attributes:
         robot: Only this robot; all that `wbc robots` lists when not given.
@@ -56,7 +55,7 @@ def feet(options: Flat[FeetOptions] = FeetOptions(), *, output: OutputOptions = 
 
 
 def parameters(design: Foot) -> list[dict[str, Any]]:
-    """Everything about a foot that can be changed: name, default and meaning, with its unit."""
+    """Return the parameters of a foot: name, default and meaning, with its unit."""
     found = []
     for path in setting_names(design):
         owner: Any = design
@@ -74,7 +73,7 @@ def parameters(design: Foot) -> list[dict[str, Any]]:
 
 
 def attribute_docs(kind: type) -> dict[str, str]:
-    """What the documentation of a dataclass, and of the classes it derives from, says of each field."""
+    """Return the documentation of each field of a dataclass, from it and the classes it derives from."""
     found: dict[str, str] = {}
     for cls in reversed(kind.__mro__):
         if not dataclasses.is_dataclass(cls):

@@ -1,4 +1,4 @@
-"""The linear inverted pendulum, exactly: what the centre of mass does over a zero-tilting moment point.
+"""Linear inverted pendulum: exact motion of the centre of mass over a zero-tilting moment point.
 
     c̈ = ω² (c − z),   ω² = g / h
 
@@ -24,7 +24,7 @@ from wbc.core.robot import GRAVITY
 
 
 def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> float:
-    """ω = √((g + c̈_z) / h), 1/s.
+    """Return ω = √((g + c̈_z) / h), 1/s.
 
     Args:
         height: Height of the CoM over the ZMP, m.
@@ -40,12 +40,12 @@ def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> floa
 
 
 def dcm(com: Array, com_velocity: Array, omega: float) -> Array:
-    """Divergent component of motion ξ = c + ċ/ω, m; any shape."""
+    """Return the divergent component of motion ξ = c + ċ/ω, m; any shape."""
     return com + com_velocity / omega
 
 
 def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) -> Array:
-    """The point of the ground to step on to come to rest: the DCM, put on the ground.
+    """Return the point of the ground to step on to come to rest: the DCM, put on the ground.
 
     Args:
         com: Centre of mass in the world, shape (3,), m.
@@ -62,19 +62,19 @@ def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) 
 
 
 def zmp_of_motion(com: Array, com_acceleration: Array, omega: float) -> Array:
-    """ZMP that accelerates the CoM so: z = c − c̈/ω², m; horizontal components, any shape."""
+    """Return the ZMP of an acceleration of the CoM, z = c − c̈/ω², m; horizontal components, any shape."""
     return com - com_acceleration / omega**2
 
 
 def dcm_after(dcm: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float) -> Array:
-    """DCM after a time over a ZMP that moves with constant velocity.
+    """Return the DCM after a time over a ZMP that moves with constant velocity.
 
     Args:
         dcm: DCM at the start, m.
         zmp: ZMP at the start, m.
         zmp_velocity: Its velocity, m/s.
         omega: Natural frequency, 1/s.
-        time: Time gone by, s; may be negative, which goes back.
+        time: Time from the start, s; may be negative.
 
     Returns:
         DCM, m, of the shape of `dcm`.
@@ -84,7 +84,7 @@ def dcm_after(dcm: Array, zmp: Array, zmp_velocity: Array, omega: float, time: f
 
 
 def convergent_after(convergent: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float) -> Array:
-    """Convergent component ζ = c − ċ/ω after a time; arguments as in `dcm_after`."""
+    """Return the convergent component ζ = c − ċ/ω after a time; arguments as in `dcm_after`."""
     lag = zmp - zmp_velocity / omega
     return lag + time * zmp_velocity + math.exp(-omega * time) * (convergent - lag)
 
@@ -92,7 +92,7 @@ def convergent_after(convergent: Array, zmp: Array, zmp_velocity: Array, omega: 
 def com_after(
     com: Array, com_velocity: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float
 ) -> tuple[Array, Array]:
-    """CoM and its velocity after a time over a ZMP that moves with constant velocity.
+    """Return CoM and its velocity after a time over a ZMP that moves with constant velocity.
 
     Args:
         com: CoM at the start, m.
@@ -100,7 +100,7 @@ def com_after(
         zmp: ZMP at the start, m.
         zmp_velocity: Its velocity, m/s.
         omega: Natural frequency, 1/s.
-        time: Time gone by, s.
+        time: Time from the start, s.
 
     Returns:
         CoM (m) and its velocity (m/s).
@@ -111,7 +111,7 @@ def com_after(
 
 
 class Pendulum(NamedTuple):
-    """What the pattern wants at one instant, in the world.
+    """Reference of the pendulum at one instant, in the world.
 
     Attributes:
         com: Centre of mass, shape (3,), m.
@@ -136,7 +136,7 @@ class Pendulum(NamedTuple):
 
     @staticmethod
     def at_rest(com: Array, ground: float = 0.0) -> Pendulum:
-        """A CoM that rests over its ZMP.
+        """Return a CoM that rests over its ZMP.
 
         Args:
             com: Centre of mass, shape (3,), m.

@@ -21,13 +21,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative, positive, two_of
+from wbc.core.errors import Array, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
@@ -42,7 +44,7 @@ _NOTHING = np.zeros(2)
 _NOTHING.setflags(write=False)
 
 
-@dataclass(frozen=True)
+@settings
 class AdjustmentSettings:
     """Costs and limits of step adjustment.
 
@@ -61,28 +63,17 @@ class AdjustmentSettings:
         freeze: Time before touch-down in which nothing is changed any more, s.
     """
 
-    shift: float = 0.01
-    margin: float = 0.01
-    backward: float = 0.03
-    threshold: float = 0.005
-    landing: float = 1.0
-    time: float = 0.05
-    offset: float = 100.0
-    max_shift: tuple[float, float] = (0.15, 0.12)
-    shortest: float = 0.05
-    longest: float = 0.1
-    freeze: float = 0.05
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name == "max_shift":
-                pair = two_of("max_shift (m)", self.max_shift)
-                forward, sideways = (non_negative("max_shift (m)", value) for value in pair)
-                object.__setattr__(self, "max_shift", (forward, sideways))
-            elif field.name in ("shift", "landing", "time", "offset"):
-                positive(f"cost '{field.name}' of step adjustment", getattr(self, field.name))
-            else:
-                non_negative(f"{field.name} of step adjustment", getattr(self, field.name))
+    shift: Annotated[Positive, "1/m²"] = 0.01
+    margin: Annotated[NonNegative, "m"] = 0.01
+    backward: Annotated[NonNegative, "m"] = 0.03
+    threshold: Annotated[NonNegative, "m"] = 0.005
+    landing: Annotated[Positive, "1/m²"] = 1.0
+    time: Positive = 0.05
+    offset: Annotated[Positive, "1/m²"] = 100.0
+    max_shift: Annotated[tuple[NonNegative, NonNegative], "m"] = (0.15, 0.12)
+    shortest: Annotated[NonNegative, "s"] = 0.05
+    longest: Annotated[NonNegative, "s"] = 0.1
+    freeze: Annotated[NonNegative, "s"] = 0.05
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,14 +17,19 @@ clamp is applied in the yaw frame.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, non_negative, positive, two_of
+from wbc.core.errors import Array
+from wbc.core.settings import NonNegative, Positive, settings
+
+Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
+"""A number of at least zero, or infinity."""
 
 
-@dataclass(frozen=True)
+@settings
 class BiasSettings:
     """Noise levels and limits. Defaults are mc_rtc's, which find 90 % of a bias within about 1.3 s.
 
@@ -36,20 +41,11 @@ class BiasSettings:
         limit: Greatest bias believed, forward and sideways, m; infinity for none.
     """
 
-    dcm_std: float = 0.01
-    zmp_std: float = 0.05
-    drift_std: float = 0.02
-    initial_std: float = 0.01
-    limit: tuple[float, float] = (0.02, 0.02)
-
-    def __post_init__(self) -> None:
-        positive("dcm_std (m)", self.dcm_std)
-        for name in ("zmp_std (m)", "drift_std (m/s)", "initial_std (m)"):
-            non_negative(name, getattr(self, name.split()[0]))
-        two_of("limit of the DCM bias (m)", self.limit)
-        for axis, value in zip(("forward", "sideways"), self.limit, strict=True):
-            if not value >= 0.0:
-                non_negative(f"{axis} limit of the DCM bias (m)", value)
+    dcm_std: Annotated[Positive, "m"] = 0.01
+    zmp_std: Annotated[NonNegative, "m"] = 0.05
+    drift_std: Annotated[NonNegative, "m/s"] = 0.02
+    initial_std: Annotated[NonNegative, "m"] = 0.01
+    limit: Annotated[tuple[Limit, Limit], "m"] = (0.02, 0.02)
 
 
 REFERENCE_PERIOD = 0.005
@@ -83,11 +79,6 @@ class BiasEstimator:
     def bias(self) -> Array:
         """What the measured DCM has too much, in the world, shape (2,), m."""
         return _array(self._bias)
-
-    @property
-    def local_bias(self) -> Array:
-        """The bias in the yaw frame of the robot, forward and sideways, shape (2,), m."""
-        return _array(self._bias * self._heading.conjugate())
 
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""

@@ -18,17 +18,17 @@ whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.vectors import add_cross
 
 ROWS = 17
@@ -38,7 +38,7 @@ Rectangle = tuple[float, float, float, float]
 """Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
 
 
-@dataclass(frozen=True)
+@settings
 class DistributionSettings:
     """Limits and costs of the distribution.
 
@@ -59,23 +59,16 @@ class DistributionSettings:
         pressure: Cost of a load that is not shared by the ratio, 1/N².
     """
 
-    friction: float = 0.7
-    min_force: float = 15.0
-    margin: float = 0.0
-    net_force: float = 1e3
-    net_moment: float = 1e2
-    ankle_torque: float = 1.0
-    ankle_yaw: float = 1e-2
-    ankle_shear: float = 1e-4
-    ankle_normal: float = 1e-5
-    pressure: float = 1e-2
-
-    def __post_init__(self) -> None:
-        positive("friction", self.friction)
-        for name in ("min_force", "margin"):
-            non_negative(f"{name} of the distribution", getattr(self, name))
-        for field in fields(self)[3:]:
-            positive(f"cost '{field.name}' of the distribution", getattr(self, field.name))
+    friction: Positive = 0.7
+    min_force: Annotated[NonNegative, "N"] = 15.0
+    margin: Annotated[NonNegative, "m"] = 0.0
+    net_force: Annotated[Positive, "1/N²"] = 1e3
+    net_moment: Annotated[Positive, "1/(Nm)²"] = 1e2
+    ankle_torque: Annotated[Positive, "1/(Nm)²"] = 1.0
+    ankle_yaw: Annotated[Positive, "1/(Nm)²"] = 1e-2
+    ankle_shear: Annotated[Positive, "1/N²"] = 1e-4
+    ankle_normal: Annotated[Positive, "1/N²"] = 1e-5
+    pressure: Annotated[Positive, "1/N²"] = 1e-2
 
     @staticmethod
     def legacy() -> DistributionSettings:
@@ -95,7 +88,7 @@ class FootWrenches(NamedTuple):
         wrenches: [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm.
         shortfall: What is missing to the desired wrench: force, and moment about the target ZMP, world axes,
             shape (6,), N and Nm.
-        status: How the program was solved; the closed form is `SOLVED`.
+        status: how the QP was solved.
     """
 
     wrenches: Array
@@ -237,50 +230,6 @@ class WrenchDistribution:
         self._bounds[foot] = bounds
         if not contact:
             p.equality[:6, 6 * foot : 6 * foot + 6] = 0.0
-
-
-def distribute_by_ratio(
-    net: Array,
-    soles: Sequence[pin.SE3],
-    zmp: Array,
-    ratio: float,
-    rectangles: Sequence[Rectangle],
-    contact: Sequence[bool] = (True, True),
-    min_force: float = 15.0,
-) -> FootWrenches:
-    """Distribute a wrench in closed form, on level feet: forces by the ratio, the rest by one offset of both CoPs.
-
-    Args:
-        net: Desired [force; moment] at the world origin in world axes, shape (6,), N and Nm.
-        soles: Placements of the left and of the right sole.
-        zmp: ZMP of that wrench in the world, shape (3,), m.
-        ratio: Left-foot ratio, 0 to 1.
-        rectangles: Part of each sole that carries.
-        contact: Which feet carry.
-        min_force: Least normal force of a foot in contact, N.
-
-    Raises:
-        InputError: No foot in contact.
-    """
-    if not any(contact):
-        raise InputError("a wrench can only be distributed over feet in contact; neither is")
-    least = min_force / max(float(net[2]), 2.0 * min_force)
-    left = float(np.clip(ratio, least, 1.0 - least)) if all(contact) else float(bool(contact[0]))
-    shares = (left, 1.0 - left)
-    offset = zmp - (shares[0] * soles[0].translation + shares[1] * soles[1].translation)
-    wrenches, total = np.zeros((2, 6)), np.zeros(6)
-    for foot in (0, 1):
-        if not contact[foot]:
-            continue
-        sole, (x0, x1, y0, y1) = soles[foot], rectangles[foot]
-        force = sole.rotation.T @ (shares[foot] * net[:3])
-        local = sole.rotation.T @ offset
-        x, y = min(max(local[0], x0), x1), min(max(local[1], y0), y1)
-        wrenches[foot] = (*force, y * force[2], -x * force[2], x * force[1] - y * force[0])
-        total += sole.act(pin.Force(wrenches[foot])).vector
-    missing = net - total
-    missing[3:] -= pin.skew(zmp) @ missing[:3]
-    return FootWrenches(wrenches, missing, Status.SOLVED)
 
 
 @lru_cache(maxsize=256)

@@ -15,14 +15,14 @@ momentum to enhance bipedal center-of-mass control", ICRA 2009. The spring is ou
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
+from wbc.core.settings import Positive, settings
 
 STILL_ANGLE = 1e-4
 """Lean below which a trunk with nothing to do is upright, rad."""
@@ -31,7 +31,7 @@ STILL_SPEED = 1e-3
 """Speed below which it rests, rad/s."""
 
 
-@dataclass(frozen=True)
+@settings
 class LeanSettings:
     """How the trunk leans.
 
@@ -39,21 +39,17 @@ class LeanSettings:
         inertia: I, in parts of m h² with the mass of the robot and the height of its CoM; a smaller one leans more.
         stiffness: How fast the trunk comes back, k, 1/s².
         damping: Damping ratio of that, ζ.
-        least: Missing moment that is left alone, in parts of m g h.
+        dead_band: Missing moment that causes no lean, as a share of m g h.
         limit: Greatest lean about each axis, φ_max, rad.
         braking: Deceleration before the limit, rad/s².
     """
 
-    inertia: float = 0.06
-    stiffness: float = 25.0
-    damping: float = 0.7
-    least: float = 0.002
-    limit: float = 0.4
-    braking: float = 60.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"{field.name} of the lean", getattr(self, field.name))
+    inertia: Positive = 0.06
+    stiffness: Annotated[Positive, "1/s²"] = 25.0
+    damping: Positive = 0.7
+    dead_band: Positive = 0.002
+    limit: Annotated[Positive, "rad"] = 0.4
+    braking: Annotated[Positive, "rad/s²"] = 60.0
 
 
 class LeanMotion(NamedTuple):
@@ -98,7 +94,7 @@ class Lean:
             "height of the CoM over the support (m)", height
         )
         self._inertia = s.inertia * first_moment * height
-        self._least = s.least * first_moment * GRAVITY
+        self._dead_band = s.dead_band * first_moment * GRAVITY
         self.angle = self.speed = (0.0, 0.0)
 
     def reset(self) -> None:
@@ -115,7 +111,7 @@ class Lean:
         Returns:
             The lean at its end; `UPRIGHT` itself when there is none.
         """
-        if math.hypot(*missing) < self._least:
+        if math.hypot(*missing) < self._dead_band:
             missing = (0.0, 0.0)
             if max(map(abs, self.angle)) < STILL_ANGLE and max(map(abs, self.speed)) < STILL_SPEED:
                 self.angle = self.speed = missing

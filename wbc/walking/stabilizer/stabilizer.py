@@ -17,12 +17,12 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, finite_array, positive
 from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.pattern.zmp import MIN_FORCE, level_zmp, net_wrench
 from wbc.walking.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
 from wbc.walking.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.walking.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
 from wbc.walking.stabilizer.filters import LowPass
 from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench
 
 
 class StabilizerOutput(NamedTuple):
