@@ -1,4 +1,4 @@
-"""Which code has made a result: package, sources and the libraries whose numbers are in it."""
+"""Version of the code that made a result: package, hash of the sources, libraries that compute."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from wbc._version import __version__
 PARTS = ("core", "feet", "robots", "sim", "tasks", "walking")
 """Parts of the package that can change the result of a trial; the command line and the pictures cannot."""
 
-FOUND = "data"
-"""Folders of what studies have found, in feet and sim: models and tables are no code. A walk that uses one has its hash
-in the spec."""
+RESULTS = "data"
+"""Name of the folders of results in feet and sim: models and tables are no code. A walk that uses one has its hash in
+the spec."""
 
 SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
-"""Files that count."""
+"""Endings of the files that are hashed."""
 
 LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 """Libraries that compute."""
@@ -28,7 +28,7 @@ LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 
 @cache
 def code_version() -> str:
-    """Hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
+    """Return the hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
     root = Path(wbc.__file__).parent
     digest = hashlib.sha256()
     for part in PARTS:
@@ -36,7 +36,7 @@ def code_version() -> str:
         for path in sorted(
             p
             for p in folder.rglob("*")
-            if p.suffix in SUFFIXES and not {"__pycache__", FOUND} & set(p.relative_to(folder).parts)
+            if p.suffix in SUFFIXES and not {"__pycache__", RESULTS} & set(p.relative_to(folder).parts)
         ):
             digest.update(f"{part}/{path.relative_to(folder).as_posix()}\0".encode())
             digest.update(path.read_bytes())
@@ -46,7 +46,7 @@ def code_version() -> str:
 
 @cache
 def provenance() -> Mapping[str, Any]:
-    """Package version, code version and versions of the libraries, as plain values."""
+    """Return package version, code version and versions of the libraries, as plain values."""
     return {"wbc": __version__, "code": code_version(), "libraries": {n: _version(n) for n in LIBRARIES}}
 
 

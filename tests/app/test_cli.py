@@ -34,11 +34,11 @@ ELSEWHERE = {
     "study plot": "app/test_walks_command.py",
     "study export": "app/test_walks_command.py",
     "study swings": "app/test_walks_command.py",
-    "study best": "sim/test_labels.py",
-    "study heights": "sim/test_labels.py",
-    "study dataset": "sim/test_labels.py",
-    "stiffness train": "sim/test_labels.py",
-    "stiffness judge": "sim/test_labels.py",
+    "study best": "sim/test_best_stiffness.py",
+    "study heights": "sim/test_best_stiffness.py",
+    "study dataset": "sim/test_best_stiffness.py",
+    "stiffness train": "sim/test_best_stiffness.py",
+    "stiffness judge": "sim/test_best_stiffness.py",
     "plot": "app/test_plots.py",
     "view": "app/test_log_replay.py",
 }
@@ -299,9 +299,9 @@ def test_an_internal_failure_is_told_apart_from_bad_input(
     def broken(options: Any) -> None:
         raise ZeroDivisionError("something of ours")
 
-    from wbc.app.commands import stand  # noqa: PLC0415 - patched here
+    from wbc.app.commands import balance  # noqa: PLC0415 - patched here
 
-    monkeypatch.setattr(stand, "StandTrial", broken)
+    monkeypatch.setattr(balance, "StandTrial", broken)
     code, out, err = wbc_command(capfd, "stand", "--json")
     assert code == cli.FAILED and out == ""
     assert "Traceback" in err and "something of ours" in err
