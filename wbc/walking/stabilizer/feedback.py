@@ -22,7 +22,7 @@ import numpy as np
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
 from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.stabilizer.filters import Average, Derivator
+from wbc.walking.stabilizer.filters import Average, HighPass
 from wbc.walking.stabilizer.gains import StabilizerGains, pair
 
 LEAST_VERTICAL = -0.5 * GRAVITY
@@ -59,12 +59,12 @@ class DcmFeedback:
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
         self._average = Average(gains.integrator_time, gains.max_average_dcm_error, 2)
-        self._derivator = Derivator(gains.derivator_time, 2)
+        self._rate = HighPass(gains.derivator_time, 2)
 
     def reset(self) -> None:
         """Set the average and the derivative to zero."""
         self._average.reset()
-        self._derivator.reset()
+        self._rate.reset()
 
     def errors(
         self,
@@ -94,12 +94,12 @@ class DcmFeedback:
             e_com[:2] += bias
             e_velocity[:2] = omega * (e_dcm - e_com[:2])
         if zmp is None:
-            self._derivator.reset()
+            self._rate.reset()
             average = self._average.update(np.zeros(2), dt)
             return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), np.zeros(2), np.zeros(2))
         e_zmp = target.zmp[:2] - zmp[:2]
         average = self._average.update(e_dcm, dt)
-        rate = self._derivator.update(omega * (e_dcm - e_zmp), None, dt)
+        rate = self._rate.update(omega * (e_dcm - e_zmp), dt)
         return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), rate.copy(), e_zmp)
 
     def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:

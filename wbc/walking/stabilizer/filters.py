@@ -113,37 +113,31 @@ class LeakyIntegral:
         return self.value
 
 
-class Derivator:
-    """Derivative of the DCM error from the pendulum's model, without its constant part.
+class HighPass:
+    """First-order high-pass: the input without its low-pass.
 
-    The model gives ė = ω (e − e_zmp), at all frequencies but with an offset when CoM or force sensors are off; its
-    low-pass is subtracted. Where the derivative is measured as well, the low-pass of the measurement replaces it
-    (a complementary filter: model above, measurement below).
+    The pendulum gives the derivative of the DCM error as ė = ω (e − e_zmp), at all frequencies but with an offset when
+    CoM or force sensors are off; a high-pass takes the offset away.
 
     Attributes:
-        value: Derivative.
+        value: Output.
     """
 
     def __init__(self, time_constant: float, size: int) -> None:
         """Start at zero.
 
         Args:
-            time_constant: Split between measurement and model, s.
+            time_constant: Time constant of the low-pass, s.
             size: Number of components.
         """
-        self._slow_model = LowPass(time_constant, size)
-        self._slow_measured = LowPass(time_constant, size)
+        self._low_pass = LowPass(time_constant, size)
         self.value: Array = np.zeros(size)
 
     def reset(self) -> None:
         """Start over from zero."""
-        self._slow_model.reset()
-        self._slow_measured.reset()
+        self._low_pass.reset()
         self.value[:] = 0.0
 
-    def update(self, model: Array, measured: Array | None, dt: float) -> Array:
-        """Return the derivative from model and measurement, which the next call overwrites."""
-        np.subtract(model, self._slow_model.update(model, dt), out=self.value)
-        if measured is not None:
-            self.value += self._slow_measured.update(measured, dt)
-        return self.value
+    def update(self, u: Array, dt: float) -> Array:
+        """Return the output for one more input, which the next call overwrites."""
+        return np.subtract(u, self._low_pass.update(u, dt), out=self.value)
