@@ -88,7 +88,7 @@ class Leg:
 
     Attributes:
         length: Thigh and shank together, m.
-        shortest: Hip to ankle with the knee bent as far as its limits or 120° allow, m.
+        shortest: Hip to ankle with the knee bent by 120°, m.
         ankle_height: Ankle over the sole, m.
         hip_over_com: Height of the hip joint minus that of the CoM in half-sitting, m.
         hip_height: Height of the hip over the ankle in half-sitting, m.
