@@ -38,8 +38,8 @@ SAME_TIME = 0.05
 
 _CENTRE = ZmpTarget()
 
-_NOTHING = np.zeros(2)
-_NOTHING.setflags(write=False)
+_NO_ERROR = np.zeros(2)
+_NO_ERROR.setflags(write=False)
 
 
 @settings
@@ -150,7 +150,7 @@ class StepAdjuster:
             The step to take: the planned one where a ZMP within the stance foot is enough, or too little time is left.
         """
         s, omega = self.settings, self._omega
-        keep = Adjustment(step, remaining, _NOTHING, False)
+        keep = Adjustment(step, remaining, _NO_ERROR, False)
         if remaining <= s.freeze:
             return keep
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
@@ -167,19 +167,12 @@ class StepAdjuster:
             (np.asarray(x[:2]) - origin) @ to_world for x in (dcm, planned, at_landing)
         )
         landing = (np.array([step.x, step.y]) - origin) @ to_world
-        zmp = (plan_now * grow - plan_then) / (grow - 1.0)
         offset = plan_then - landing
-
-        p = self._problem
-        # u − δ (1 − τ*) − (ξ − z) τ* σ + b = z  with σ = τ/τ*.
-        p.equality[:, 2:4] = (grow - 1.0) * np.eye(2)
-        p.equality[:, 4] = -(now - zmp) * grow
-        p.target[:2] = zmp
-        p.linear[:] = p.diagonal * (*landing, 0.0, 0.0, 1.0, *offset)
+        self._write_motion(now, (plan_now * grow - plan_then) / (grow - 1.0), grow, landing, offset)
         low, high = self._bounds(landing, step.side, s.max_shift)
-        least = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
-        p.lower[:] = (*low, *shift_low, min(1.0, least))
-        p.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
+        shortest = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
+        self._problem.lower[:] = (*low, *shift_low, min(1.0, shortest))
+        self._problem.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
         if not self._solver.solve().ok:
             return keep
         x = self._solver.x
@@ -189,6 +182,15 @@ class StepAdjuster:
         time = remaining + math.log(max(x[4], 1e-6)) / omega
         missed = to_world @ (x[5:] - offset)
         return Adjustment(replace(step, x=float(place[0]), y=float(place[1])), time, missed, True)
+
+    def _write_motion(self, dcm: Array, zmp: Array, grow: float, landing: Array, offset: Array) -> None:
+        """Write the equation of the module, with σ = τ/τ*, and the costs, all in the stance foot's axes."""
+        p = self._problem
+        # u − δ (1 − τ*) − (ξ − z) τ* σ + b = z
+        p.equality[:, 2:4] = (grow - 1.0) * np.eye(2)
+        p.equality[:, 4] = -(dcm - zmp) * grow
+        p.target[:2] = zmp
+        p.linear[:] = p.diagonal * (*landing, 0.0, 0.0, 1.0, *offset)
 
     def _idle(
         self,

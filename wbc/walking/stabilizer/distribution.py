@@ -148,9 +148,12 @@ class WrenchDistribution:
         p.equality[:, 12:] = np.eye(6)
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
         self._ankles = [(float(x), float(y)) for x, y in ankles]
-        self._drawn: list[Rectangle | None] = [None, None]
-        self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
-        # Newtons: a millinewton is nothing.
+        self._cones_of: list[Rectangle | None] = [None, None]  # rectangles whose cones are written
+        self._bounds: list[tuple[float, float, float] | None] = [
+            None,
+            None,
+        ]  # those of normal forces and cones
+        # In newtons: a residual of a millinewton is negligible.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
     def solve(
@@ -213,11 +216,11 @@ class WrenchDistribution:
         p.equality[:3, force] = p.equality[3:6, moment] = rotation
         p.equality[3:6, force] = pin.skew(at - zmp).dot(rotation)
         rectangle = self.rectangles[foot]
-        if rectangle != self._drawn[foot]:
+        if rectangle != self._cones_of[foot]:
             p.inequality[row : row + ROWS - 1, column : column + 6] = _cone(
                 rectangle, s.margin, s.friction, ankle
             )
-            self._drawn[foot] = rectangle
+            self._cones_of[foot] = rectangle
 
     def _bound(self, foot: int, contact: bool, max_force: float) -> None:
         """Write least and greatest normal force; a foot in the air gets bounds that do not act."""
