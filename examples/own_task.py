@@ -14,10 +14,8 @@ import pinocchio as pin
 from _common import parse, report, upright
 
 import wbc
-from wbc.core.errors import Array
-from wbc.core.qp.task import MotionTask
-from wbc.core.robot import Robot
 from wbc.sim import balance_controller
+from wbc.tasks import MotionTask
 
 
 class GazeTask(MotionTask):
@@ -32,12 +30,12 @@ class GazeTask(MotionTask):
         super().__init__("gaze", 2, weight=weight, stiffness=stiffness)
         self.frame, self.place = frame, np.array(place)
 
-    def bind(self, robot: Robot) -> None:
+    def bind(self, robot: wbc.Robot) -> None:
         """Look the frame up."""
         super().bind(robot)
         self.frame_id = robot.frame_id(self.frame)
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+    def evaluate(self, jacobian: np.ndarray, error: np.ndarray, drift: np.ndarray) -> None:
         """Fill the rows: p = Rᵀ (place − origin) has the velocity −v − ω × p, all in the frame."""
         model, data, local = self.robot.model, self.robot.data, pin.LOCAL
         p = self.robot.placement(self.frame_id).actInv(self.place)
