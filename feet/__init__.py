@@ -33,16 +33,29 @@ from wbc.feet.soles.rigid import FlatFoot, RigidFoot
 from wbc.feet.soles.soft import LongArchFoot, SoftFoot, VariableStiffnessFoot
 from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SIDES, FootFit, SoleGeometry
-from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
+from wbc.feet.stiffness.analysis import (
+    LearningCurve,
+    PrincipalComponents,
+    amplitude_trends,
+    learning_curve,
+    principal_components,
+)
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
-from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, FeatureSet, select_features
+from wbc.feet.stiffness.features import (
+    PAPER_FEATURES,
+    WINDOW_FEATURES,
+    FeatureSet,
+    Selection,
+    select_features,
+)
 from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import (
     DEFAULT_MODEL,
     DEFAULT_TABLE,
     ModelSettings,
+    Prediction,
     StiffnessModel,
     default_model,
 )
@@ -109,6 +122,7 @@ __all__ = [
     # Stiffness from roughness
     "StiffnessModel",
     "ModelSettings",
+    "Prediction",
     "Clusters",
     "FeatureSet",
     "PAPER_FEATURES",
@@ -119,8 +133,10 @@ __all__ = [
     "StiffnessTable",
     "ProfileRecipe",
     "DEFAULT_TABLE",
+    "Selection",
     "select_features",
     "amplitude_trends",
+    "PrincipalComponents",
     "principal_components",
     # Validation of models
     "Candidate",
@@ -129,6 +145,7 @@ __all__ = [
     "compare",
     "comparison_table",
     "cross_validate",
+    "LearningCurve",
     "learning_curve",
     "draw_model",
     "labels_figure",

@@ -169,7 +169,7 @@ def tidy(root: Element) -> list[str]:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
             if kind != "fixed":
-                notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now a joint of its own")
+                notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now an independent joint")
     rubbing = [name for name, joint in joints(root, MOVING).items() if _drop_dynamics(joint)]
     if rubbing:
         notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")

@@ -239,7 +239,7 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     x = cell * step + mean[0]
     cuts = np.flatnonzero(np.diff(x) > settings.max_gap + 1e-9) + 1
     begins, ends = np.append(0, cuts), np.append(cuts, x.size)
-    lengths = cell[ends - 1] - cell[begins]  # in cells: equal pieces are equal, whatever rounding says
+    lengths = cell[ends - 1] - cell[begins]  # in cells, to compare without rounding
     best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
     piece = slice(int(begins[best]), int(ends[best]))
     x, cell = x[piece], cell[piece]

@@ -12,7 +12,7 @@ from wbc.core.errors import Array, InputError
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
 from wbc.feet.stiffness.model import ModelSettings
-from wbc.feet.stiffness.validation import Candidate, clipped_cluster, several_classes, train_and_command
+from wbc.feet.stiffness.validation import Candidate, clipped_cluster, train_and_command
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ def learning_curve(
     """
     settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
-    labels = several_classes(table, settings.clusters)
+    labels = table.labels(settings.clusters)
     features = FeatureSet(model.features)(table.values)
     target = labels if model.kind == "classification" else table.stiffness
     groups = table.groups(by)
@@ -85,7 +85,7 @@ def learning_curve(
 
 
 @dataclass(frozen=True, eq=False)
-class Components:
+class PrincipalComponents:
     """Principal components of the scaled features.
 
     Attributes:
@@ -97,32 +97,41 @@ class Components:
     scores: Array
 
 
-def principal_components(table: StiffnessTable, features: Sequence[str] = PAPER_FEATURES) -> Components:
+def principal_components(
+    table: StiffnessTable, features: Sequence[str] = PAPER_FEATURES
+) -> PrincipalComponents:
     """Return the principal components of the scaled features; in the paper two explain more than 87 %."""
     from sklearn.decomposition import PCA  # noqa: PLC0415 - slow to import
     from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
 
     scaled = StandardScaler().fit_transform(FeatureSet(tuple(features))(table.values))
     pca = PCA().fit(scaled)
-    return Components(np.asarray(pca.explained_variance_ratio_), np.asarray(pca.transform(scaled))[:, :2])
+    return PrincipalComponents(
+        np.asarray(pca.explained_variance_ratio_), np.asarray(pca.transform(scaled))[:, :2]
+    )
 
 
-def amplitude_trends(table: StiffnessTable) -> dict[str, float]:
-    """Return Spearman's rank correlation between amplitude and best stiffness on each ground.
-
-    It is −1 if the stiffness always falls, +1 if it always rises, NaN if it does not change or there are fewer than
-    three amplitudes. In the data of the paper's authors it is negative on every ground.
-
-    Args:
-        table: Profiles with their best stiffness, averaged over the rows of one ground and amplitude.
-    """
-    from scipy.stats import spearmanr  # noqa: PLC0415 - slow to import
-
-    trends = {}
+def stiffness_by_amplitude(table: StiffnessTable) -> dict[str, tuple[Array, Array]]:
+    """Return for each ground its amplitudes, m, and the mean best stiffness at each, Nm/rad."""
+    curves = {}
     for ground in dict.fromkeys(table.ground.tolist()):
         rows = table.ground == ground
         amplitudes = np.unique(table.amplitude[rows])
         best = np.array([table.stiffness[rows & (table.amplitude == a)].mean() for a in amplitudes])
+        curves[ground] = amplitudes, best
+    return curves
+
+
+def amplitude_trends(table: StiffnessTable) -> dict[str, float]:
+    """Return Spearman's rank correlation between amplitude and mean best stiffness on each ground.
+
+    It is −1 if the stiffness always falls, +1 if it always rises, NaN if it does not change or there are fewer than
+    three amplitudes. In the data of the paper's authors the stiffness falls on every ground.
+    """
+    from scipy.stats import spearmanr  # noqa: PLC0415 - slow to import
+
+    trends = {}
+    for ground, (amplitudes, best) in stiffness_by_amplitude(table).items():
         constant = amplitudes.size < 3 or np.ptp(best) == 0.0
         trends[ground] = float("nan") if constant else float(spearmanr(amplitudes, best).statistic)
     return trends

@@ -17,6 +17,7 @@ from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.files import read_text
 from wbc.core.settings import Positive, from_json, settings, to_json
 from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings
 
 T = TypeVar("T")
@@ -167,6 +168,20 @@ class StiffnessTable:
         rows = list(zip(*(getattr(self, name).tolist() for name in names), strict=True))
         order = {row: i for i, row in enumerate(dict.fromkeys(rows))}
         return np.array([order[row] for row in rows])
+
+    def labels(self, clusters: Clusters) -> NDArray[np.intp]:
+        """Return the cluster of the best stiffness of each row.
+
+        Raises:
+            InputError: A stiffness outside the clusters, or the same cluster for all rows.
+        """
+        labels = clusters.of(self.stiffness)
+        if np.unique(labels).size < 2:
+            raise InputError(
+                f"the table has a single class: the best stiffness of all {len(self)} rows is in cluster {labels[0]}; "
+                "a model needs at least two"
+            )
+        return labels
 
     def columns(self) -> dict[str, list[Any]]:
         """Return name → entries, of the optional columns only those with known values."""

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.feet.stiffness.analysis import LearningCurve, learning_curve, principal_components
+from wbc.feet.stiffness.analysis import (
+    LearningCurve,
+    learning_curve,
+    principal_components,
+    stiffness_by_amplitude,
+)
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings
 from wbc.feet.stiffness.validation import Validation, cross_validate
@@ -108,10 +113,7 @@ def _draw_trends(axes: Any, table: StiffnessTable) -> None:
     from matplotlib import colormaps  # noqa: PLC0415 - slow to import
 
     axes.set_prop_cycle(color=colormaps["tab20"](range(20)))
-    for ground in dict.fromkeys(table.ground.tolist()):
-        rows = table.ground == ground
-        amplitudes = np.unique(table.amplitude[rows])
-        best = [table.stiffness[rows & (table.amplitude == a)].mean() for a in amplitudes]
+    for ground, (amplitudes, best) in stiffness_by_amplitude(table).items():
         axes.plot(1e3 * amplitudes, best, ".-", label=ground)
     axes.set(xlabel="amplitude of the ground (mm)", ylabel="best stiffness (Nm/rad)", title="by ground")
     axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -117,12 +117,7 @@ class StiffnessModel:
         given = ModelSettings() if settings is None else settings
         if len(table) < given.neighbours:
             raise InputError(f"{given.neighbours} neighbours need as many rows, the table has {len(table)}")
-        labels = given.clusters.of(table.stiffness)
-        if np.unique(labels).size < 2:
-            raise InputError(
-                f"the table has a single class: the best stiffness of all {len(table)} rows is in cluster {labels[0]}; "
-                "a model needs at least two"
-            )
+        table.labels(given.clusters)  # raises for a single class
         features = FeatureSet(given.features)(table.values)
         scaler = StandardScaler().fit(features)
         model = cls(

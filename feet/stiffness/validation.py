@@ -153,7 +153,7 @@ def cross_validate(
     settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
     ranges = settings.clusters if clusters is None else clusters
-    labels = several_classes(table, ranges)
+    labels = table.labels(ranges)
     features = FeatureSet(model.features)(table.values)
     groups = None
     if protocol in _GROUPS:
@@ -180,18 +180,6 @@ def cross_validate(
     known = np.isfinite(table.stiffness_low) & np.isfinite(table.stiffness_high)
     inside = (command >= table.stiffness_low) & (command <= table.stiffness_high) if known.all() else None
     return Validation(model.name, protocol, ranges, table.stiffness, command, fold, inside)
-
-
-def several_classes(table: StiffnessTable, clusters: Clusters) -> NDArray[np.intp]:
-    """Return the cluster of the best stiffness of each row.
-
-    Raises:
-        InputError: It is the same for all rows.
-    """
-    labels = clusters.of(table.stiffness)
-    if np.unique(labels).size < 2:
-        raise InputError(f"the table has a single class, cluster {labels[0]}: there is nothing to tell apart")
-    return labels
 
 
 def train_and_command(

@@ -1,10 +1,10 @@
-"""Defaults of a robot description: what is derived where only the URDF and the sole frames are given.
+"""Defaults of a robot description, derived from its URDF and sole frames.
 
 Sole rectangle   from the collision (else visual) geometry of the foot, within 5 mm of its lowest point; without
                  geometry 0.287 × 0.104 of the hip height (foot length and breadth 0.152 and 0.055 of stature, hip
                  0.530 of it: D. A. Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, fig. 4.1)
-Sole placement   a frame whose rectangle is not around its origin gets a sole frame of its own at the centre; one
-                 whose axes are not those of the base at the zero configuration is turned so that they are
+Sole placement   of a frame of the URDF: at the centre of the rectangle, with the axes of the base at the zero
+                 configuration; a new frame if the given one lies elsewhere
 Half-sitting     knees bent by 40°, soles flat and level, centre of mass above the middle of the soles; other joints
                  at zero, or a twentieth of the range inside the limit nearest to it
 Torque limit     where the URDF has none: leg 0.25 m g h; others three times what holds the limb stretched out

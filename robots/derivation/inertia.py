@@ -39,7 +39,7 @@ def second_moments(inertia: Array) -> Array:
 
 
 def check(root: Element) -> None:
-    """Refuse a URDF with massless moving links or with inertias that no body can have.
+    """Check that moving links have mass and that all inertias can belong to a body.
 
     Args:
         root: The `<robot>` element, tidied.
