@@ -1,4 +1,4 @@
-"""Has the robot fallen, and why? The first reason found is the answer and stays so."""
+"""Fall detector: the first reason of a fall is kept."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wbc.core.settings import Count, Positive, settings
 
 
 class FallReason(enum.Enum):
-    """Why a walk has ended early."""
+    """Reason of a fall."""
 
     DIVERGED = "the simulation diverged"
     SOLVER = "the quadratic program failed"
@@ -45,12 +45,12 @@ class FallSettings:
 
 
 class FallDetector:
-    """Watches one walk.
+    """Fall detector of one walk.
 
     Attributes:
         settings: Limits.
-        reason: Why it has fallen; None while it has not.
-        time: When, s; None while it has not.
+        reason: Reason of the fall; None before a fall.
+        time: Time of the fall, s; None before a fall.
     """
 
     def __init__(self, settings: FallSettings | None = None) -> None:
@@ -72,18 +72,17 @@ class FallDetector:
         dcm_distance: float = 0.0,
         solved: bool = True,
     ) -> FallReason | None:
-        """Look at one tick.
+        """Check one tick.
 
         Args:
             time: Now, s.
             dt: Control period, s.
             q: Configuration, for divergence.
             v: Velocity, for divergence.
-            drop: How far the robot is below where it should be, m: its CoM, or its pelvis.
+            drop: Distance of the CoM, or of the pelvis, below its target, m.
             torso_up: Vertical axis of the torso in the world, shape (3,).
-            dcm_distance: How far the DCM is beyond the edge of the area of the feet that it is furthest beyond, m;
-                negative inside.
-            solved: The tick's quadratic program was solved.
+            dcm_distance: Greatest distance of the DCM beyond an edge of the area of the feet, m; negative inside.
+            solved: True if the QP of the tick was solved.
 
         Returns:
             The reason, or None.
@@ -93,7 +92,7 @@ class FallDetector:
         s = self.settings
         self._away = self._away + dt if dcm_distance > s.dcm else 0.0
         self._failures = 0 if solved else self._failures + 1
-        # NaN is below nothing. No speed exceeds the length of them all, which is quicker to see.
+        # NaN fails every comparison. No speed exceeds the norm of all, which is quicker to compute.
         slow = v.dot(v) < s.speed**2 or np.abs(v).max(initial=0.0) < s.speed
         if not (math.isfinite(q.dot(q)) and slow):
             self.reason = FallReason.DIVERGED

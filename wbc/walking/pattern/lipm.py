@@ -1,4 +1,4 @@
-"""Linear inverted pendulum: exact motion of the centre of mass over a zero-tilting moment point.
+"""Linear inverted pendulum: the centre of mass over a zero-tilting moment point.
 
     c̈ = ω² (c − z),   ω² = g / h
 
@@ -7,7 +7,7 @@ of motion ξ = c + ċ/ω runs away from the ZMP, the convergent one ζ = c − �
 
     ξ̇ = ω (ξ − z),   ζ̇ = −ω (ζ − z),   c = (ξ + ζ) / 2.
 
-Over a ZMP that moves with constant velocity both have the closed forms below, so nothing here is stepped.
+Over a ZMP that moves with constant velocity both have closed forms (`wbc.walking.pattern.pattern`).
 
 Source: Kajita et al., IROS 2001; Takenaka et al., IROS 2009; Englsberger et al., IEEE T-RO 31(2), 2015.
 """
@@ -59,55 +59,6 @@ def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) 
     point = dcm(com, com_velocity, omega)
     point[2] = ground
     return point
-
-
-def zmp_of_motion(com: Array, com_acceleration: Array, omega: float) -> Array:
-    """Return the ZMP of an acceleration of the CoM, z = c − c̈/ω², m; horizontal components, any shape."""
-    return com - com_acceleration / omega**2
-
-
-def dcm_after(dcm: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float) -> Array:
-    """Return the DCM after a time over a ZMP that moves with constant velocity.
-
-    Args:
-        dcm: DCM at the start, m.
-        zmp: ZMP at the start, m.
-        zmp_velocity: Its velocity, m/s.
-        omega: Natural frequency, 1/s.
-        time: Time from the start, s; may be negative.
-
-    Returns:
-        DCM, m, of the shape of `dcm`.
-    """
-    lead = zmp + zmp_velocity / omega
-    return lead + time * zmp_velocity + math.exp(omega * time) * (dcm - lead)
-
-
-def convergent_after(convergent: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float) -> Array:
-    """Return the convergent component ζ = c − ċ/ω after a time; arguments as in `dcm_after`."""
-    lag = zmp - zmp_velocity / omega
-    return lag + time * zmp_velocity + math.exp(-omega * time) * (convergent - lag)
-
-
-def com_after(
-    com: Array, com_velocity: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float
-) -> tuple[Array, Array]:
-    """Return CoM and its velocity after a time over a ZMP that moves with constant velocity.
-
-    Args:
-        com: CoM at the start, m.
-        com_velocity: Its velocity, m/s.
-        zmp: ZMP at the start, m.
-        zmp_velocity: Its velocity, m/s.
-        omega: Natural frequency, 1/s.
-        time: Time from the start, s.
-
-    Returns:
-        CoM (m) and its velocity (m/s).
-    """
-    divergent = dcm_after(com + com_velocity / omega, zmp, zmp_velocity, omega, time)
-    convergent = convergent_after(com - com_velocity / omega, zmp, zmp_velocity, omega, time)
-    return (divergent + convergent) / 2.0, (divergent - convergent) * (omega / 2.0)
 
 
 class Pendulum(NamedTuple):

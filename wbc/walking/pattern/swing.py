@@ -156,6 +156,11 @@ class SwingFoot:
 
     def _plan(self, now: float) -> None:
         """Plan all coordinates from now to the landing."""
+        self._plan_travel(now)
+        self._plan_height(now)
+
+    def _plan_travel(self, now: float) -> None:
+        """Plan place and rotation: the foot travels between rise and descent."""
         gait, landing, end = self._gait, self.landing, self.duration
         step = landing.z - self._origin
         share = EDGE_SHARE * end * min(1.0, abs(step) / gait.swing_height)
@@ -175,6 +180,9 @@ class SwingFoot:
         for name, goal in goals.items():
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
 
+    def _plan_height(self, now: float) -> None:
+        """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""
+        gait, landing, end = self._gait, self.landing, self.duration
         speed, height = gait.landing_speed, gait.landing_height
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.

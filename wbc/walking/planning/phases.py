@@ -98,9 +98,7 @@ class WalkPhases:
             InputError: A weight that is not above zero.
         """
         self.plan = plan
-        self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = (
-            None  # of the plan last asked for
-        )
+        self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self.settings = settings or PhaseSettings()
         self._weight = positive("weight of the robot (N)", weight)
         self.phase = Phase.STANDING

@@ -88,7 +88,7 @@ class Leg:
 
     Attributes:
         length: Thigh and shank together, m.
-        shortest: Hip to ankle with the knee bent as far as its limits or 120° allow, m.
+        shortest: Hip to ankle with the knee bent by 120°, m.
         ankle_height: Ankle over the sole, m.
         hip_over_com: Height of the hip joint minus that of the CoM in half-sitting, m.
         hip_height: Height of the hip over the ankle in half-sitting, m.
@@ -215,20 +215,7 @@ def check_plan(
         _check_step(f"step {i + 1} of {len(plan)} ({step.side})", plan.stance(i), step, reach)
         _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), sizes)
     if extent is not None:
-        low_x, high_x, low_y, high_y = extent
-        for i, step in enumerate((plan.left, plan.right, *plan.steps)):
-            corners = _corners(step, sizes[step.side])
-            if (
-                corners[:, 0].min() < low_x
-                or corners[:, 0].max() > high_x
-                or corners[:, 1].min() < low_y
-                or corners[:, 1].max() > high_y
-            ):
-                which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
-                raise InputError(
-                    f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
-                    f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
-                )
+        _check_extent(plan, sizes, extent)
 
 
 def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
@@ -261,6 +248,20 @@ def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[f
     raise InputError(
         f"the soles overlap at {what}: {a.side} at ({a.x:.3f}, {a.y:.3f}), {b.side} at ({b.x:.3f}, {b.y:.3f}) m"
     )
+
+
+def _check_extent(
+    plan: FootstepPlan, sizes: dict[str, tuple[float, float]], extent: tuple[float, float, float, float]
+) -> None:
+    low_x, high_x, low_y, high_y = extent
+    for i, step in enumerate((plan.left, plan.right, *plan.steps)):
+        corners = _corners(step, sizes[step.side])
+        if (corners < (low_x, low_y)).any() or (corners > (high_x, high_y)).any():
+            which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
+            raise InputError(
+                f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
+                f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
+            )
 
 
 def _corners(step: Footstep, size: tuple[float, float]) -> Array:

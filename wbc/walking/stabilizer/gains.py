@@ -1,4 +1,4 @@
-"""Gains of the stabilizer, in physical units: what is too large is clamped and said."""
+"""Gains of the stabilizer in physical units; gains above their limits are clamped, with a warning."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ LIMITS = {
     "force_difference_damping": 10.0,
     "com_admittance": 20.0,
 }
-"""Greatest gains, from mc_rtc's safety thresholds; dcm_d is let up to the range of Frizza et al. (5 instead of 2),
-force_difference to 2e-3 instead of 5e-4 m/(N·s), and the height gains, which mc_rtc has not, to a 20 1/s pole."""
+"""Greatest gains, from mc_rtc's safety thresholds; dcm_d may go up to the range of Frizza et al. (5 instead of 2),
+force_difference to 2e-3 instead of 5e-4 m/(N·s), and the height gains, which mc_rtc does not have, to a 20 1/s pole."""
 
 
 def pair(value: Pair | float) -> Pair:
-    """Both directions of a gain that may be given as one number."""
+    """Return both directions of a gain that may be given as one number."""
     return value if isinstance(value, tuple) else (value, value)
 
 
@@ -46,11 +46,11 @@ PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance", "com_adm
 class StabilizerGains:
     """Gains, time constants and bounds. Pairs may be given as one number for both directions.
 
-    The default is what a first walk on all soles worked best with: a quick transfer of load, a CoP admittance
-    that goes with torque feed-forward, and filtered wrenches. `legacy` is mc_rtc's plain law.
+    The defaults walk best on all soles: a quick transfer of load, a CoP admittance that goes with torque
+    feed-forward, and filtered wrenches. `legacy` is mc_rtc's plain law.
 
     Attributes:
-        dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP followed at once.
+        dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP follows without lag.
         dcm_i: Gain on the average DCM error, 1/s.
         dcm_d: Gain on the derivative of the DCM error; it feeds the noise of the measured ZMP back, which on hard soles
             costs more than the damping gives: DCM errors of 8 against 6 mm on flat floor, 17 against 7 mm at 2 ms.
@@ -59,7 +59,7 @@ class StabilizerGains:
         height_p: Stiffness of the CoM height in the desired force, 1/s².
         height_d: Damping of the CoM height in the desired force, 1/s.
         integrator_time: Memory of the average, s.
-        derivator_time: Below it the derivative is measured or left out, s.
+        derivator_time: Time constant of the low-pass that is taken off the derivative of the model, s.
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
             less for a robot of more than 40 kg, see `for_mass`.
         force_difference: Foot height per difference of normal forces, m/(N·s).
@@ -77,7 +77,7 @@ class StabilizerGains:
         max_linear_velocity: Bound of the foot's vertical speed, m/s.
         max_rotation: Bound of the ankle rotation, rad.
         max_height: Bound of the foot's height offset, m.
-        min_force: Both feet below it means in the air, N.
+        min_force: Normal force of both feet below which the robot is in the air, N.
     """
 
     dcm_p: Annotated[Gain, "1/s"] = 4.0
@@ -119,7 +119,7 @@ class StabilizerGains:
 
     @staticmethod
     def legacy() -> StabilizerGains:
-        """mc_rtc's plain law with the gains of its HRP-4 family: nothing filtered, nothing adapted."""
+        """Return mc_rtc's plain law with the gains of its HRP-4 family: nothing filtered, nothing adapted."""
         return StabilizerGains(
             dcm_d=0.0,
             cop_admittance=0.01,
@@ -130,14 +130,14 @@ class StabilizerGains:
         )
 
     def for_mass(self, mass: float) -> StabilizerGains:
-        """The gains with what depends on the robot's mass filled in.
+        """Return the gains with a CoP admittance for the robot's mass where none is given.
 
         A loop that turns an ankle against the ground is as quick as admittance times stiffness, and stiffness grows
         with the weight to be carried: Talos (90 kg) shakes its ankles with the admittance that suits 39 kg, and the ZMP
         is 85 mm off its reference instead of 34.
 
         Args:
-            mass: Of the robot, kg.
+            mass: Mass of the robot, kg.
         """
         if self.cop_admittance is not None:
             return self

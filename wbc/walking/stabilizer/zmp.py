@@ -1,4 +1,4 @@
-"""From contact wrenches to points: the centre of pressure under a sole, the ZMP of all soles together."""
+"""Points of contact wrenches: the centre of pressure under a sole, the ZMP of all soles together."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ MIN_FORCE = 1.0
 
 
 class NoContactForceError(WbcError):
-    """The normal force is too small to have a centre of pressure."""
+    """A normal force too small to have a centre of pressure."""
 
 
 def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
-    """Centre of pressure of a contact in its sole plane.
+    """Return the centre of pressure of a contact in its sole plane.
 
     Args:
         wrench: [force; moment] in the sole frame at the sole centre, shape (6,), N and Nm.
@@ -40,7 +40,7 @@ def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
 
 
 def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
-    """Zero-tilting moment point of a wrench in a plane.
+    """Return the zero-tilting moment point of a wrench in a plane.
 
     Args:
         wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
@@ -75,7 +75,7 @@ def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
 
 
 def level_zmp(wrench: Array, point: Array) -> Array:
-    """Zero-tilting moment point of a wrench on the level of a point, `zmp` in a plane that is level.
+    """Return the zero-tilting moment point of a wrench on the level of a point: `zmp` in a level plane.
 
     Args:
         wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
@@ -91,14 +91,14 @@ def level_zmp(wrench: Array, point: Array) -> Array:
     if not fz >= MIN_FORCE:
         raise NoContactForceError(f"no ZMP: vertical force {fz:.3g} N is below {MIN_FORCE:g} N")
     x, y, z = point.tolist()
-    # Moment about the point; the force goes through where it vanishes.
+    # Moment about the point; it vanishes at the ZMP.
     mx -= y * fz - z * fy
     my -= z * fx - x * fz
     return np.array((x - my / fz, y + mx / fz, z))
 
 
 def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
-    """Sum of contact wrenches at the world origin in world axes.
+    """Return the sum of contact wrenches at the world origin in world axes.
 
     Args:
         wrenches: [force; moment] of each contact in its sole frame, n of shape (6,), N and Nm.
