@@ -49,9 +49,10 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
     bar.ax.set_ylim(float(heights.min()) - 1e-3, float(heights.max()) + 1e-3)
     figure.legend(loc="lower center", ncols=6, fontsize=7)
     hold = result.hold
+    support = "" if result.support is None else f", support {1e4 * result.support.area:.0f} cm²"
     side.set_title(
         f"{_named(test)}, {hold.force_mean:.0f} N on {hold.contacts} contacts, contact area "
-        f"{1e4 * hold.contact_area:.0f} cm²" + _support_text(result.support),
+        f"{1e4 * hold.contact_area:.0f} cm²{support}",
         fontsize=9,
     )
     figure.savefig(str(path), dpi=150)
@@ -128,10 +129,6 @@ def _figure(width: float, height: float, layout: Literal["constrained"] | None =
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, and walking needs no pictures
 
     return Figure(figsize=(width, height), layout=layout)
-
-
-def _support_text(support: SupportPolygon | None) -> str:
-    return "" if support is None else f", support {1e4 * support.area:.0f} cm²"
 
 
 def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from wbc.core.errors import InputError
 from wbc.core.settings import NonNegative, Positive, settings, to_json
-from wbc.feet import Foot, SoleGeometry, foot, foot_name
+from wbc.feet import Foot, FootFit, SoleGeometry, foot, foot_name
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain
 
@@ -65,14 +65,10 @@ class FootTest:
 
     def describe(self) -> dict[str, Any]:
         """Return foot with its fit, ground, load and place as JSON values; names carry the units."""
-        fit = self.foot.fit(self.robot_sole)
         return {
             "foot": foot_name(self.foot),
             "foot_parameters": to_json(self.foot),
-            "footprint_m": [fit.sole.length, fit.sole.width],
-            "ankle_in_sole_m": fit.sole.ankle.tolist(),
-            "added_mass_kg": fit.mass,
-            "height_change_m": fit.height_change,
+            **fit_facts(self.foot.fit(self.robot_sole)),
             "terrain": self.ground.name,
             "amplitude_m": self.ground.amplitude,
             "seed": self.ground.seed,
@@ -86,3 +82,13 @@ class FootTest:
             "hold_s": self.hold,
             "timestep_s": self.physics.timestep,
         }
+
+
+def fit_facts(fit: FootFit) -> dict[str, Any]:
+    """Return footprint, ankle, added mass and height change as JSON values; names carry the units."""
+    return {
+        "footprint_m": [fit.sole.length, fit.sole.width],
+        "ankle_in_sole_m": fit.sole.ankle.tolist(),
+        "added_mass_kg": fit.mass,
+        "height_change_m": fit.height_change,
+    }

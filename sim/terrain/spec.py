@@ -50,7 +50,7 @@ class Terrain:
         seed: Fixes every random draw; the layout does not depend on the amplitude.
         length: Length of the rough part, m.
         width: Extent of rough part and strips across, centred on y = 0, m.
-        start: x at which the rough part begins, m.
+        start: World x of the start of the rough part, m.
         strip: Length of the flat strip before and after the rough part, m.
         rendering: "geoms" (solids), "height_field", or "auto": solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
@@ -89,7 +89,7 @@ class Terrain:
 
     @property
     def stop(self) -> float:
-        """X at which the rough part ends, m."""
+        """World x of the end of the rough part, m."""
         return self.start + self.length
 
     @property
@@ -108,12 +108,12 @@ class Terrain:
 
     def _check_rendering(self) -> None:
         """Check rendering and resolution before anything is built."""
-        if self.rendering == "geoms" and self.is_height_field:
-            raise InputError(f"terrain '{self.name}' is not made of solids; use 'auto' or 'height_field'")
-        if not self.is_height_field and self.resolution is not None:
-            raise InputError(f"terrain '{self.name}' is drawn as solids, which have no resolution")
         if not self.is_height_field:
+            if self.resolution is not None:
+                raise InputError(f"terrain '{self.name}' is drawn as solids, which have no resolution")
             return
+        if self.rendering == "geoms":
+            raise InputError(f"terrain '{self.name}' is not made of solids; use 'auto' or 'height_field'")
         cell = self.cell
         nodes = self.length / cell * (1.0 if self.parameters.unidirectional else self.width / cell)
         if nodes > MAX_NODES:

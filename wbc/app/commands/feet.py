@@ -14,6 +14,7 @@ from wbc.core.settings import settings, to_json
 from wbc.feet import Foot, foot, foot_names
 from wbc.robots import load, names
 from wbc.sim.plant.model import sole_geometries
+from wbc.sim.rig.spec import fit_facts
 
 
 @settings(kw_only=True)
@@ -38,16 +39,9 @@ def feet(options: Flat[FeetOptions] = FeetOptions(), *, output: OutputOptions = 
         fits: dict[str, dict[str, Any]] = {}
         for robot, sole in soles.items():
             try:
-                fit = design.fit(sole)
+                fits[robot] = fit_facts(design.fit(sole))
             except InputError as error:
                 fits[robot] = {"error": str(error)}
-                continue
-            fits[robot] = {
-                "footprint_m": [fit.sole.length, fit.sole.width],
-                "ankle_in_sole_m": fit.sole.ankle.tolist(),
-                "added_mass_kg": fit.mass,
-                "height_change_m": fit.height_change,
-            }
         listed.append(
             {"name": name, "summary": _summary(type(design)), "fits": fits, "parameters": parameters(design)}
         )
@@ -56,20 +50,15 @@ def feet(options: Flat[FeetOptions] = FeetOptions(), *, output: OutputOptions = 
 
 def parameters(design: Foot) -> list[dict[str, Any]]:
     """Return the parameters of a foot: name, default and meaning, with its unit."""
-    found = []
+    listed = []
     for path in setting_names(design):
         owner: Any = design
         *groups, name = path.split(".")
         for group in groups:
             owner = getattr(owner, group)
-        found.append(
-            {
-                "name": path,
-                "default": to_json(getattr(owner, name)),
-                "about": attribute_docs(type(owner)).get(name, ""),
-            }
-        )
-    return found
+        default, about = to_json(getattr(owner, name)), attribute_docs(type(owner)).get(name, "")
+        listed.append({"name": path, "default": default, "about": about})
+    return listed
 
 
 def attribute_docs(kind: type) -> dict[str, str]:
