@@ -1,7 +1,7 @@
 """Options that tasks share, each stated once: name, weight, gains, axes and joints.
 
-A task takes those of one of these classes as keywords: `**options: Unpack[MotionOptions]`. Where its defaults differ
-from those given here, its docstring says so.
+A task takes those of one of these classes as keywords: `**options: Unpack[MotionOptions]`. The class of a task states
+its default weight and gains. An unknown option raises an `UnknownNameError`, a value out of range an `InputError`.
 """
 
 from __future__ import annotations

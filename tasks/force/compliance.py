@@ -78,10 +78,6 @@ class ComplianceTask(FrameTask):
             offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
                 None.
             **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range.
         """
         check_options(self, ComplianceOptions, options)
         time_constant = options.pop("time_constant", SMOOTHING)

@@ -65,10 +65,6 @@ class FirstOrderImpedanceTask(ComplianceTask):
             target_wrench: Wrench at which the frame does not yield, shape (6,), N and Nm; zero when None.
             offset_bound: Greatest offset of the reference, shape (6,) or a pair, m and rad; none when None.
             **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range.
         """
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
         super().__init__(frame, target, target_wrench=target_wrench, offset_bound=offset_bound, **options)
