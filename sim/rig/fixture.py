@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.core.errors import Array
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
-from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe, WrenchSensor
+from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.sim.rig.results import hull
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import add_to_spec
@@ -38,7 +38,6 @@ class Rig:
         data: Its MuJoCo state.
         foot: Names of the foot's parts.
         probe: Ground truth of the foot.
-        wrench: Its force sensor.
         mass: Mass of carriage and foot together, kg.
         touch_height: Ankle height at which the undeformed, level foot would touch the ground, m.
         centre: World x and y of the sole centre at the start, m.
@@ -91,7 +90,6 @@ class Rig:
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.probe = SoleProbe(self.model, self.foot)
-        self.wrench = WrenchSensor(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
         self._dof = {
             name: int(self.model.joint(name).dofadr[0]) for name in ("forward", "lift", "roll", "pitch")

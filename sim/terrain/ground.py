@@ -76,20 +76,12 @@ class Ground:
         return z, owner
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the height of the ground.
-
-        Args:
-            x: World x, m, any shape.
-            y: World y, m, any shape that broadcasts with x.
-
-        Returns:
-            World z of the surface, m, in the broadcast shape.
-        """
+        """Return the height of the ground, m, at world x and y (m), in their broadcast shape."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         return self._highest(bx.ravel(), by.ravel())[0].reshape(bx.shape)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the outward unit normal of the ground, world frame, in the broadcast shape of x and y plus (3,)."""
+        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,)."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         fx, fy = bx.ravel(), by.ravel()
         _, owner = self._highest(fx, fy)

@@ -11,10 +11,9 @@ import numpy as np
 
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
-from wbc.sim.terrain.clearance import check_clearance
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
-from wbc.sim.terrain.spec import Rendering, Terrain
+from wbc.sim.terrain.spec import Terrain
 
 TERRAIN_GROUP = 2
 """Geom group of every terrain geom: MuJoCo's URDF importer uses 0 and 1, and viewers show 0 to 2."""
@@ -94,11 +93,6 @@ class AddedTerrain:
     ray_groups: Array = field(repr=False, compare=False)
 
     @property
-    def rendering(self) -> str:
-        """Either "geoms" or "height_field"."""
-        return "geoms" if self.height_field is None else "height_field"
-
-    @property
     def nodes(self) -> int:
         """Nodes of the height field."""
         field = self.terrain.surface.field
@@ -109,11 +103,8 @@ def add_to_spec(
     spec: mujoco.MjSpec,
     terrain: Terrain,
     *,
-    rendering: Rendering | None = None,
-    resolution: float | None = None,
     sole_radius: float | None = None,
     contact: GroundContact | None = None,
-    clearance: float | None = None,
     group: int = TERRAIN_GROUP,
     prefix: str = "terrain",
 ) -> AddedTerrain:
@@ -124,11 +115,8 @@ def add_to_spec(
     Args:
         spec: The model; changed in place.
         terrain: The terrain.
-        rendering: "geoms", "height_field" or "auto"; the terrain's own when None.
-        resolution: Greatest cell of a height field, m; the terrain's own when None.
-        sole_radius: Radius of the spheres under the soles, m; the terrain's own when None.
+        sole_radius: Radius of the spheres under the soles, m; that of the terrain when None.
         contact: Contact parameters; the defaults of `GroundContact` when None.
-        clearance: Height of the sole in mid swing, m, for a `ClearanceWarning` if that is too low; unchecked when None.
         group: Geom group of all terrain geoms.
         prefix: Beginning of all names.
 
@@ -136,18 +124,16 @@ def add_to_spec(
         The terrain as drawn, and the names of its geoms.
 
     Raises:
-        InputError: Rendering not possible, resolution too coarse (the message names the one needed), or the group
-            or a name is not usable.
+        InputError: The terrain's resolution is too coarse for the soles (the message names the one needed), or the
+            group or a name is not usable.
     """
     if not 0 <= group < mujoco.mjNGROUP:
         raise InputError(f"geom group must lie in 0..{mujoco.mjNGROUP - 1}, got {group}")
     if spec.geom(f"{prefix}_floor") is not None:
         raise InputError(f"the model has a terrain called '{prefix}' already")
-    changes: dict[str, Any] = {"rendering": rendering, "resolution": resolution, "sole_radius": sole_radius}
-    terrain = replace(terrain, **{key: value for key, value in changes.items() if value is not None})
+    if sole_radius is not None:
+        terrain = replace(terrain, sole_radius=sole_radius)
     ground = terrain.surface
-    if clearance is not None:
-        check_clearance(terrain, clearance)
     # Without density the ground adds nothing to the mass of the model.
     common = (contact or GroundContact()).geom_fields() | {"group": group, "density": 0.0}
     names = [f"{prefix}_floor"]

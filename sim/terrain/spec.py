@@ -221,19 +221,11 @@ class Terrain:
         return Ground(floor, (), self._strips(0.0, stop, floor), field)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the height of the ground as it is drawn.
-
-        Args:
-            x: World x, m, any shape.
-            y: World y, m, any shape that broadcasts with x.
-
-        Returns:
-            World z, m, in the broadcast shape.
-        """
+        """Return the height of the ground as it is drawn, m, at world x and y (m), in their broadcast shape."""
         return self.surface.height(x, y)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the outward unit normal of the ground, world frame, in the broadcast shape of x and y plus (3,)."""
+        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,)."""
         return self.surface.normal(x, y)
 
     def profile(

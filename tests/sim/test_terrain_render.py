@@ -11,7 +11,6 @@ import pytest
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain import (
     AddedTerrain,
-    ClearanceWarning,
     GroundContact,
     Terrain,
     add_to_spec,
@@ -160,22 +159,20 @@ def test_unidirectional_grounds_take_few_cells_across() -> None:
 def test_rendering_can_be_chosen_when_drawing() -> None:
     t = terrain("stone_bricks", seed=1)
     _, _, solid = _compile(t)
-    _, _, field = _compile(t, rendering="height_field", resolution=0.003)
-    assert (solid.rendering, field.rendering) == ("geoms", "height_field")
+    _, _, field = _compile(replace(t, rendering="height_field", resolution=0.003))
+    assert (solid.height_field, field.height_field) == (None, "terrain_field")
     assert solid.nodes == 0 and field.nodes == 1001 * 335
-    assert field.terrain.rendering == "height_field" and t.rendering == "auto"
-    assert len(add_to_spec(mujoco.MjSpec(), t).geoms) == len(solid.geoms)
 
 
 def test_nothing_is_added_before_all_is_checked() -> None:
-    for options in ({"group": 6}, {"rendering": "height_field", "resolution": 0.02}, {"clearance": -1.0}):
+    field = terrain("stones", rendering="height_field", resolution=0.006)
+    for options in ({"group": 6}, {"sole_radius": 0.005}):
         spec = mujoco.MjSpec()
         with pytest.raises(InputError):
-            add_to_spec(spec, terrain("stones"), **options)  # type: ignore[arg-type]
+            add_to_spec(spec, field, **options)  # type: ignore[arg-type]
         assert not spec.worldbody.geoms and not spec.hfields
     spec = mujoco.MjSpec()
-    with pytest.warns(ClearanceWarning):
-        add_to_spec(spec, terrain("stones", 0.05), clearance=0.04)
+    add_to_spec(spec, terrain("stones"))
     with pytest.raises(InputError, match="already"):
         add_to_spec(spec, terrain("stones"))
     for bad in (

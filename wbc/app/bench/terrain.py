@@ -26,15 +26,12 @@ STRIDE = (0.15, 0.14)
 """Distance of the right foot ahead of and beside the left one, m."""
 
 
-def terrain_cost(
-    ground: Terrain, steps: int = 1500, physics: PhysicsSettings | None = None
-) -> dict[str, Any]:
+def terrain_cost(ground: Terrain, steps: int = 1500) -> dict[str, Any]:
     """Measure memory and speed of a simulation of two soft feet that stand on a terrain in the middle of a step.
 
     Args:
         ground: The terrain.
         steps: Physics steps timed, over all places.
-        physics: Integrator settings; the defaults when None.
 
     Returns:
         JSON-able: number of geoms, height-field nodes, bytes added to the model, mean contacts, and steps per second
@@ -45,11 +42,10 @@ def terrain_cost(
     """
     if steps < 3 * len(PLACES):
         raise InputError(f"steps must be at least {3 * len(PLACES)}, got {steps}")
-    settings = physics or PhysicsSettings()
-    bare = _probe(ground, 0.0, settings).compile().nbuffer
-    seconds, contacts, count = 0.0, 0.0, max(1, steps // (3 * len(PLACES)))
+    bare = _probe(ground, 0.0).compile().nbuffer
+    seconds, contacts, count = 0.0, 0.0, steps // (3 * len(PLACES))
     for share in PLACES:
-        spec = _probe(ground, ground.start + share * ground.length, settings)
+        spec = _probe(ground, ground.start + share * ground.length)
         added = add_to_spec(spec, ground)
         model = spec.compile()
         data = mujoco.MjData(model)
@@ -70,10 +66,10 @@ def terrain_cost(
     }
 
 
-def _probe(ground: Terrain, x: float, physics: PhysicsSettings) -> mujoco.MjSpec:
+def _probe(ground: Terrain, x: float) -> mujoco.MjSpec:
     """Make a model of two loaded feet, one ahead of the other, just above the ground at x (m)."""
     spec = mujoco.MjSpec()
-    physics.apply(spec)
+    PhysicsSettings().apply(spec)
     design = foot("soft")
     for side, dx, y in (("left", 0.0, STRIDE[1] / 2.0), ("right", STRIDE[0], -STRIDE[1] / 2.0)):
         robot_sole = SoleGeometry.under_ankle(0.09, 0.16, 0.076, ankle_link=f"{side}_ankle")

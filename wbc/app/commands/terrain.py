@@ -63,18 +63,10 @@ class TerrainOptions:
             UnknownNameError: No such family or parameter.
             InputError: A value is out of range or cannot be read.
         """
-        return make_terrain(
-            make_family(self.name, read_changes(self.param)),
-            self.amplitude,
-            self.seed,
-            length=self.length,
-            width=self.width,
-            start=self.start,
-            strip=self.strip,
-            rendering=self.rendering,
-            resolution=self.resolution,
-            sole_radius=self.sole_radius,
-        )
+        names = ("length", "width", "start", "strip", "rendering", "resolution", "sole_radius")
+        track: dict[str, Any] = {name: getattr(self, name) for name in names}
+        family = make_family(self.name, read_changes(self.param))
+        return make_terrain(family, self.amplitude, self.seed, **track)
 
 
 @settings
