@@ -15,7 +15,7 @@ from wbc.tasks.motion.frame import FrameTask, OrientationTask, PoseTask, Positio
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
-from wbc.tasks.options import ComplianceOptions, GainOptions, MotionOptions, TaskOptions
+from wbc.tasks.options import ComplianceOptions, GainOptions, MotionOptions, OffsetOptions, TaskOptions
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
@@ -52,6 +52,7 @@ __all__ = [
     "GainOptions",
     "MotionOptions",
     "ComplianceOptions",
+    "OffsetOptions",
     # Bases for tasks of one's own
     "MotionTask",
     "SelectionTask",

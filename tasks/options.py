@@ -1,7 +1,7 @@
 """Options that tasks share, each stated once: name, weight, gains, axes and joints.
 
-A task takes those of one of these classes as keywords: `**options: Unpack[MotionOptions]`. Where its defaults differ
-from those given here, its docstring says so.
+A task takes those of one of these classes as keywords: `**options: Unpack[MotionOptions]`. The class of a task states
+its default weight and gains. An unknown option raises an `UnknownNameError`, a value out of range an `InputError`.
 """
 
 from __future__ import annotations
@@ -61,7 +61,21 @@ class ComplianceOptions(MotionOptions, total=False):
     Attributes:
         time_constant: Time constant of the low-pass on the wrench error, s; none when 0.
         velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair (linear, angular), m/s and rad/s.
+        target_wrench: Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm;
+            zero by default.
     """
 
     time_constant: float
     velocity_bound: ArrayLike
+    target_wrench: ArrayLike | None
+
+
+class OffsetOptions(ComplianceOptions, total=False):
+    """Options of tasks that keep an offset: those of tasks that yield to a wrench, and a bound.
+
+    Attributes:
+        offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
+            None, the default.
+    """
+
+    offset_bound: ArrayLike | None

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, check_options
 from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import ComplianceOptions
+from wbc.tasks.options import ComplianceOptions, OffsetOptions
 
 
 class AdmittanceTask(ComplianceTask):
@@ -33,22 +33,18 @@ class AdmittanceTask(ComplianceTask):
         target: pin.SE3 | None = None,
         *,
         admittance: ArrayLike,
-        target_wrench: ArrayLike | None = None,
-        offset_bound: ArrayLike | None = None,
-        **options: Unpack[ComplianceOptions],
+        **options: Unpack[OffsetOptions],
     ) -> None:
-        """Describe the task; see `ComplianceTask` for the other arguments.
+        """Describe the task.
 
         Args:
             frame: Frame of the robot, or the name of a sole.
             target: Pose in the world at zero offset; the present one when None.
             admittance: Velocity per wrench error along the axes of the frame, shape (6,) or a pair (linear, angular),
                 m/(N s) and rad/(Nm s). 1e-4 on ground of 1e5 N/m makes 10 1/s.
-            target_wrench: Wrench at which the frame does not yield, shape (6,), N and Nm; zero when None.
-            offset_bound: Greatest offset of the reference, shape (6,) or a pair, m and rad; none when None.
-            **options: See `ComplianceOptions`.
+            **options: See `OffsetOptions`.
         """
-        super().__init__(frame, target, target_wrench=target_wrench, offset_bound=offset_bound, **options)
+        super().__init__(frame, target, **options)
         self.admittance = admittance
 
     @property
@@ -88,10 +84,9 @@ class DampingTask(AdmittanceTask):
         target: pin.SE3 | None = None,
         *,
         admittance: ArrayLike,
-        target_wrench: ArrayLike | None = None,
         **options: Unpack[ComplianceOptions],
     ) -> None:
         """Describe the task; the arguments are those of `AdmittanceTask`, without an offset that could be bounded."""
         check_options(self, ComplianceOptions, options)
         options = {"stiffness": 1.0, "damping": 300.0, **options}
-        super().__init__(frame, target, admittance=admittance, target_wrench=target_wrench, **options)
+        super().__init__(frame, target, admittance=admittance, **options)

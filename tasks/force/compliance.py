@@ -35,7 +35,7 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
-from wbc.tasks.options import ComplianceOptions, MotionOptions
+from wbc.tasks.options import MotionOptions, OffsetOptions
 
 VELOCITY_BOUND = (0.1, 0.3)
 """Clamp of the compliance velocity, m/s and rad/s: the bounds of mc_rtc's walking stabilizer on CoP tasks."""
@@ -59,33 +59,18 @@ class ComplianceTask(FrameTask):
     integrates = True
     _kind = "compliance"
 
-    def __init__(
-        self,
-        frame: str,
-        target: pin.SE3 | None = None,
-        *,
-        target_wrench: ArrayLike | None = None,
-        offset_bound: ArrayLike | None = None,
-        **options: Unpack[ComplianceOptions],
-    ) -> None:
+    def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[OffsetOptions]) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot, or the name of a sole.
             target: Pose in the world at zero offset; the present one when None.
-            target_wrench: Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm;
-                zero when None.
-            offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
-                None.
-            **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range.
+            **options: See `OffsetOptions`.
         """
-        check_options(self, ComplianceOptions, options)
+        check_options(self, OffsetOptions, options)
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
+        target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
         motion: MotionOptions = options
         motion = {"weight": 10.0, "stiffness": 100.0, **motion}
         super().__init__(frame, f"{frame} {self._kind}", POSE_AXES, motion)

@@ -63,10 +63,6 @@ class CoPTask(DampingTask):
                 0.01 rad/(Nm s), is what mc_rtc users take for rigid soles; 1e-4 m/(N s) along z is usual for the force.
             use_measured_pressure: Take p from the measured normal force instead of the target one.
             **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range.
         """
         self._cop, self._force = np.zeros(2), np.zeros(3)
         self._use_measured_pressure = bool(use_measured_pressure)
@@ -117,11 +113,7 @@ class CoPTask(DampingTask):
         return np.array([-wrench[4] / wrench[2], wrench[3] / wrench[2]])
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`.
-
-        Raises:
-            UnknownNameError: The robot has no such sole or joint.
-        """
+        """Resolve names; see `Task.bind`."""
         self.frame = robot.sole(self.frame).frame
         super().bind(robot)
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array
 from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import ComplianceOptions
+from wbc.tasks.options import OffsetOptions
 
 SMOOTHING = 0.05
 """Time constant of the low-pass on the wrench error, s: cut-off period of mc_rtc's ImpedanceTask."""
@@ -50,9 +50,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
         spring: ArrayLike = SPRING,
         damper: ArrayLike = DAMPER,
         wrench_gain: ArrayLike = (1.0, 1.0),
-        target_wrench: ArrayLike | None = None,
-        offset_bound: ArrayLike | None = None,
-        **options: Unpack[ComplianceOptions],
+        **options: Unpack[OffsetOptions],
     ) -> None:
         """Describe the task.
 
@@ -62,16 +60,10 @@ class FirstOrderImpedanceTask(ComplianceTask):
             spring: Along the axes of the frame, shape (6,) or a pair (linear, angular), N/m and Nm/rad, ≥ 0.
             damper: Same, Ns/m and Nms/rad, above zero.
             wrench_gain: Factor on the wrench error, shape (6,) or a pair, ≥ 0.
-            target_wrench: Wrench at which the frame does not yield, shape (6,), N and Nm; zero when None.
-            offset_bound: Greatest offset of the reference, shape (6,) or a pair, m and rad; none when None.
-            **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range.
+            **options: See `OffsetOptions`.
         """
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
-        super().__init__(frame, target, target_wrench=target_wrench, offset_bound=offset_bound, **options)
+        super().__init__(frame, target, **options)
         self.spring, self.damper, self.wrench_gain = spring, damper, wrench_gain
 
     @property
@@ -132,11 +124,9 @@ class ImpedanceTask(FirstOrderImpedanceTask):
         spring: ArrayLike = SPRING,
         damper: ArrayLike | None = None,
         wrench_gain: ArrayLike = (1.0, 1.0),
-        target_wrench: ArrayLike | None = None,
-        offset_bound: ArrayLike | None = None,
-        **options: Unpack[ComplianceOptions],
+        **options: Unpack[OffsetOptions],
     ) -> None:
-        """Describe the task; see `FirstOrderImpedanceTask` for the other arguments.
+        """Describe the task.
 
         Args:
             frame: Frame of the robot, or the name of a sole.
@@ -145,9 +135,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
             spring: Same, N/m and Nm/rad, ≥ 0.
             damper: Same, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
             wrench_gain: Factor on the wrench error.
-            target_wrench: Wrench at which the frame does not yield.
-            offset_bound: Greatest offset of the reference.
-            **options: See `ComplianceOptions`.
+            **options: See `OffsetOptions`.
 
         Raises:
             UnknownNameError: An unknown option or axis.
@@ -157,16 +145,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
             name = options.get("name") or f"{frame} {self._kind}"
             stiffness = six(name, "spring (N/m, Nm/rad)", spring)
             damper = 2.0 * np.sqrt(six(name, "mass (kg, kg m²)", mass, above_zero=True) * stiffness)
-        super().__init__(
-            frame,
-            target,
-            spring=spring,
-            damper=damper,
-            wrench_gain=wrench_gain,
-            target_wrench=target_wrench,
-            offset_bound=offset_bound,
-            **options,
-        )
+        super().__init__(frame, target, spring=spring, damper=damper, wrench_gain=wrench_gain, **options)
         self.mass = mass
 
     @property

@@ -43,10 +43,6 @@ class WrenchTask(VariableTask):
             axes: Axes of the contact frame to control: x, y, z of the force, roll, pitch, yaw of the moment; all that
                 the contact has when None.
             **options: See `TaskOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A target that is not finite, or an option out of range.
         """
         check_options(self, TaskOptions, options)
         self._contact = contact

@@ -28,10 +28,6 @@ class CoMTask(AxesTask):
         Args:
             target: Point in the world, shape (3,), m; the present one when None.
             **options: See `MotionOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A target that is not a finite point, or an option out of range.
         """
         super().__init__("com", POSITION_AXES, {"weight": 100.0, "stiffness": 30.0, **options})
         self._target: Array | None = None

@@ -107,10 +107,6 @@ class PositionTask(FrameTask):
             frame: Frame of the robot.
             target: Point in the world, shape (3,), m; the present one when None.
             **options: See `MotionOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A target that is not a finite point, or an option out of range.
         """
         super().__init__(frame, f"{frame} position", POSITION_AXES, options)
         self._target: Array | None = None
@@ -159,10 +155,6 @@ class OrientationTask(FrameTask):
             frame: Frame of the robot.
             target: Rotation from the frame to the world, shape (3, 3); the present one when None.
             **options: See `MotionOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A target that is not a rotation matrix, or an option out of range.
         """
         super().__init__(frame, f"{frame} orientation", ROTATION_AXES, options)
         self._target: Array | None = None
@@ -223,10 +215,6 @@ class PoseTask(FrameTask):
             frame: Frame of the robot.
             target: Pose in the world; the present one when None.
             **options: See `MotionOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A target that is not a pose, or an option out of range.
         """
         super().__init__(frame, f"{frame} pose", POSE_AXES, options)
         self._position: Array | None = None

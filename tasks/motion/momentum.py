@@ -37,10 +37,6 @@ class MomentumTask(AxesTask):
         Args:
             target: [linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s; zero when None.
             **options: See `MotionOptions`; no damping.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A target that is not finite, an option out of range, or a damping.
         """
         rate: MotionOptions = {"weight": 1e-3, "stiffness": 5.0, **options, "damping": 0.0}
         super().__init__("momentum", POSE_AXES, rate)
@@ -77,11 +73,7 @@ class MomentumTask(AxesTask):
         return "N|Nm"
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`.
-
-        Raises:
-            UnknownNameError: The robot has no such joint.
-        """
+        """Resolve names; see `Task.bind`."""
         super().bind(robot)
         self._map, self._momentum = robot.data.Ag, robot.data.hg
         self._base = robot.data.oMi[1]

@@ -34,10 +34,6 @@ class RelativeFrameTask(FrameTask):
             reference: Frame of the robot that the pose is relative to.
             target: Pose of `frame` in `reference`; the present one when None.
             **options: See `MotionOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: Twice the same frame, a target that is not a pose, or an option out of range.
         """
         if frame == reference:
             raise InputError(f"a relative task needs two frames, got '{frame}' twice")
@@ -60,11 +56,7 @@ class RelativeFrameTask(FrameTask):
         self._target = pose(f"target of task '{self.name}'", value)
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`.
-
-        Raises:
-            UnknownNameError: The robot has no such frame or joint.
-        """
+        """Resolve names; see `Task.bind`."""
         super().bind(robot)
         self._reference_id = robot.frame_id(self.reference)
         self._reference_placement = robot.data.oMf[self._reference_id]

@@ -33,6 +33,8 @@ from wbc.core.qp.solution import Layout
 from wbc.core.qp.task import MotionTask, Rows, SelectionTask, Task, VariableTask
 from wbc.core.robot import BASE_DOF, Robot
 
+Limit = JointLimits | TorqueLimits | RowLimit
+
 
 @dataclass(slots=True)
 class _ContactSlot:
@@ -68,27 +70,16 @@ class Assembly:
     def __init__(
         self,
         robot: Robot,
-        *,
         tasks: Sequence[Task],
         contacts: Sequence[Contact],
-        joint_limits: JointLimits | None,
-        torque_limits: TorqueLimits | None,
-        row_limits: Sequence[RowLimit],
+        limits: Sequence[Limit],
         regularisation: float,
     ) -> None:
-        """Allocate the problem and give every task, contact and limit its views.
-
-        Args:
-            robot: The robot whose state is read.
-            tasks: Tasks, bound to the robot.
-            contacts: Contacts, bound to the robot.
-            joint_limits: Limits of single joints, if any.
-            torque_limits: Limits of the torques, if any.
-            row_limits: All other limits.
-            regularisation: Cost per squared acceleration.
-        """
+        """Allocate the problem and give each of these items, which are bound to the robot, its views."""
         self._robot, self._regularisation = robot, regularisation
-        self._joint_limits, self._torque_limits = joint_limits, torque_limits
+        self._joint_limits = next((limit for limit in limits if isinstance(limit, JointLimits)), None)
+        self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
+        row_limits = [limit for limit in limits if isinstance(limit, RowLimit)]
         for task in tasks:
             task.detach()
         self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
@@ -103,7 +94,7 @@ class Assembly:
         n_force = sum(c.dim for c in contacts)
         n_first = BASE_DOF + sum(t.dim for t in hard_first)
         n_eq = n_first + n_force + sum(t.dim for t in hard_motion)
-        n_joint = na if joint_limits is not None else 0
+        n_joint = na if self._joint_limits is not None else 0
         n_in = na + n_joint + sum(c.cone.shape[0] + 1 for c in contacts) + sum(r.dim for r in row_limits)
         self.problem = p = Problem(nv, na, nv + n_force, n_eq, sum(t.dim for t in soft), n_in)
         p.n_physics = BASE_DOF

@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from time import perf_counter
-from typing import TypeVar, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, positive, unknown_name
+from wbc.core.errors import Array, InputError, choose, positive
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
-from wbc.core.qp.assembly import Assembly
+from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import status_table, violated_groups
 from wbc.core.qp.problem import Problem
@@ -22,7 +23,6 @@ from wbc.core.qp.task import Task
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Measurement
 
-Limit = JointLimits | TorqueLimits | RowLimit
 Item = Task | Contact | JointLimits | TorqueLimits | RowLimit
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -62,9 +62,7 @@ class Controller:
         self._settings = settings or SolverSettings()
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []
-        self._joint_limits: JointLimits | None = None
-        self._torque_limits: TorqueLimits | None = None
-        self._row_limits: list[RowLimit] = []
+        self._limits: list[Limit] = []
         self.model_time = 0.0
         self._solution: Solution | None = None
         self._torques: Array | None = None  # of the last tick
@@ -101,9 +99,8 @@ class Controller:
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """All limits."""
-        joints = [limit for limit in (self._joint_limits, self._torque_limits) if limit is not None]
-        return (*joints, *self._row_limits)
+        """Limits in the order in which they were added."""
+        return tuple(self._limits)
 
     @overload
     def add(self, item: ItemT, /) -> ItemT: ...
@@ -127,28 +124,23 @@ class Controller:
     def _add(self, item: Item) -> None:
         if not isinstance(item, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
             raise InputError(f"a controller takes tasks, contacts and limits, not {item!r}")
-        if isinstance(item, JointLimits) and self._joint_limits is not None:
-            raise InputError("there are joint limits already; remove them first")
-        if isinstance(item, TorqueLimits) and self._torque_limits is not None:
-            raise InputError("there are torque limits already; remove them first")
-        if item in (*self._tasks, *self._contacts, *self._row_limits):
+        for kind in (JointLimits, TorqueLimits):
+            if isinstance(item, kind) and any(isinstance(limit, kind) for limit in self._limits):
+                raise InputError(f"there are {item.name} already; remove them first")
+        others = (*self._tasks, *self._contacts, *self._limits)
+        if item in others:
             raise InputError(f"{item!r} has been added already")
         if isinstance(item, Task) and item._robot is not None and item._robot is not self.robot:
             raise InputError(f"{item!r} belongs to the controller of another robot")
         item.bind(self.robot)
-        taken = {other.name for other in (*self._tasks, *self._contacts, *self.limits)}
-        if item.name in taken:
+        if item.name in {other.name for other in others}:
             raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
+        self._list_of(item).append(item)
+
+    def _list_of(self, item: Item) -> list[Any]:
         if isinstance(item, Task):
-            self._tasks.append(item)
-        elif isinstance(item, Contact):
-            self._contacts.append(item)
-        elif isinstance(item, JointLimits):
-            self._joint_limits = item
-        elif isinstance(item, TorqueLimits):
-            self._torque_limits = item
-        else:
-            self._row_limits.append(item)
+            return self._tasks
+        return self._contacts if isinstance(item, Contact) else self._limits
 
     def remove(self, *items: Item) -> None:
         """Take tasks, contacts or limits out again.
@@ -157,19 +149,12 @@ class Controller:
             InputError: An item that the controller does not have.
         """
         for item in items:
-            if item not in (*self._tasks, *self._contacts, *self.limits):
+            items_of_kind = self._list_of(item)
+            if item not in items_of_kind:
                 raise InputError(f"{item!r} is not part of this controller")
             if isinstance(item, Task):
                 item.detach()
-                self._tasks.remove(item)
-            elif isinstance(item, Contact):
-                self._contacts.remove(item)
-            elif isinstance(item, JointLimits):
-                self._joint_limits = None
-            elif isinstance(item, TorqueLimits):
-                self._torque_limits = None
-            else:
-                self._row_limits.remove(item)
+            items_of_kind.remove(item)
         self._dirty = True
 
     def task(self, name: str) -> Task:
@@ -178,10 +163,7 @@ class Controller:
         Raises:
             UnknownNameError: There is no such task; the nearest names are given.
         """
-        for task in self._tasks:
-            if task.name == name:
-                return task
-        unknown_name("task", name, [task.name for task in self._tasks])
+        return _by_name("task", name, self._tasks)
 
     def contact(self, name: str) -> Contact:
         """Return a contact by name.
@@ -189,10 +171,7 @@ class Controller:
         Raises:
             UnknownNameError: There is no such contact; the nearest names are given.
         """
-        for contact in self._contacts:
-            if contact.name == name:
-                return contact
-        unknown_name("contact", name, [contact.name for contact in self._contacts])
+        return _by_name("contact", name, self._contacts)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -248,15 +227,7 @@ class Controller:
 
     def _assemble(self) -> Assembly:
         """Return a QP of what the controller has now."""
-        return Assembly(
-            self.robot,
-            tasks=self._tasks,
-            contacts=self._contacts,
-            joint_limits=self._joint_limits,
-            torque_limits=self._torque_limits,
-            row_limits=self._row_limits,
-            regularisation=self._regularisation,
-        )
+        return Assembly(self.robot, self._tasks, self._contacts, self._limits, self._regularisation)
 
     def _rebuild(self) -> None:
         """Make QP and solver anew, after something was added or removed."""
@@ -293,3 +264,8 @@ class Controller:
         return status_table(
             self.robot, self.dt, self._tasks, self._contacts, self._regularisation, self._solution
         )
+
+
+def _by_name(kind: str, name: str, items: Sequence[ItemT]) -> ItemT:
+    named = {item.name: item for item in items}
+    return named[choose(kind, name, named)]
