@@ -12,7 +12,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim import terrain
+from wbc.sim import make_terrain
 from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs
 
 TREAD = 0.25
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     options = parse(__doc__, arguments, stairs=3, rise=0.03, way=("together", "alternate"))
     count = options.stairs
     run = (count - 1) * TREAD  # from the first edge to the last
-    ground = terrain(
+    ground = make_terrain(
         "steps",
         amplitude=count * options.rise,
         riser=options.rise,

@@ -44,8 +44,10 @@ from wbc.sim.terrain import (
     check_clearance,
     family,
     param,
-    terrain,
     terrain_families,
+)
+from wbc.sim.terrain import (
+    terrain as make_terrain,
 )
 from wbc.sim.walks import (
     Fall,
@@ -107,7 +109,7 @@ __all__ = [
     "WallClock",
     "walk",
     # Terrain: grounds by name, and families of your own
-    "terrain",
+    "make_terrain",
     "terrain_families",
     "Terrain",
     "add_to_spec",

@@ -97,7 +97,7 @@ class StiffnessTable:
         """Return a table with these columns.
 
         Args:
-            columns: Name → entries: all of `REQUIRED`, any of `OPTIONAL`.
+            columns: Name → entries, shape (rows,): all of `REQUIRED`, any of `OPTIONAL`.
             recipe: Settings of the roughness.
             made: Provenance of the table.
 
@@ -147,7 +147,11 @@ class StiffnessTable:
         )
 
     def rows(self, choice: ArrayLike | slice) -> StiffnessTable:
-        """Return some of the rows, by numbers, truth values or a slice."""
+        """Return some of the rows.
+
+        Args:
+            choice: Numbers of rows, truth values of shape (rows,), or a slice.
+        """
         pick = np.arange(len(self))[choice if isinstance(choice, slice) else np.asarray(choice)]
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("recipe", "made")}
         return StiffnessTable(**{k: v[pick] for k, v in arrays.items()}, recipe=self.recipe, made=self.made)

@@ -83,5 +83,10 @@ class TrueFallDetector:
         return None if q[2] - ground >= self.limits.height else FallReason.HEIGHT
 
     def fallen(self, q: Array | Sequence[float], ground: float = 0.0) -> bool:
-        """Return true if the robot has fallen; arguments as those of `reason`."""
+        """Return True if the robot has fallen.
+
+        Args:
+            q: True configuration, shape (nq,).
+            ground: Height of the ground, m.
+        """
         return self.reason(q, ground) is not None

@@ -145,7 +145,11 @@ class TorqueControl(_Control):
         super().__init__(controller, observer, policy, prepare)
 
     def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest; half-sitting when None."""
+        """Restart from a configuration at rest.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+        """
         self.observer.reset(q)
         robot = self.controller.robot
         robot.update(self.observer.robot.q, self.observer.robot.v)
@@ -241,7 +245,11 @@ class PositionControl(_Control):
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
     def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest; half-sitting when None."""
+        """Restart from a configuration at rest.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+        """
         robot = self.controller.robot
         self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
         self.v[:] = 0.0

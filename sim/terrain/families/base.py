@@ -182,6 +182,11 @@ class FieldFamily(Family):
         A ground that varies along the track only starts at 0 and its stop strip continues its end. One that
         varies both ways is taken about its mean and blended into strips at 0.
 
+        Args:
+            site: Place of the rough part.
+            x: Stations along the track, shape (n,), m.
+            raw: Heights, shape (rows, n), in the scale of the family.
+
         Returns:
             Heights, and the levels of the start and stop strips, all in the raw scale.
         """
