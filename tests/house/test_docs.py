@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import importlib
 import io
 import re
@@ -65,7 +66,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     matplotlib.use("Agg")
     for module, name in REGISTERS:
         place = importlib.import_module(module)
-        monkeypatch.setattr(place, name, dict(getattr(place, name)))
+        monkeypatch.setattr(place, name, copy.copy(getattr(place, name)))
     return tmp_path
 
 
