@@ -32,6 +32,7 @@ from wbc.sim.plant import (
     real_time_factor,
     with_feet,
 )
+from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult, drop, pitch, press, slide
 from wbc.sim.studies import (
     Cell,
     Journal,
@@ -49,6 +50,20 @@ from wbc.sim.studies import (
     study_rows,
     study_table,
     sweep,
+)
+from wbc.sim.terrain import (
+    ClearanceWarning,
+    FieldFamily,
+    GroundContact,
+    ShapeFamily,
+    Site,
+    Terrain,
+    add_to_spec,
+    check_clearance,
+    family,
+    param,
+    terrain,
+    terrain_families,
 )
 from wbc.sim.walks import (
     Fall,
@@ -109,6 +124,28 @@ __all__ = [
     "WalkTrial",
     "WallClock",
     "walk",
+    # Terrain: grounds by name, and families of your own
+    "terrain",
+    "terrain_families",
+    "Terrain",
+    "add_to_spec",
+    "GroundContact",
+    "check_clearance",
+    "ClearanceWarning",
+    "family",
+    "param",
+    "FieldFamily",
+    "ShapeFamily",
+    "Site",
+    # Rig: tests of one foot
+    "FootTest",
+    "press",
+    "drop",
+    "slide",
+    "pitch",
+    "PressResult",
+    "SlideResult",
+    "PitchResult",
     # Studies: many trials, journals and tables
     "Cell",
     "Journal",

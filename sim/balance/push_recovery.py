@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +12,6 @@ import numpy as np
 from wbc.core.errors import InputError, positive
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.robots import load
-from wbc.sim.balance.controller import BalanceGains
 from wbc.sim.balance.standing import MODES, Feedback, Mode, StandSpec, StandTrial
 
 PUSH_DURATION = 0.1
@@ -24,58 +23,29 @@ noisy sensors, below the speed of a fall once it has begun."""
 
 
 @settings(kw_only=True)
-class StandPushSpec:
-    """One push at a standing robot: a constant horizontal force on the torso's centre of mass.
+class StandPushSpec(StandSpec):
+    """A stand with one push: a constant horizontal force on the torso's centre of mass.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
         mode: What the drives are given.
         impulse: Force times duration over the robot's mass, Ns/kg: the change of the speed of its centre of mass.
         direction: Direction of the force, rad; 0 is forward, π/2 to the left.
         duration: Duration of the push, s.
         before: Time of standing before the push, s.
         after: Time from the end of the push to the verdict, s.
-        foot: Foot under both ankles.
-        noise: Errors of the sensors, none or realistic.
-        seed: Fixes every random draw.
-        feedback: In position control, whether the controller sees the robot as commanded or as estimated.
-        control_period: s; that of `StandSpec` when not given.
-        timestep: Physics step, s.
-        gains: Weights and gains of the controller.
+        seconds: Sum of these three times, s, whatever is given.
     """
 
-    robot: str = "hrp4_class"
     mode: Mode = "torque"
     impulse: Annotated[NonNegative, "Ns/kg"] = 0.1
     direction: Annotated[float, "rad"] = 0.0
     duration: Annotated[Positive, "s"] = PUSH_DURATION
     before: Annotated[Positive, "s"] = 0.5
     after: Annotated[Positive, "s"] = 4.0
-    foot: str = "flat"
-    noise: str = "none"
-    seed: Seed = 0
-    feedback: Feedback = "closed"
-    control_period: Annotated[Positive, "s"] | None = None
-    timestep: Annotated[Positive, "s"] = 0.001
-    gains: BalanceGains = field(default_factory=BalanceGains)
 
     def __post_init__(self) -> None:
-        self.stand()
-
-    def stand(self) -> StandSpec:
-        """Return the spec of standing before, during and after the push."""
-        return StandSpec(
-            robot=self.robot,
-            mode=self.mode,
-            seconds=self.before + self.duration + self.after,
-            foot=self.foot,
-            noise=self.noise,
-            seed=self.seed,
-            feedback=self.feedback,
-            control_period=self.control_period,
-            timestep=self.timestep,
-            gains=self.gains,
-        )
+        object.__setattr__(self, "seconds", self.before + self.duration + self.after)
+        super().__post_init__()
 
 
 @dataclass(frozen=True)
@@ -102,7 +72,7 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     Args:
         spec: Robot and push.
     """
-    trial = StandTrial(spec.stand())
+    trial = StandTrial(spec)
     plant = trial.plant
     start = plant.truth().com[:2].copy()
     for _ in trial.advance(spec.before):
@@ -111,7 +81,7 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     across = np.array([math.cos(spec.direction), math.sin(spec.direction), 0.0])
     plant.push("torso", force * across, spec.duration)
     offset = 0.0
-    for truth in trial.advance(trial.spec.seconds):
+    for truth in trial.advance(spec.seconds):
         offset = max(offset, float(np.linalg.norm(truth.com[:2] - start)))
     speed = float(np.linalg.norm(plant.truth().com_velocity[:2]))
     return PushResult(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
 
@@ -28,9 +26,8 @@ class FootDevices:
         self._range_sensor = range_sensor
         actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
         self._variable = actuator is not None
-        self._stiffness = [
-            SoleStiffness(plant.model, built, actuator) if built.variable_joints else None
-            for built in plant.feet
+        self._soles = [
+            SoleStiffness(plant.model, built, actuator) for built in plant.feet if built.variable_joints
         ]
         self._none = np.full(len(plant.feet), np.nan)
         self._none.setflags(write=False)
@@ -42,9 +39,8 @@ class FootDevices:
         Args:
             seeds: Seed of the errors of each range sensor.
         """
-        for sole in self._stiffness:
-            if sole is not None:
-                sole.reset()
+        for sole in self._soles:
+            sole.reset()
         if self._range_sensor is not None:
             self._ranges = [
                 RangeFinder(
@@ -76,8 +72,7 @@ class FootDevices:
             raise InputError(
                 f"command: sole_stiffness must have shape {self._none.shape}, got {np.shape(command)}"
             )
-        for sole, stiffness in zip(self._stiffness, command, strict=True):
-            assert sole is not None
+        for sole, stiffness in zip(self._soles, command, strict=True):
             sole.actuator.check(stiffness)
 
     def advance(self, command: Array | None, duration: float) -> bool:
@@ -91,19 +86,15 @@ class FootDevices:
             True if a stiffness has changed.
         """
         changed = False
-        if self._variable:
-            for i, sole in enumerate(self._stiffness):
-                assert sole is not None
-                before = sole.actual
-                commanded = sole.state.commanded if command is None else float(command[i])
-                changed |= sole.step(commanded, duration) != before
+        for i, sole in enumerate(self._soles if self._variable else ()):
+            before = sole.actual
+            commanded = sole.state.commanded if command is None else float(command[i])
+            changed |= sole.step(commanded, duration) != before
         return changed
 
     def stiffness(self) -> Array:
         """Return the actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid one."""
-        if self._stiffness[0] is None:
-            return self._none
-        return np.array([math.nan if sole is None else sole.actual for sole in self._stiffness])
+        return np.array([sole.actual for sole in self._soles]) if self._soles else self._none
 
     def ranges(self, data: mujoco.MjData) -> Array:
         """Return the reading of each range sensor, shape (number of soles,), m; NaN without a sensor or an echo."""

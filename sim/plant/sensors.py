@@ -90,7 +90,7 @@ NOISE_PRESETS: Registry[SensorNoise] = Registry("sensor noise", {"none": NO_NOIS
 
 
 class SensorChain:
-    """Applies `SensorNoise` to a flat vector of all signals.
+    """The errors of `SensorNoise`, applied to a flat vector of all signals.
 
     The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole].
 

@@ -78,17 +78,6 @@ def prepare(
 ) -> PreparedWalk:
     """Build and check all that needs no simulator; see `WalkSpec.prepare`.
 
-    Args:
-        robot: Name of the robot.
-        foot: Foot under both ankles.
-        plan: Plan.
-        gait: Sizes and timings of steps.
-        settings: Settings.
-        period: Control period, s.
-        start: x (m), y (m) and heading (rad).
-        extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
-        stairs: The ground of a plan with stairs.
-
     Raises:
         InputError: A foot that does not fit, or a plan that the robot cannot walk.
     """

@@ -73,14 +73,8 @@ class TrialSettings(WalkingControlSettings):
 
 
 def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> TrialSettings:
-    """Return a preset with changes.
-
-    Raises:
-        UnknownNameError: No such preset or setting.
-        InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
-    """
-    base = TrialSettings.preset(preset)
-    trial = changed(base, checked_changes(preset, changes))
+    """Return a preset with changes that `checked_changes` returned."""
+    trial = changed(TrialSettings.preset(preset), changes)
     return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
 
 

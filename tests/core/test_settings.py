@@ -24,6 +24,7 @@ from wbc.core.settings import (
     from_json,
     settings,
     to_json,
+    unit_and_choices,
 )
 
 
@@ -179,6 +180,12 @@ def test_json_goes_there_and_back() -> None:
     spec = Spec(pushes=(Push(), Push(time=2.0)), start=(0.1, 1 / 3, 0.0))
     assert from_json(Spec, to_json(spec)) == spec
     assert from_json(Spec, {}) == Spec()
+
+
+def test_unit_and_choices_of_a_field_can_be_shown() -> None:
+    assert unit_and_choices(Spec, "length") == ("m", [])
+    assert unit_and_choices(Push, "time") == ("s", [])
+    assert unit_and_choices(Spec, "side") == ("", ["left", "right"])
 
 
 def test_a_registry_names_what_is_near_and_refuses_what_is_taken() -> None:

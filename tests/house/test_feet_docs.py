@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import wbc
 from wbc.feet import foot
 from wbc.feet.soles import catalog
 from wbc.sim.rig import FootTest, press
-from wbc.sim.terrain import terrain, terrain_families
+from wbc.sim.terrain import add_to_spec, terrain, terrain_families
 from wbc.sim.terrain.families import base
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -34,7 +35,7 @@ def run(program: str, names: dict[str, Any]) -> None:
 def names(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Where programs of a page run, one after the other; what they register is forgotten afterwards."""
     monkeypatch.setattr(catalog, "_FEET", dict(catalog._FEET))
-    monkeypatch.setattr(base, "_FAMILIES", dict(base._FAMILIES))
+    monkeypatch.setattr(base, "_FAMILIES", copy.copy(base._FAMILIES))
     return {}
 
 
@@ -78,7 +79,7 @@ def test_programs_about_grounds_run(names: dict[str, Any], capsys: pytest.Captur
         x = np.linspace(ground.start, ground.stop, 400)
         assert np.ptp(ground.height(x, np.linspace(-0.5, 0.5, 200)[:, None])) == pytest.approx(0.03, abs=1e-3)
         spec = mujoco.MjSpec()
-        ground.add_to_spec(spec)
+        add_to_spec(spec, ground)
         spec.compile()
 
 

@@ -57,3 +57,12 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")
     return data
+
+
+def check_picture(path: Path | None) -> Path | None:
+    """Return the path of a picture after a check; None without one.
+
+    Raises:
+        InputError: As `check_target` raises it.
+    """
+    return None if path is None else check_target("a picture", path, (".png", ".pdf", ".svg", ".jpg"))

@@ -14,15 +14,11 @@ from wbc.core.changes import read_changes
 from wbc.core.errors import finite_scalar
 from wbc.core.settings import from_json, settings
 from wbc.sim.balance.standing import Mode
-from wbc.sim.terrain.report import read_params
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 from wbc.walking.planning.gait import Gait
 
 STONES_AMPLITUDE = 0.02
 """Height of the stones that are the ground when none is named, m."""
-
-TRACK = ("length", "width", "start", "strip", "resolution", "sole_radius")
-"""Parameters of every ground, m; a family has further ones."""
 
 
 @settings(kw_only=True)
@@ -115,7 +111,7 @@ class WalkOptions:
             policy_params=tuple(read_changes(self.policy_param).items()),
             terrain=terrain,
             amplitude=STONES_AMPLITUDE if self.terrain is None and self.amplitude is None else self.amplitude,
-            terrain_params=tuple(_ground_params(terrain, self.param).items()),
+            terrain_params=tuple(read_changes(self.param).items()),
             seed=self.seed,
             noise=self.noise,
             noise_seed=self.noise_seed,
@@ -146,21 +142,6 @@ def read_spec(path: Path) -> WalkSpec:
     data = read_object("walk", path)
     spec = data.get("spec")
     return WalkSpec.from_json(spec if isinstance(spec, dict) else data)
-
-
-def _ground_params(family: str, texts: tuple[str, ...]) -> dict[str, Any]:
-    """Return the parameters of a ground: those of its track, and those of its family."""
-    track: dict[str, Any] = {}
-    others = []
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name.strip() in TRACK:
-            track |= read_changes([text])
-        elif name.strip() == "rendering":
-            track["rendering"] = value.strip()
-        else:
-            others.append(text)
-    return track | read_params(family, tuple(others))
 
 
 def read_push(text: str) -> WalkPush:

@@ -306,3 +306,14 @@ def rule_of(hint: Any) -> str:
 
 def _bounds(constraint: Any) -> list[tuple[str, float]]:
     return [(name, getattr(constraint, name)) for name, _ in BOUNDS if hasattr(constraint, name)]
+
+
+def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
+    """Return the unit of a field, empty without one, and its choices, empty without any.
+
+    Args:
+        kind: Class of the settings.
+        name: Name of the field.
+    """
+    hint = _hints(kind)[name]
+    return _unit(hint), _choices(hint)

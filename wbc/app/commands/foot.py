@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.rig_options import RigOptions
+from wbc.core.settings import settings, to_json
 from wbc.sim import rig as bench
-from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult, to_json
-from wbc.sim.terrain.drawing import checked_path
+from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PressOptions:
-    """How a foot is pressed.
+    """Options of `wbc foot press`.
 
     Attributes:
         drop: Height over the ground from which the foot is let fall, m.
@@ -27,9 +27,9 @@ class PressOptions:
     plot: Path | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class DropOptions:
-    """How a foot is dropped.
+    """Options of `wbc foot drop`.
 
     Attributes:
         height: Of the sole over the highest point under it, m.
@@ -40,9 +40,9 @@ class DropOptions:
     plot: Path | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class SlideOptions:
-    """How a foot is pushed along.
+    """Options of `wbc foot slide`.
 
     Attributes:
         shear_share: Shear over weight while creep is measured.
@@ -53,9 +53,9 @@ class SlideOptions:
     ramp: float = 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PitchOptions:
-    """How a foot is pitched.
+    """Options of `wbc foot pitch`.
 
     Attributes:
         angle: Largest pitch that the ankle is asked for, degrees.
@@ -114,7 +114,7 @@ def pitch(
 ) -> Report:
     """Pitch the ankle of one loaded foot toe down, toe up and back: how the centre of pressure follows."""
     test = rig.test()
-    target = None if options.plot is None else checked_path(options.plot)
+    target = check_picture(options.plot)
     result = bench.pitch(test, amplitude=math.radians(options.angle), rate=math.radians(options.rate))
     data = facts(test, result)
     if target is not None and not result.diverged:
@@ -124,29 +124,29 @@ def pitch(
 
 
 def facts(test: FootTest, result: Any) -> dict[str, Any]:
-    """Test and result as plain values."""
+    """Return test and result as plain values."""
     return {**test.describe(), **to_json(result)}
 
 
 def headline(test: FootTest) -> str:
-    """What is tested, in a line or two."""
-    said, ground = test.describe(), test.ground
+    """Return foot, ground and load as text for people."""
+    description, ground = test.describe(), test.ground
     on = (
         f"{ground.name}, {1e3 * ground.amplitude:.0f} mm, seed {ground.seed}"
         if ground.amplitude
         else "flat ground"
     )
-    length, width = (1e3 * size for size in said["footprint_m"])
+    length, width = (1e3 * size for size in description["footprint_m"])
     stiffness = f" of {test.foot.stiffness:g} Nm/rad" if hasattr(test.foot, "stiffness") else ""
     return (
-        f"{said['foot']} foot{stiffness} on {on}, {test.load:g} N on the ankle\n"
-        f"  foot      {length:.0f} x {width:.0f} mm, {said['added_mass_kg']:.2f} kg more and "
-        f"{1e3 * said['height_change_m']:.0f} mm higher than the ankle's own sole"
+        f"{description['foot']} foot{stiffness} on {on}, {test.load:g} N on the ankle\n"
+        f"  foot      {length:.0f} x {width:.0f} mm, {description['added_mass_kg']:.2f} kg more and "
+        f"{1e3 * description['height_change_m']:.0f} mm higher than the ankle's own sole"
     )
 
 
 def _pressed(test: FootTest, action: Any, plot: Path | None, output: Output) -> Report:
-    target = None if plot is None else checked_path(plot)
+    target = check_picture(plot)
     result: PressResult = action(test)
     data = facts(test, result)
     if target is not None and not result.diverged:

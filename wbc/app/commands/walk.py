@@ -9,7 +9,7 @@ from wbc.app.live import Live, LiveOptions, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_options import WalkOptions
 from wbc.app.walk_report import walk_text
-from wbc.sim.terrain.checks import check_clearance
+from wbc.sim.terrain import check_clearance
 from wbc.sim.walks import WalkHook, WalkTrial
 
 

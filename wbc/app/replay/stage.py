@@ -13,7 +13,7 @@ from wbc.app.replay.replay import Replay
 from wbc.app.view.scene import ROOT, TILE, TILE_COLOURS, SceneObject
 from wbc.app.view.shapes import Colour, MeshFile, Shape, Surface, VisualBox, VisualCylinder, VisualEllipsoid
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain import add_to_spec
 
 READABLE = (".stl", ".obj")
 """Mesh files that MuJoCo reads itself; others are read by coal."""

@@ -1,4 +1,4 @@
-"""What a terrain costs a simulation: memory, contacts, steps per second."""
+"""Cost of a terrain in simulation: memory, contacts, steps per second."""
 
 from __future__ import annotations
 
@@ -11,31 +11,30 @@ import numpy as np
 from wbc.core.errors import InputError
 from wbc.feet import SoleGeometry, foot
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.terrain.render import add_to_spec
-from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain import Terrain, add_to_spec
 
 PLACES = (0.2, 0.45, 0.7)
-"""Where the probe stands, as shares of the rough part: one place alone may be a smooth one."""
+"""Places of the two feet, as shares of the rough part: one place alone may be a smooth one."""
 
 SETTLE = 600
-"""Steps before the clock starts."""
+"""Steps before the timing starts."""
 
 LOAD = 20.0
-"""On each foot, kg: half of a robot of 40 kg."""
+"""Mass on each foot, kg: half of a robot of 40 kg."""
 
 STRIDE = (0.15, 0.14)
-"""How far the right foot stands ahead of and beside the left one, m."""
+"""Distance of the right foot ahead of and beside the left one, m."""
 
 
 def terrain_cost(
     ground: Terrain, steps: int = 1500, physics: PhysicsSettings | None = None
 ) -> dict[str, Any]:
-    """Measure what a terrain costs two soft feet that stand on it in the middle of a step.
+    """Measure memory and speed of a simulation of two soft feet that stand on a terrain in the middle of a step.
 
     Args:
         ground: The terrain.
         steps: Physics steps timed, over all places.
-        physics: Integrator settings; the usual ones when None.
+        physics: Integrator settings; the defaults when None.
 
     Returns:
         JSON-able: number of geoms, height-field nodes, bytes added to the model, mean contacts, and steps per second
@@ -77,14 +76,14 @@ def _probe(ground: Terrain, x: float, physics: PhysicsSettings) -> mujoco.MjSpec
     physics.apply(spec)
     design = foot("soft")
     for side, dx, y in (("left", 0.0, STRIDE[1] / 2.0), ("right", STRIDE[0], -STRIDE[1] / 2.0)):
-        own = SoleGeometry.under_ankle(0.09, 0.16, 0.076, ankle_link=f"{side}_ankle")
-        sole = design.fit(own).sole
+        robot_sole = SoleGeometry.under_ankle(0.09, 0.16, 0.076, ankle_link=f"{side}_ankle")
+        sole = design.fit(robot_sole).sole
         along = np.linspace(-sole.length / 2.0, sole.length / 2.0, 65)
         across = np.linspace(-sole.width / 2.0, sole.width / 2.0, 25)
         top = float(ground.height(x + dx + along[None, :], y + across[:, None]).max())
         place = np.array([x + dx, y, top + 0.01]) + sole.ankle
-        ankle = spec.worldbody.add_body(name=own.ankle_link, pos=place, mass=LOAD, inertia=[0.1] * 3)
+        ankle = spec.worldbody.add_body(name=robot_sole.ankle_link, pos=place, mass=LOAD, inertia=[0.1] * 3)
         ankle.explicitinertial, ankle.ipos = True, np.zeros(3)
         ankle.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-        design.build(spec, ankle, side, own)
+        design.build(spec, ankle, side, robot_sole)
     return spec
