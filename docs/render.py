@@ -176,7 +176,7 @@ def main() -> None:
     draw("hrp4_class", push_frames("hrp4_class"), folder / "push.png")
     print(f"wrote {folder / 'push.png'}")
     render_ground.draw_all(folder)
-    render_walk.draw(folder / "walk.png")
+    render_walk.draw(folder / "walk.webp")
 
 
 if __name__ == "__main__":

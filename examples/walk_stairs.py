@@ -1,7 +1,7 @@
 """Climb stairs: footsteps at different heights, and a centre of mass that rises with them.
 
-The stairs are known, so that the plan puts each foot into the middle of a stair. Both feet come onto each one; with
-`--way alternate` every foot takes the next.
+The stairs are known, and the plan puts each foot into the middle of a stair. Both feet step onto each stair; with
+`--way alternate` the feet take turns.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.terrain import terrain
+from wbc.sim import terrain
 from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs
 
 TREAD = 0.25
 """Depth of a stair, m."""
 
 BEFORE = 0.25
-"""From the robot to the first edge, m."""
+"""Distance from the robot to the first edge, m."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:

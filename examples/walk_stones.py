@@ -1,9 +1,8 @@
 """Walk on stones, on soft feet: a whole simulated walk as one call.
 
 The arguments of `walk` are the fields of a `WalkSpec`, which fixes the result; the same spec gives the same result, bit
-for bit, here and in any sweep over a thousand of them. Compare soles: `--foot flat` against `--foot soft`, at several
-`--seed`s.
-The robot knows nothing about the stones. It walks as on a floor and feels with its feet when they land.
+for bit, here and in a sweep over thousands of them. Compare soles: `--foot flat` against `--foot soft`, at several
+`--seed`s. The robot does not know the stones: it walks as on a floor and measures when its feet land.
 """
 
 from __future__ import annotations

@@ -1,24 +1,26 @@
-"""Joint torques: kept small, or near given ones."""
+"""Task on joint torques."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, finite_array, finite_scalar, unknown_name
+from wbc.core.errors import Array, check_options, finite_array, finite_scalar, unknown_name
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import distinct_joints, joint_columns
+from wbc.tasks.options import TaskOptions
 
 
 class JointTorqueTask(VariableTask):
     """Bring joint torques to given ones; with the default target, zero, keep them small.
 
-    Rows and residual are in Nm (N for sliding joints); the weight is a cost per (Nm)². Torques are instantaneous:
-    there is no stiffness, and no damping.
+    Rows and residual are in Nm (N for sliding joints); the weight is a cost per (Nm)², 10⁻⁴ by default. Torques are
+    instantaneous: there is no stiffness, and no damping.
     """
 
     unit = "Nm"
@@ -28,9 +30,7 @@ class JointTorqueTask(VariableTask):
         target: ArrayLike | Mapping[str, float] | None = None,
         *,
         joints: Sequence[str] | None = None,
-        name: str = "joint torques",
-        weight: ArrayLike = 1e-4,
-        hard: bool = False,
+        **options: Unpack[TaskOptions],
     ) -> None:
         """Describe the task.
 
@@ -38,16 +38,18 @@ class JointTorqueTask(VariableTask):
             target: Torques of the task's joints, shape (number of joints,), Nm, or joint name → torque for some of
                 them; zero for all others.
             joints: Joints of the task; all when None.
-            name: Name of the task.
-            weight: Cost per (Nm)², scalar; of single joints, shape (number of joints,), where these are named.
-            hard: Make it a constraint.
+            **options: See `TaskOptions`.
 
         Raises:
-            InputError: No joint at all, a joint twice, or a value that is not finite.
+            UnknownNameError: An unknown option.
+            InputError: No joint at all, a joint twice, or a value that is not finite or out of range.
         """
+        check_options(self, TaskOptions, options)
+        rest: dict[str, Any] = {"weight": 1e-4, **options}
+        name = rest.pop("name", None) or "joint torques"
         self._joints = None if joints is None else distinct_joints(joints)
-        super().__init__(name, len(self._joints or [""]), weight=weight, hard=hard)
-        self._wanted = target
+        super().__init__(name, len(self._joints or [""]), **rest)
+        self._pending = target
         self._target: Array | None = None
 
     def bind(self, robot: Robot) -> None:
@@ -64,8 +66,8 @@ class JointTorqueTask(VariableTask):
         self._columns = joint_columns(robot, self._joints)
         if self._target is None:
             self._target = np.zeros(self.dim)
-            if self._wanted is not None:
-                self.target = self._wanted
+            if self._pending is not None:
+                self.target = self._pending
 
     def bind_problem(self, problem: Problem) -> None:
         """Find the torque rows; see `VariableTask.bind_problem`."""
@@ -85,7 +87,7 @@ class JointTorqueTask(VariableTask):
     @target.setter
     def target(self, value: ArrayLike | Mapping[str, float]) -> None:
         if self._target is None:
-            self._wanted = value
+            self._pending = value
         elif isinstance(value, Mapping):
             changed = np.array(self._target)
             for joint, torque in value.items():

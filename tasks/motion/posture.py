@@ -1,22 +1,25 @@
-"""The posture: all joints, or some of them."""
+"""Task on the positions of all joints, or of some of them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative
+from wbc.core.errors import Array, InputError, check_options, finite_array, finite_scalar, non_negative
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import distinct_joints, joint_columns
+from wbc.tasks.options import GainOptions
 
 
 class PostureTask(SelectionTask):
     """Bring joints to given positions; what is left free by all other tasks goes here.
 
     Error and residual are in rad and rad/s² (m and m/s² for sliding joints); the weight is a cost per (rad/s²)².
+    Weight 0.1 and stiffness 20 1/s² by default.
     """
 
     unit = "rad"
@@ -27,11 +30,7 @@ class PostureTask(SelectionTask):
         *,
         joints: Sequence[str] | None = None,
         joint_weights: Mapping[str, float] | None = None,
-        name: str = "posture",
-        weight: ArrayLike = 0.1,
-        stiffness: ArrayLike = 20.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
+        **options: Unpack[GainOptions],
     ) -> None:
         """Describe the task.
 
@@ -40,25 +39,23 @@ class PostureTask(SelectionTask):
                 them; the present posture for all others.
             joints: Joints of the task; all when None.
             joint_weights: Joint name → factor on the weight; it stays when the weight is changed.
-            name: Name of the task.
-            weight: Cost per (rad/s²)².
-            stiffness: 1/s².
-            damping: 1/s; critical when None.
-            hard: Make it a constraint.
+            **options: See `GainOptions`.
 
         Raises:
-            InputError: No joint at all, a joint twice, or a value that is not finite.
+            UnknownNameError: An unknown option.
+            InputError: No joint at all, a joint twice, or a value that is not finite or out of range.
         """
+        check_options(self, GainOptions, options)
+        gains: dict[str, Any] = {"weight": 0.1, "stiffness": 20.0, **options}
+        name = gains.pop("name", None) or "posture"
         self._joints = None if joints is None else distinct_joints(joints)
         self._factor: Array | None = None
         self._factors = {
             joint: non_negative(f"weight of joint '{joint}' in task '{name}'", factor)
             for joint, factor in (joint_weights or {}).items()
         }
-        super().__init__(
-            name, len(self._joints or [""]), weight=weight, stiffness=stiffness, damping=damping, hard=hard
-        )
-        self._wanted = target
+        super().__init__(name, len(self._joints or [""]), **gains)
+        self._pending = target
         self._target: Array | None = None
 
     def bind(self, robot: Robot) -> None:
@@ -84,9 +81,9 @@ class PostureTask(SelectionTask):
             self._rows.weight *= factor
         if self._target is None:
             self._target = np.array(robot.q[self._positions])
-        if self._wanted is not None:
-            self.target = self._wanted
-            self._wanted = None
+        if self._pending is not None:
+            self.target = self._pending
+            self._pending = None
 
     @property
     def weight(self) -> Array:
@@ -115,7 +112,7 @@ class PostureTask(SelectionTask):
     @target.setter
     def target(self, value: ArrayLike | Mapping[str, float]) -> None:
         if self._target is None:
-            self._wanted = value
+            self._pending = value
         elif isinstance(value, Mapping):
             changed = np.array(self._target)
             for joint, position in value.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import inspect
 import math
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
@@ -13,7 +14,7 @@ import pytest
 from pydantic import Field
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.registry import Registry, call_checked
+from wbc.core.registry import Registry, call_checked, named_parameters
 from wbc.core.settings import (
     Count,
     NonNegative,
@@ -211,3 +212,21 @@ def test_parameters_are_looked_up_before_the_call() -> None:
         call_checked("foot 'x'", make, {"sise": 2.0})
     with pytest.raises(InputError, match="the foot 'x' needs a value for 'size'"):
         call_checked("foot 'x'", make, {})
+
+
+def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
+    class Shoe:
+        @classmethod
+        @named_parameters("Shoe.of")
+        def of(cls, size: float, *, colour: str = "red") -> tuple[float, str]:
+            """Return size and colour."""
+            return size, colour
+
+    assert Shoe.of(2.0) == (2.0, "red") and Shoe.of(size=1.0, colour="blue") == (1.0, "blue")
+    assert (
+        str(inspect.signature(Shoe.of)) == "(size: 'float', *, colour: 'str' = 'red') -> 'tuple[float, str]'"
+    )
+    with pytest.raises(UnknownNameError, match="no parameter of Shoe.of 'color'; did you mean 'colour'"):
+        Shoe.of(2.0, color="blue")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="size"):
+        Shoe.of()  # type: ignore[call-arg]

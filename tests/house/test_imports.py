@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 import subprocess
 import sys
@@ -23,17 +24,12 @@ FOLDERS = {
     "wbc.sim": ROOT / "sim",
     "wbc.app": ROOT / "wbc" / "app",
 }
-FLOORS = (
-    ("wbc.core",),
-    ("wbc.robots", "wbc.feet"),
-    ("wbc.tasks",),
-    ("wbc.walking",),
-    ("wbc.sim",),
-    ("wbc.app",),
-)
-"""Lowest first; neighbours on a floor do not import each other."""
+_spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "architecture.py")
+assert _spec is not None and _spec.loader is not None
+architecture = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(architecture)
 
-FLOOR = {package: height for height, floor in enumerate(FLOORS) for package in floor}
+FLOOR = {package: height for height, floor in enumerate(architecture.FLOORS) for package in floor}
 
 
 def sources(folder: Path) -> Iterator[Path]:
@@ -103,6 +99,12 @@ def test_no_import_goes_up_or_sideways(package: str) -> None:
             if module.startswith("wbc.") and other is None and not module.startswith("wbc._version"):
                 wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
     assert not wrong, "\n".join(wrong)
+
+
+def test_the_picture_of_the_architecture_is_up_to_date() -> None:
+    """Fails when an import adds or removes an arrow between rooms: run `python docs/figures.py`."""
+    drawn = (ROOT / "docs" / "images" / "architecture.svg").read_text(encoding="utf-8")
+    assert drawn == architecture.architecture_svg(ROOT)
 
 
 def test_nothing_below_the_simulator_imports_mujoco_when_imported() -> None:

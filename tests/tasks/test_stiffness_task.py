@@ -391,7 +391,7 @@ def test_policies_have_names() -> None:
         stiffness_policy("of a file")
     with pytest.raises(InputError, match="no stiffness model 'nowhere.json'"):
         stiffness_policy("model", path="nowhere.json")
-    with pytest.raises(InputError, match="fixed stiffness"):
+    with pytest.raises(InputError, match=r"^stiffness \(Nm/rad\) must be .* of at least 0, got -1.0$"):
         stiffness_policy("fixed", stiffness=-1.0)
     register_stiffness_policy("always 3", lambda: FixedPolicy(3.0))
     assert stiffness_policy("always 3") == FixedPolicy(3.0)
@@ -557,17 +557,17 @@ def test_a_model_for_another_step_is_refused(model: StiffnessModel) -> None:
 @pytest.mark.parametrize(
     ("timing", "message"),
     [
-        ({"decide_at": 1.1}, "share of the single support to decide at"),
-        ({"decide_at": 0.2, "scan_from": 0.2}, "share of the single support to decide at"),
-        ({"scan_from": -0.1}, "share of the single support to scan from"),
-        ({"deadline": -1.0}, "deadline"),
-        ({"min_length": 0.01}, "shortest profile"),
-        ({"min_coverage": 1.5}, "coverage"),
-        ({"fallback": -2.0}, "fallback stiffness"),
-        ({"fallback": math.nan}, "fallback stiffness"),
-        ({"tolerance": 0.0}, "tolerance"),
-        ({"sensor_rate": -5.0}, "rate of the range sensor"),
-        ({"history": 0}, "history"),
+        ({"decide_at": 1.1}, "^decide_at must be .* of at most 1, got 1.1$"),
+        ({"decide_at": 0.2, "scan_from": 0.2}, "^decide_at must be above scan_from = 0.2, got 0.2$"),
+        ({"scan_from": -0.1}, "^scan_from must be .* of at least 0"),
+        ({"deadline": -1.0}, r"^deadline \(s\) must be .* of at least 0"),
+        ({"min_length": 0.01}, r"^min_length \(m\) must be at least 0.0"),
+        ({"min_coverage": 1.5}, "^min_coverage must be .* of at most 1"),
+        ({"fallback": -2.0}, r"^fallback \(Nm/rad\) must be .* of at least 0"),
+        ({"fallback": math.nan}, r"^fallback \(Nm/rad\) must be a finite number"),
+        ({"tolerance": 0.0}, r"^tolerance \(Nm/rad\) must be .* above 0"),
+        ({"sensor_rate": -5.0}, r"^sensor_rate \(Hz\) must be .* of at least 0"),
+        ({"history": 0}, "^history must be an integer of at least 1, got 0$"),
     ],
 )
 def test_timing_is_checked(timing: dict[str, object], message: str) -> None:

@@ -1,43 +1,43 @@
-"""From a controller's accelerations and torques to the commands of a robot's drives.
+"""Position and torque control: from a controller's accelerations and torques to commands of a robot's drives.
 
 Position control integrates the accelerations to references of joint position and velocity, as mc_rtc does: the
-robot that is controlled (the model that moves as commanded) and the robot that is estimated (from sensors) are two
-objects. Torque control sends the torques and needs the estimate alone.
+controlled robot (the model that moves as commanded) and the estimated robot (from sensors) are two objects. Torque
+control sends the torques and needs the estimate alone.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from time import perf_counter
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive, scalar
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
 
 Prepare = Callable[[Robot, Measurement], None]
-"""Called once a tick with the estimated robot and the measurement, to move the targets of tasks and contacts."""
+"""Function called once a tick with the estimated robot and the measurement, to move targets of tasks and contacts."""
 
 Feedforward = Callable[[Solution], Array]
-"""Called once a tick after the problem has been solved; returns joint torques, shape (na,), Nm."""
+"""Function called once a tick after the QP has been solved; returns joint torques, shape (na,), Nm."""
 
 
-@dataclass(frozen=True)
+@settings
 class FailurePolicy:
-    """What to do when a tick has no solution or its measurement cannot be used.
+    """Reaction to ticks without a solution or with a measurement that cannot be used.
 
-    The last good command is held while the motion is damped; when failures go on, the robot is stopped: position
+    The last good command is held while the motion is damped; when failures continue, the robot is stopped: position
     control freezes its references, torque control only damps. A stopped control stays stopped until `reset`.
 
     Attributes:
@@ -46,18 +46,13 @@ class FailurePolicy:
         stop_after: Time of uninterrupted failure after which the robot is stopped, s.
     """
 
-    damping_time: float = 0.05
-    joint_damping: float = 0.02
-    stop_after: float = 0.1
-
-    def __post_init__(self) -> None:
-        positive("damping time of the failure policy (s)", self.damping_time)
-        non_negative("joint damping of the failure policy (s/rad)", self.joint_damping)
-        non_negative("stop_after of the failure policy (s)", self.stop_after)
+    damping_time: Annotated[Positive, "s"] = 0.05
+    joint_damping: Annotated[NonNegative, "s/rad"] = 0.02
+    stop_after: Annotated[NonNegative, "s"] = 0.1
 
 
 class _Control:
-    """What both modes share: the observer, failures and the last solution."""
+    """Base of both modes: the observer, failures and the last solution."""
 
     def __init__(
         self,
@@ -83,14 +78,14 @@ class _Control:
         return self._failing * self.controller.dt > self.policy.stop_after
 
     def _forget(self) -> None:
-        """Forget failures, the last solution and what was sent."""
+        """Clear failures, the last solution and the last torques."""
         self.controller.reset()
         self.solution = None
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
 
     def _measure(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> bool:
-        """Update the estimate; False if the measurement had to be refused."""
+        """Update the estimate; return False if the measurement had to be refused."""
         try:
             self.observer.update(measurement, soles)
         except MeasurementError as error:
@@ -99,7 +94,7 @@ class _Control:
         return True
 
     def _count(self, good: bool, measured: bool) -> bool:
-        """Count failures; True if the tick can be used."""
+        """Count failures; return True if the tick can be used."""
         if good and not self.stopped:
             self._failing = 0
             return True
@@ -116,11 +111,11 @@ class _Control:
 
 
 class TorqueControl(_Control):
-    """Sends the torques of the solution; the controller's robot is the estimated one.
+    """Torque control: sends the torques of the solution; the controller's robot is the estimated one.
 
     Attributes:
         controller: The controller.
-        observer: Estimates the state from measurements.
+        observer: Observer that estimates the state from measurements.
         solution: Result of the last tick.
         failures: Number of failed ticks so far.
     """
@@ -137,10 +132,10 @@ class TorqueControl(_Control):
 
         Args:
             controller: The controller.
-            observer: Of the same robot model; a new one when None. If it estimates into the controller's own
+            observer: Observer of the same robot model; a new one when None. If it estimates into the controller's own
                 robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
-            policy: What to do on failure.
-            prepare: Called once a tick before the problem is solved.
+            policy: Reaction to failures.
+            prepare: Function called once a tick before the QP is solved.
 
         Raises:
             InputError: An observer of another robot model.
@@ -150,7 +145,7 @@ class TorqueControl(_Control):
         super().__init__(controller, observer, policy, prepare)
 
     def reset(self, q: Array | None = None) -> None:
-        """Start again from a configuration at rest; half-sitting when None."""
+        """Restart from a configuration at rest; half-sitting when None."""
         self.observer.reset(q)
         robot = self.controller.robot
         robot.update(self.observer.robot.q, self.observer.robot.v)
@@ -160,10 +155,10 @@ class TorqueControl(_Control):
         """Run one tick.
 
         Args:
-            measurement: What the sensors say now.
+            measurement: Measurement of this tick.
 
         Returns:
-            The torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
+            Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
         """
         controller = self.controller
         start = perf_counter()
@@ -188,14 +183,14 @@ class TorqueControl(_Control):
 
 
 class PositionControl(_Control):
-    """Integrates the accelerations of the solution to references of joint position and velocity.
+    """Position control: integrates the accelerations of the solution to references of joint position and velocity.
 
     Attributes:
         controller: The controller.
-        observer: Estimates the state from measurements.
+        observer: Observer that estimates the state from measurements.
         feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
             them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
-        feedforward: Add the torques of the solution to the servos; or what this function makes of the solution.
+        feedforward: True to add the torques of the solution to the servos; a function to add its torques instead.
         solution: Result of the last tick.
         failures: Number of failed ticks so far.
         q: Configuration of the commanded robot, shape (nq,).
@@ -218,13 +213,13 @@ class PositionControl(_Control):
         Args:
             controller: The controller; in open loop its robot becomes the commanded robot, starting from its
                 present state.
-            observer: Of the same robot model; a new one when None.
-            policy: What to do on failure.
+            observer: Observer of the same robot model; a new one when None.
+            policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
             feedforward: Add the torques of the solution to the servos, against the sag of position servos. A function
                 replaces them by torques of its own.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
-            prepare: Called once a tick before the problem is solved.
+            prepare: Function called once a tick before the QP is solved.
 
         Raises:
             InputError: An observer of another robot model, or an unknown feedback.
@@ -246,7 +241,7 @@ class PositionControl(_Control):
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
     def reset(self, q: Array | None = None) -> None:
-        """Start again from a configuration at rest; half-sitting when None."""
+        """Restart from a configuration at rest; half-sitting when None."""
         robot = self.controller.robot
         self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
         self.v[:] = 0.0
@@ -258,10 +253,10 @@ class PositionControl(_Control):
         """Run one tick.
 
         Args:
-            measurement: What the sensors say now.
+            measurement: Measurement of this tick.
 
         Returns:
-            References that the servos shall reach at the next tick, and feed-forward torques. Nothing is raised: a
+            References that the servos should reach at the next tick, and feed-forward torques. Nothing is raised: a
             failed tick follows the policy.
         """
         controller, dt = self.controller, self.controller.dt
@@ -269,7 +264,7 @@ class PositionControl(_Control):
         start = perf_counter()
         soles = None
         if self.feedback == "open":
-            # The estimate is kept in the commanded robot's world: loaded feet are where that has them now.
+            # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
             robot.update(self.q, self.v)
             soles = self._soles
         good = measured = self._measure(measurement, soles)

@@ -6,7 +6,7 @@ import logging
 
 from rich.progress import track
 
-from wbc.app.live import Live, LiveOptions, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.settings import to_json
 from wbc.sim.balance import PushTableSpec, StandSpec, StandTrial, format_push_table, push_table
@@ -16,7 +16,7 @@ from wbc.sim.balance import PushTableSpec, StandSpec, StandTrial, format_push_ta
 def stand(
     options: Flat[StandSpec] = StandSpec(),
     *,
-    live: LiveOptions = Live(),
+    live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""

@@ -12,18 +12,12 @@ from pydantic import Field
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.settings import Count, settings, to_json
-from wbc.feet.stiffness.comparison import (
-    amplitude_trends,
-    candidates,
-    compare,
-    comparison_table,
-    learning_curve,
-    principal_components,
-)
+from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
+from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
+from wbc.feet.stiffness.figures import PICTURES, draw_model
 from wbc.feet.stiffness.model import DEFAULT_TABLE, Kind, ModelSettings, StiffnessModel
-from wbc.feet.stiffness.plot import PICTURES, draw_model
 from wbc.feet.stiffness.validation import Candidate
 
 TablePath = Annotated[

@@ -57,7 +57,7 @@ def view(
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a page or a film."""
     from wbc.app.replay import Replay, check_film, check_page, render_video, replay_page  # noqa: PLC0415 - slow
-    from wbc.app.replay.serve import Server  # noqa: PLC0415
+    from wbc.app.replay.page_server import PageServer  # noqa: PLC0415
 
     opened = Log.open(log)
     if opened.broken:
@@ -65,7 +65,7 @@ def view(
     out, server = options.out, None
     film = out is not None and out.suffix.lower() in FILMS
     if out is None:
-        server = Server(options.host, options.port)
+        server = PageServer(options.host, options.port)
     elif film:
         check_film(out)
     else:

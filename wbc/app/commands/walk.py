@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 
 from wbc.app.files import check_target
-from wbc.app.live import Live, LiveOptions, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_options import WalkOptions
 from wbc.app.walk_report import walk_text
@@ -17,7 +17,7 @@ from wbc.sim.walks import WalkHook, WalkTrial
 def walk(
     options: Flat[WalkOptions] = WalkOptions(),
     *,
-    live: LiveOptions = Live(),
+    live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Walk in the simulator, and report how far the robot came and how well. A fall is a result like any other."""

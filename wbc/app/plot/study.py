@@ -1,4 +1,4 @@
-"""What a study found, in one figure."""
+"""Figure of a study's table."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DODGE = 0.6
-"""Rows share this much of the space between two arms."""
+"""Share of the space between two arms that their rows take."""
 
 MARKERS = "os^DvPX"
 
@@ -26,10 +26,10 @@ def study_figure(table: StudyTable) -> Figure:
     """Draw a table: each arm's mean and its difference to the reference, with intervals; a colour per row.
 
     Args:
-        table: Of up to seven rows.
+        table: Table of at most seven rows.
 
     Raises:
-        InputError: More rows, which nobody could tell apart, or nothing to draw.
+        InputError: More rows, which have no distinct colours, or nothing to draw.
     """
     rows, arms = table.rows, list(table.study.arms)
     if len(rows) > len(COLOURS):
@@ -67,7 +67,7 @@ def _estimate(
 
 
 def _draw(axes: Axes, arms: list[str], rows: dict[str, list[Estimate | None]]) -> None:
-    """Points with intervals, side by side where several rows share an arm."""
+    """Draw means with intervals, side by side where several rows share an arm."""
     places = np.arange(len(arms), dtype=float)
     for i, (row, estimates) in enumerate(rows.items()):
         shift = DODGE * ((i + 0.5) / len(rows) - 0.5)
@@ -87,7 +87,7 @@ def _draw(axes: Axes, arms: list[str], rows: dict[str, list[Estimate | None]]) -
 
 
 def _numbers(estimate: Estimate | None) -> tuple[float, float, float]:
-    """Mean and ends of the interval; NaN where there is none, no width where one value says nothing of others."""
+    """Return mean and ends of the interval; NaN without a mean, no width for a single value."""
     if estimate is None or estimate.mean is None:
         return math.nan, math.nan, math.nan
     low = estimate.mean if estimate.low is None else estimate.low
