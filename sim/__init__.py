@@ -33,6 +33,24 @@ from wbc.sim.plant import (
     with_feet,
 )
 from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult, drop, pitch, press, slide
+from wbc.sim.studies import (
+    Cell,
+    Journal,
+    Outcome,
+    Study,
+    StudyTable,
+    SweepSummary,
+    TrialKind,
+    WalkPushLimitSpec,
+    cluster_executor,
+    read_journal,
+    register_trial,
+    run_trial,
+    study_by_name,
+    study_rows,
+    study_table,
+    sweep,
+)
 from wbc.sim.terrain import (
     ClearanceWarning,
     FieldFamily,
@@ -128,4 +146,21 @@ __all__ = [
     "PressResult",
     "SlideResult",
     "PitchResult",
+    # Studies: many trials, journals and tables
+    "Cell",
+    "Journal",
+    "Outcome",
+    "Study",
+    "StudyTable",
+    "SweepSummary",
+    "TrialKind",
+    "WalkPushLimitSpec",
+    "cluster_executor",
+    "read_journal",
+    "register_trial",
+    "run_trial",
+    "study_by_name",
+    "study_rows",
+    "study_table",
+    "sweep",
 ]

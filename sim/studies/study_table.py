@@ -202,10 +202,10 @@ def study_table(
         rows.append(ALL)
     cells = []
     for row in rows:
-        mine = {arm: columns[row, arm] for arm in study.arms if (row, arm) in columns}
-        common = _common(mine) if len(members[row]) > 1 else None
-        base = mine[reference].values if reference in mine else {}
-        for arm, column in mine.items():
+        in_row = {arm: columns[row, arm] for arm in study.arms if (row, arm) in columns}
+        common = _common(in_row) if len(members[row]) > 1 else None
+        base = in_row[reference].values if reference in in_row else {}
+        for arm, column in in_row.items():
             values = column.values
             cells.append(
                 TableCell(

@@ -75,25 +75,25 @@ def swing_summaries(
         if entry is None or entry.status != "done" or not (entry.result or {}).get("stiffness"):
             continue
         for row in (trial.cell, ALL):
-            mine = collected.setdefault(row, _Collected())
-            mine.walks += 1
-            mine.swings += (entry.result or {})["stiffness"]
+            group = collected.setdefault(row, _Collected())
+            group.walks += 1
+            group.swings += (entry.result or {})["stiffness"]
             if entry.clock and entry.clock.get("decision_us"):
-                mine.clocks.append(entry.clock["decision_us"])
+                group.clocks.append(entry.clock["decision_us"])
     total = collected.pop(ALL, None)
     if total is not None and len(collected) > 1:
         collected[ALL] = total
-    return {row: _summary(mine) for row, mine in collected.items()}
+    return {row: _summary(group) for row, group in collected.items()}
 
 
-def _summary(mine: _Collected) -> SwingSummary:
-    swings = mine.swings
+def _summary(group: _Collected) -> SwingSummary:
+    swings = group.swings
     fallbacks = Counter(s["fallback"].partition(":")[0].partition(",")[0] for s in swings if s["fallback"])
     decided = [s for s in swings if s["fallback"] is None]
     followed = [abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= TOLERANCE for s in decided]
     ahead = [s["seconds_before_landing"] for s in swings if s["seconds_before_landing"] is not None]
     return SwingSummary(
-        walks=mine.walks,
+        walks=group.walks,
         swings=len(swings),
         reached=float(np.mean([s["reached"] for s in swings])),
         decided=len(decided) / len(swings),
@@ -104,8 +104,8 @@ def _summary(mine: _Collected) -> SwingSummary:
         profile_error=_errors(swings, "profile_error_m"),
         profile_error_as_believed=_errors(swings, "profile_error_as_believed_m"),
         decision_us=(
-            (float(np.median([c["median"] for c in mine.clocks])), max(c["max"] for c in mine.clocks))
-            if mine.clocks
+            (float(np.median([c["median"] for c in group.clocks])), max(c["max"] for c in group.clocks))
+            if group.clocks
             else None
         ),
     )

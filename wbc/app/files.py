@@ -39,21 +39,28 @@ def check_target(what: str, path: str | Path, endings: tuple[str, ...]) -> Path:
     return target
 
 
-def read_json(path: Path) -> Any:
-    """Return the content of a JSON file.
+def read_object(what: str, path: Path) -> dict[str, Any]:
+    """Return the object in a JSON file.
+
+    Args:
+        what: Noun for the messages: "walk".
+        path: The file.
 
     Raises:
-        InputError: The file cannot be read, or is not JSON.
+        InputError: The file cannot be read, is not JSON or holds no object.
     """
     text = read_text(path)
     try:
-        return json.loads(text)
+        data = json.loads(text)
     except ValueError as error:
         raise InputError(f"{path} is not JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise InputError(f"{path} is no {what}: it must hold a JSON object")
+    return data
 
 
 def check_picture(path: Path | None) -> Path | None:
-    """Return where a picture is to be written, None if none is wanted.
+    """Return the path of a picture after a check; None without one.
 
     Raises:
         InputError: As `check_target` raises it.

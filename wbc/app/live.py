@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.core.settings import settings
 from wbc.sim.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class ShownRun:
     interventions: list[dict[str, Any]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class LiveView:
     """Options of the live view in a browser.
 

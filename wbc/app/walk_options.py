@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from wbc.app.files import read_json
+from wbc.app.files import read_object
 from wbc.core.changes import read_changes
-from wbc.core.errors import InputError, finite_scalar
+from wbc.core.errors import finite_scalar
 from wbc.core.settings import from_json, settings
 from wbc.sim.balance.standing import Mode
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
@@ -139,15 +139,9 @@ def read_spec(path: Path) -> WalkSpec:
     Raises:
         InputError: The file cannot be read, or holds no walk.
     """
-    data = read_json(path)
-    if isinstance(data, dict) and isinstance(data.get("spec"), dict):
-        data = data["spec"]
-    if not isinstance(data, dict):
-        raise InputError(f"{path} is no walk: it must hold a JSON object")
-    try:
-        return WalkSpec.from_json(data)
-    except TypeError as error:
-        raise InputError(f"{path} is no walk: {error}") from error
+    data = read_object("walk", path)
+    spec = data.get("spec")
+    return WalkSpec.from_json(spec if isinstance(spec, dict) else data)
 
 
 def read_push(text: str) -> WalkPush:

@@ -1,4 +1,4 @@
-"""Benchmarks behind `wbc bench`: tick, solver (with its problem streams), physics and walk.
+"""Benchmarks behind `wbc bench`: tick, solver (with its problem streams), physics and walk; and the cost of a terrain.
 
 A new benchmark is a module with a settings class `Bench…Options` and a function `bench_…`, and a command in
 `wbc.app.commands.bench`.

@@ -18,7 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from wbc.app.files import check_target, read_json
+from wbc.app.files import check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings, to_json
@@ -272,13 +272,7 @@ def read_study(name: str) -> Study:
     path = Path(name)
     if name in STUDIES or not (path.suffix == ".json" or path.exists()):
         return study_by_name(name)
-    data: Any = read_json(path)
-    if not isinstance(data, dict):
-        raise InputError(f"{path} is no study: it must hold a JSON object")
-    try:
-        return Study.from_json(data)
-    except TypeError as error:
-        raise InputError(f"{path} is no study: {error}") from error
+    return Study.from_json(read_object("study", path))
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
