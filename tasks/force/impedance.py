@@ -58,7 +58,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
             frame: Frame of the robot, or the name of a sole.
             target: Pose in the world at zero offset; the present one when None.
             spring: Along the axes of the frame, shape (6,) or a pair (linear, angular), N/m and Nm/rad, ≥ 0.
-            damper: Same, Ns/m and Nms/rad, above zero.
+            damper: Along the same axes, Ns/m and Nms/rad, above zero.
             wrench_gain: Factor on the wrench error, shape (6,) or a pair, ≥ 0.
             **options: See `OffsetOptions`.
         """
@@ -132,8 +132,8 @@ class ImpedanceTask(FirstOrderImpedanceTask):
             frame: Frame of the robot, or the name of a sole.
             target: Pose in the world at zero offset; the present one when None.
             mass: Along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², above zero.
-            spring: Same, N/m and Nm/rad, ≥ 0.
-            damper: Same, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
+            spring: Along the same axes, N/m and Nm/rad, ≥ 0.
+            damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
             wrench_gain: Factor on the wrench error.
             **options: See `OffsetOptions`.
 

@@ -72,7 +72,7 @@ class StepStiffness:
         commanded: Stiffness at the landing as commanded, Nm/rad.
         actual: Stiffness at the landing as measured, Nm/rad; NaN for a sole without a sensor.
         reached: True if the two agree within the tolerance.
-        wanted: Stiffness that policy or fallback asked for, Nm/rad; differs from `commanded` where the actuator could
+        requested: Stiffness asked for by policy or fallback, Nm/rad; differs from `commanded` if the actuator could
             not have reached it in time. NaN if nothing was decided.
         fallback: Reason for using the fallback; None if the policy decided.
         decision: Answer of the policy; None if it was not asked or gave none.
@@ -87,7 +87,7 @@ class StepStiffness:
     commanded: float
     actual: float = math.nan
     reached: bool = False
-    wanted: float = math.nan
+    requested: float = math.nan
     fallback: str | None = None
     decision: StiffnessDecision | None = None
     profile: Profile | None = None
@@ -102,9 +102,9 @@ class StepStiffness:
             "side": self.side,
             "step": self.step,
             "commanded_nm_per_rad": self.commanded,
-            "actual_at_landing_nm_per_rad": _known(self.actual),
+            "actual_at_landing_nm_per_rad": _finite_or_none(self.actual),
             "reached": self.reached,
-            "wanted_nm_per_rad": _known(self.wanted),
+            "wanted_nm_per_rad": _finite_or_none(self.requested),
             "fallback": self.fallback,
             "cluster": None if decision is None else decision.cluster,
             "familiar": None if decision is None else decision.familiar,
@@ -112,10 +112,10 @@ class StepStiffness:
             "features": None if decision is None else dict(decision.features),
             "profile_m": None if profile is None else profile.length,
             "coverage": None if profile is None else profile.coverage,
-            "seconds_before_landing": _known(self.decided_before),
+            "seconds_before_landing": _finite_or_none(self.decided_before),
             "decision_us": 1e6 * self.computing,
         }
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None

@@ -210,7 +210,7 @@ class StiffnessScheduler:
             side=SIDES[side],
             step=self._count,
             commanded=float(self._command[side]),
-            wanted=stiffness,
+            requested=stiffness,
             fallback=problem,
             decision=decision,
             profile=profile,

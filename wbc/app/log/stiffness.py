@@ -60,7 +60,13 @@ class StiffnessSource(Source):
         self._last = step = steps[-1]
         text = self._columns.text
         row[self._side] = text(step.side)
-        row[self._numbers] = (step.commanded, step.actual, step.wanted, step.decided_before, step.computing)
+        row[self._numbers] = (
+            step.commanded,
+            step.actual,
+            step.requested,
+            step.decided_before,
+            step.computing,
+        )
         if step.fallback is not None:
             row[self._fallback] = text(step.fallback)
         if step.decision is not None:

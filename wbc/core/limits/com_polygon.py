@@ -74,8 +74,8 @@ class CoMPolygonLimit(RowLimit):
             polygon: Points in world x and y, shape (n, 2), m, whose convex hull is the polygon; the hull of all soles
                 at the time the limit is added when None.
             margin: Distance that the CoM keeps from the edges, m.
-            time_constant: Of the approach to an edge, s; √(height of the CoM / g) when None. With a shorter one the
-                CoM may reach speeds from which the ground cannot stop it.
+            time_constant: Time constant of the approach to an edge, s; √(height of the CoM / g) when None. With a
+                shorter one the CoM may reach speeds from which the ground cannot stop it.
             recovery: Smallest acceleration back from beyond an edge, m/s². When None, that of a CoP half the margin
                 further out, margin / (2 · time constant²).
             max_edges: Number of rows: greatest number of edges of a polygon.

@@ -269,7 +269,7 @@ def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: flo
         distance: Distance to the bound, shape (n,); negative beyond it, from where the bound leads back.
         velocity: Velocity towards the bound, shape (n,).
         dt: Control period, s.
-        time_constant: Of the approach, s.
+        time_constant: Time constant of the approach, s.
 
     Returns:
         Upper bound of the acceleration, shape (n,).

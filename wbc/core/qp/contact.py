@@ -137,13 +137,13 @@ class Contact(ABC):
         self.name = name
         self.frame = frame
         self.cone = cone
-        self.min_force = non_negative(f"least force of contact '{name}' (N)", min_force)
+        self.min_force = non_negative(f"smallest force of contact '{name}' (N)", min_force)
         self.max_force = (
             None if max_force is None else positive(f"greatest force of contact '{name}' (N)", max_force)
         )
         if self.max_force is not None and self.max_force <= self.min_force:
             raise InputError(
-                f"greatest force of contact '{name}' must exceed the least, got {self.max_force} ≤ {self.min_force} N"
+                f"greatest force of contact '{name}' must exceed the smallest: {self.max_force} ≤ {self.min_force} N"
             )
         self.ramp = non_negative(f"force ramp of contact '{name}' (s)", ramp)
         self.stiffness = non_negative(f"stiffness of contact '{name}' (1/s²)", stiffness)
@@ -191,6 +191,11 @@ class Contact(ABC):
     def engaged(self) -> bool:
         """True while the contact holds its frame: active, or still unloading."""
         return self._active or self._load > 0.0
+
+    @property
+    def held_axes(self) -> tuple[str, ...]:
+        """Axes along which the frame is held."""
+        return tuple(axis for axis, free in zip(AXES, self.free, strict=False) if not free)
 
     def bind(self, robot: Robot) -> None:
         """Resolve the frame, and take its present placement as that of the contact.
