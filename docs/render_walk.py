@@ -12,8 +12,8 @@ from PIL import Image
 
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import Replay
-from wbc.app.replay.stage import Stage
-from wbc.sim.walks import WalkPlan, WalkSpec, walk
+from wbc.app.replay.mujoco_scene import MujocoScene
+from wbc.sim import WalkPlan, WalkSpec, walk
 
 SPEC = WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.6))
 """The walk that is filmed."""
@@ -53,20 +53,20 @@ def draw(path: Path) -> None:
 def film(replay: Replay) -> list[Image.Image]:
     """Return the pictures; the camera moves beside the robot at the mean velocity of the walk."""
     width, height = SIZE
-    stage = Stage(replay, width, height)
-    brighten(stage.model)
+    drawn = MujocoScene(replay.scene, replay.plant.terrain, width, height, replay.sole_paths)
+    brighten(drawn.model)
     places, times = replay.log["truth/base/position"], replay.log.time
     ticks = [int(np.searchsorted(times, START + i / RATE)) for i in range(round(SECONDS * RATE))]
     first, last = places[ticks[0]], places[ticks[-1]]
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = 2.35, 118.0, -16.0
     frames = []
-    with mujoco.Renderer(stage.model, height, width) as renderer:
+    with mujoco.Renderer(drawn.model, height, width) as renderer:
         for i, tick in enumerate(ticks):
             share = i / (len(ticks) - 1)
             camera.lookat[:] = (*((1.0 - share) * first + share * last)[:2], replay.scene.floor + 0.74)
-            stage.set(replay.frame(tick), replay.sole_colours(tick))
-            renderer.update_scene(stage.data, camera)
+            drawn.set(replay.frame(tick), replay.sole_colours(tick))
+            renderer.update_scene(drawn.data, camera)
             frames.append(Image.fromarray(renderer.render()))
     return frames
 
