@@ -13,7 +13,6 @@ from pydantic import Field
 
 from wbc.core.errors import Array, InputError, finite_array, positive
 from wbc.core.settings import Positive, settings
-from wbc.feet.soles.soft import SoftFoot
 
 PROFILE_STEP = 0.007
 """Distance of the samples of a profile, m: the public profiles of the paper's authors have 429 samples on 3 m."""
@@ -309,8 +308,3 @@ def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
             f"a profile of {heights.shape} samples holds no window of {length:g} m ({size} samples of {pitch:g} m)"
         )
     return np.lib.stride_tricks.sliding_window_view(heights, size)[::stride]
-
-
-def toe_sensor(foot: SoftFoot) -> Array:
-    """Return the position of a soft foot's range sensor, the middle of its toe, in the sole frame, shape (3,), m."""
-    return np.array([(foot.length - foot.length / foot.phalanges) / 2.0, 0.0, foot.hinge_height])

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Any
 
+import numpy as np
+
+from wbc.core.errors import Array
 from wbc.core.settings import Count, settings
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.parts import FootParts
@@ -55,3 +58,8 @@ class VariableStiffnessFoot(SoftFoot):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.actuator.check(self.stiffness)
+
+
+def toe_sensor(foot: SoftFoot) -> Array:
+    """Return the position of a soft foot's range sensor, the middle of its toe, in the sole frame, shape (3,), m."""
+    return np.array([(foot.length - foot.length / foot.phalanges) / 2.0, 0.0, foot.hinge_height])

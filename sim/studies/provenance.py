@@ -9,8 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import wbc
-from wbc._version import __version__
+import wbc._version as version
 
 PARTS = ("core", "feet", "robots", "sim", "tasks", "walking")
 """Parts of the package that can change the result of a trial; the command line and the pictures cannot."""
@@ -29,7 +28,7 @@ LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 @cache
 def code_version() -> str:
     """Return the hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
-    root = Path(wbc.__file__).parent
+    root = Path(str(version.__file__)).parent
     digest = hashlib.sha256()
     for part in PARTS:
         folder = root / part
@@ -47,7 +46,11 @@ def code_version() -> str:
 @cache
 def provenance() -> Mapping[str, Any]:
     """Return package version, code version and versions of the libraries, as plain values."""
-    return {"wbc": __version__, "code": code_version(), "libraries": {n: _version(n) for n in LIBRARIES}}
+    return {
+        "wbc": version.__version__,
+        "code": code_version(),
+        "libraries": {n: _version(n) for n in LIBRARIES},
+    }
 
 
 def _version(name: str) -> str:

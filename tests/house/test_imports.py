@@ -190,7 +190,6 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     return list(found.values())
 
 
-@pytest.mark.xfail(reason="wbc.sim.studies.provenance imports wbc, whose surface imports the studies")
 def test_modules_do_not_import_each_other_in_circles() -> None:
     """Imports inside functions and for type checkers count, too: a circle is one idea in two files."""
     wrong = [" -> ".join(way) for way in circles(architecture.module_graph(ROOT))]
@@ -202,7 +201,6 @@ def test_a_circle_is_noticed() -> None:
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == [["b", "c", "b"]]
 
 
-@pytest.mark.xfail(reason="feet: the scan knows the soft sole, and the soles the range sensor")
 def test_rooms_do_not_import_each_other_in_circles() -> None:
     """A room is a folder of a package; modules that lie in the package itself belong to no room."""
     graph = architecture.module_graph(ROOT)
