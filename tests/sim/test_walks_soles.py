@@ -171,7 +171,7 @@ def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
         ({"changes": (("stiffness.sensor_rate", 50.0),)}, "follows from 'range_sensor.rate'"),
         ({"changes": (("stiffness.fallback", 1000.0),)}, "1000"),
         ({"changes": (("stiffness.scan.step", 0.01),)}, "trained on profiles with a step"),
-        ({"changes": (("stiffness.decide_at", 1.5),)}, "decide at"),
+        ({"changes": (("stiffness.decide_at", 1.5),)}, "decide_at must be .* at most 1, got 1.5"),
     ],
 )
 def test_bad_input(changes: dict[str, Any], message: str) -> None:
