@@ -1,7 +1,12 @@
-"""Sensor, clock and shape faults to inject into a control loop, and what a run with one of them came to."""
+"""Sensor, clock and shape faults, injected into the loop of a robot that stands or walks.
+
+`python tests/support/faults.py` runs all of them and prints the table of docs/reliability.md.
+"""
 
 from __future__ import annotations
 
+import itertools
+import logging
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -9,8 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, MeasurementError
 from wbc.core.signals import Command, Measurement
+from wbc.sim import Plant
+from wbc.sim.balance.standing import Stand, StandSpec
+from wbc.sim.walks import WalkPlan, WalkSpec
+from wbc.sim.walks.run import WalkTrial
 
 Fault = Callable[[Measurement, "Memory"], Any]
 """Makes a faulty measurement out of a good one; None for a dropped tick."""
@@ -198,3 +207,70 @@ class Injector:
             yield f"{now:.3f} s: position reference out of range"
         if self._last is not None and not (np.abs(sent.joint_position - self._last) <= self._step).all():
             yield f"{now:.3f} s: position reference jumps by {np.abs(sent.joint_position - self._last).max():.3g}"
+
+
+def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
+    """Return what a run with a fault came to.
+
+    Args:
+        task: "stand" or "walk".
+        mode: "position" or "torque".
+        name: One of `faults()`.
+        lasting: From its start to the end of the run; a single tick otherwise.
+    """
+    if task == "stand":
+        stand = Stand(StandSpec(robot="hrp4_class", mode=mode, seconds=2.0, noise="realistic"))
+        plant, control, command = stand.plant, stand.control, stand.control.command
+        start, end = 0.8, 2.0
+    else:
+        plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
+        trial = WalkTrial(WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan))
+        plant, control, command = trial.plant, trial.walking.control, trial.walking.command
+        start, end = 2.2, 5.0
+    robot = control.controller.robot
+    injector = Injector(control, robot, faults()[name][0], start, lasting, plant.control_period)
+    report = injector.report
+    while plant.time < end and report.upright:
+        try:
+            measurement = plant.measure()
+        except MeasurementError:  # the simulation has diverged
+            report.upright = False
+            break
+        sent = injector.command(measurement, command, control.status)
+        if sent is None:
+            break
+        plant.step(sent)
+        report.upright = not fallen(plant)
+    report.stopped = control.stopped
+    return report
+
+
+def fallen(plant: Plant) -> bool:
+    """Return True if the pelvis of a robot lies low or is tilted by more than 60°."""
+    q = plant.truth().q
+    upright = 1.0 - 2.0 * (q[3] ** 2 + q[4] ** 2)
+    return bool(not (q[2] > 0.7 * plant.robot.half_sitting[2] and upright > 0.5))
+
+
+def main() -> None:
+    """Run everything and print a table in Markdown."""
+    logging.disable(logging.CRITICAL)
+    print("| | runs | exceptions | wild commands | stopped for good | fell | not named in 0.2 s |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for task, mode, lasting in itertools.product(("stand", "walk"), ("position", "torque"), (False, True)):
+        reports = {name: run(task, mode, name, lasting=lasting) for name in faults()}
+        late = [n for n, r in reports.items() if lasting and faults()[n][1] and r.named > 0.2]
+        cells = [
+            len(reports),
+            sum(r.raised is not None for r in reports.values()),
+            sum(r.wild is not None for r in reports.values()),
+            sum(r.stopped for r in reports.values()),
+            sum(not r.upright for r in reports.values()),
+            f"{len(late)}{': ' if late else ''}{', '.join(late)}" if lasting else "",
+        ]
+        kind = "lasting" if lasting else "one tick"
+        print(f"| {task}, {mode}, {kind} | {' | '.join(map(str, cells))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
