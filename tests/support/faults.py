@@ -133,10 +133,11 @@ class Report:
     Attributes:
         raised: Text of the first exception out of `command`, None if none came.
         wild: Description of the first command beyond a limit, None if there was none.
-        named: Time from the fault to the first tick whose status was not "ok", s; infinite if it never was.
+        named: Time from the fault to the first tick whose status says that something is refused, doubtful, failing or
+            stopped, s; infinite if none did.
         stopped: True if the control had stopped the robot at the end.
         upright: True if the robot had not fallen at the end.
-        status: The first status that was not "ok".
+        status: That status.
     """
 
     raised: str | None = None
@@ -186,7 +187,8 @@ class Injector:
             return self._command
         self._look(sent, now)
         said = status()
-        if now >= self.start - 1e-9 and said != "ok" and not self.report.status:
+        told = any(word in said for word in ("refused", "doubtful", "failing", "stopped"))
+        if now >= self.start - 1e-9 and told and not self.report.status:
             self.report.named, self.report.status = now - self.start, said
         self._command = sent
         return sent

@@ -160,7 +160,9 @@ class _Control:
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
         self.observer.update(measurement, soles)
-        self.monitor.update(self.plausibility.values, measurement, self.observer.foot_rotation)
+        observer = self.observer
+        vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
+        self.monitor.update(self.plausibility.values, measurement, vertical, observer.foot_rotation)
         return measurement
 
     def _fail(self, reason: str, error: Exception | None = None) -> bool:
