@@ -63,25 +63,87 @@ napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
 
-# API pages: every public module of a package, without a list that could go stale
+# API pages: one for each package and room, written before the pages are read, so that none can go stale
 
-MODULES = re.compile(r"^<!-- modules of ([\w.]+) -->$", re.MULTILINE)
+PACKAGES = {
+    "core": "Core",
+    "robots": "Robots",
+    "feet": "Feet",
+    "tasks": "Tasks",
+    "walking": "Walking",
+    "sim": "Simulation",
+    "app": "Application",
+}
+ACRONYMS = {"qp": "QP"}
+LEFT_OUT = ("wbc.app.commands",)
+"""Rooms whose modules have a page of their own: that of the commands."""
+
+API = Path(__file__).parent / "api"
 
 
-def list_modules(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put the docstrings of all modules in the place of `<!-- modules of a package -->`."""
-    source[0] = MODULES.sub(lambda match: "\n".join(_module_page(match[1])), source[0])
+def write_api_pages(app: Sphinx) -> None:
+    """Write `api/*.md`: the names that a package exports, and the docstrings of all modules of a room."""
+    pages = {"wbc": _api_page("wbc", "First names", [])}
+    for package, title in PACKAGES.items():
+        top = import_module(f"wbc.{package}")
+        rooms = [module.name for module in pkgutil.iter_modules(top.__path__) if module.ispkg]
+        rooms = [room for room in rooms if f"wbc.{package}.{room}" not in LEFT_OUT]
+        pages[package] = _api_page(f"wbc.{package}", title, rooms)
+        for room in rooms:
+            inner = import_module(f"wbc.{package}.{room}")
+            deeper = [module.name for module in pkgutil.iter_modules(inner.__path__) if module.ispkg]
+            heading = ACRONYMS.get(room, room.replace("_", " ").capitalize())
+            pages[f"{package}.{room}"] = _api_page(f"wbc.{package}.{room}", heading, deeper)
+            for name in deeper:
+                pages[f"{package}.{room}.{name}"] = _api_page(
+                    f"wbc.{package}.{room}.{name}", name.replace("_", " ").capitalize(), []
+                )
+    API.mkdir(exist_ok=True)
+    for stale in API.glob("*.md"):
+        if stale.stem not in pages:
+            stale.unlink()
+    for name, text in pages.items():
+        page = API / f"{name}.md"
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
 
 
-def _module_page(package: str) -> list[str]:
-    lines = ["```{eval-rst}", f".. automodule:: {package}", "```", ""]
-    for module in pkgutil.iter_modules(import_module(package).__path__):
-        name = f"{package}.{module.name}"
-        if module.ispkg or module.name.startswith("_"):
+def _api_page(package: str, title: str, rooms: list[str]) -> str:
+    """Return the page of a package: its docstring, its exported names, its rooms and its modules."""
+    module = import_module(package)
+    lines = [f"# {title} ({package})", "", "```{eval-rst}", f".. automodule:: {package}", "```", ""]
+    exported = [name for name in getattr(module, "__all__", ()) if not name.startswith("__")]
+    if exported:
+        lines += [
+            "## Exported names",
+            "",
+            "```{eval-rst}",
+            *(_export(module, name) for name in exported),
+            "```",
+            "",
+        ]
+    if rooms:
+        inside = package.partition(".")[2]
+        lines += ["```{toctree}", ":hidden:", "", *(f"{inside}.{room}" for room in rooms), "```", ""]
+    if package == "wbc":
+        return "\n".join(lines)
+    for part in pkgutil.iter_modules(module.__path__):
+        name = f"{package}.{part.name}"
+        if part.ispkg or part.name.startswith("_"):
             continue
         lines += [f"## {name}", "", "```{eval-rst}", f".. automodule:: {name}"]
         lines += ["   :members:", "   :ignore-module-all:", "```", ""]
-    return lines
+    return "\n".join(lines)
+
+
+def _export(module: Any, name: str) -> str:
+    """Return a line about a name that a package exports, with a link to where it is defined."""
+    thing = getattr(module, name)
+    home, qualified = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
+    if not (isinstance(home, str) and home.startswith("wbc.") and qualified):
+        return f"* ``{name}``"
+    about = (inspect.getdoc(thing) or "").partition("\n\n")[0].replace("\n", " ")
+    return f"* :py:obj:`{name} <{home}.{qualified}>`: {_escaped(about)}"
 
 
 # Settings: tables made from the classes themselves, so that defaults are written once
@@ -157,27 +219,6 @@ def list_commands(app: Sphinx, docname: str, source: list[str]) -> None:
             walks = "" if fact["trials"] is None else f"{fact['trials']:,}"
             lines.append(f"| `{fact['name']}` | {walks} | {fact['about']} |")
         source[0] = source[0].replace(STUDIES, "\n".join(lines))
-
-
-# Sections of the README, which has the tables of measurements
-
-README = re.compile(r"^<!-- README\.md: (.+) -->$", re.MULTILINE)
-LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!\w+://)([^)]+)\)")
-
-
-def quote_readme(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put a section of the README in the place of `<!-- README.md: its heading -->`."""
-    source[0] = README.sub(lambda match: _readme_section(match[1], docname), source[0])
-
-
-def _readme_section(heading: str, docname: str) -> str:
-    _, found, rest = (ROOT / "README.md").read_text(encoding="utf-8").partition(f"\n## {heading}\n")
-    if not found:
-        logger.warning("the README has no section '%s'", heading, location=docname)
-    text = rest.partition("\n## ")[0].replace("](docs/", "](")
-    return LINK.sub(
-        lambda link: link[0] if (ROOT / "docs" / link[2]).exists() else f"{link[1]} (`{link[2]}`)", text
-    )
 
 
 # Docstrings are plain text with Google sections: indented blocks are equations or programs, backticks are code
@@ -331,10 +372,9 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Connect everything."""
     TypeAliasForwardRef.__repr__ = lambda alias: alias.name  # within unions and containers, too
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math_block, None))
-    app.connect("source-read", list_modules)
+    app.connect("builder-inited", write_api_pages)
     app.connect("source-read", list_settings)
     app.connect("source-read", list_commands)
-    app.connect("source-read", quote_readme)
     app.connect("autodoc-process-docstring", docstring_to_rest, priority=400)
     app.connect("autodoc-process-docstring", escape_types, priority=600)
     app.connect("autodoc-skip-member", skip_strangers)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from architecture import architecture_svg
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
@@ -15,14 +16,14 @@ import wbc
 from wbc.core.errors import Array
 from wbc.feet.sensing.scan import resample
 from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import DEFAULT_TABLE
-from wbc.feet.stiffness.plot import draw_model, labels_figure
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.sim.terrain import terrain
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.preview import PreviewController
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 from wbc.walking.planning.schedule import schedule
 
 COM, DCM, ZMP, FOOT = "#1565c0", "#2e7d32", "#c62828", "#90a4ae"
@@ -114,6 +115,11 @@ def draw_roughness(path: Path) -> None:
     plt.close(figure)
 
 
+def draw_architecture(path: Path) -> None:
+    """Rooms of the library, and who imports whom."""
+    path.write_text(architecture_svg(Path(__file__).resolve().parents[1]), encoding="utf-8")
+
+
 def draw_labels(path: Path) -> None:
     """Best stiffness of every training ground against its amplitude."""
     labels_figure(StiffnessTable.load(DEFAULT_TABLE)).savefig(path)
@@ -137,6 +143,7 @@ def main() -> None:
         "path.simplify_threshold": 0.5,
     }
     pictures = {
+        "architecture.svg": draw_architecture,
         "pattern.svg": draw_pattern,
         "roughness.svg": draw_roughness,
         "stiffness_labels.svg": draw_labels,

@@ -19,8 +19,8 @@ import render_walk
 
 from wbc.core.errors import Array
 from wbc.robots import load
+from wbc.sim.balance import StandSpec, StandTrial
 from wbc.sim.balance.push_recovery import PUSH_DURATION
-from wbc.sim.balance.standing import Stand, StandSpec
 
 SIZE = (1600, 560)
 """Width and height of a picture, pixels."""
@@ -56,8 +56,8 @@ class Frame:
 
 def push_frames(robot: str) -> list[Frame]:
     """A robot that is pushed and recovers."""
-    stage = Stand(StandSpec(robot=robot, mode="torque"))
-    plant = stage.plant
+    trial = StandTrial(StandSpec(robot=robot, mode="torque"))
+    plant = trial.plant
     begin, force = 0.5, IMPULSE * plant.robot.mass / PUSH_DURATION
     torso = plant.robot.torso_frame
     frames: list[Frame] = []
@@ -66,10 +66,10 @@ def push_frames(robot: str) -> list[Frame]:
     names = plant.robot.joint_names
     for time in TIMES:
         if time > 0.0 and not pushed:
-            list(stage.run(begin))
+            list(trial.advance(begin))
             plant.push("torso", [force, 0.0, 0.0], PUSH_DURATION)
             pushed = True
-        *_, truth = stage.run(begin + time)
+        *_, truth = trial.advance(begin + time)
         qpos = np.zeros(model.nq)
         qpos[:3], qpos[3:7] = truth.q[:3], truth.q[[6, 3, 4, 5]]
         for name, angle in zip(names, truth.q[7:], strict=True):
@@ -86,7 +86,7 @@ def push_frames(robot: str) -> list[Frame]:
             place = np.array(plant.robot.placement(torso).translation) + [0.0, 0.0, 0.15]
             arrows.append((place - [force * FORCE_SCALE + 0.12, 0, 0], np.array([force, 0, 0]), PUSH_FORCE))
         frames.append(Frame(qpos, tuple(arrows)))
-    if stage.fallen:
+    if trial.fallen:
         raise RuntimeError("the robot of the picture has fallen")
     return frames
 
@@ -176,7 +176,7 @@ def main() -> None:
     draw("hrp4_class", push_frames("hrp4_class"), folder / "push.png")
     print(f"wrote {folder / 'push.png'}")
     render_ground.draw_all(folder)
-    render_walk.draw(folder / "walk.png")
+    render_walk.draw(folder / "walk.webp")
 
 
 if __name__ == "__main__":

@@ -10,15 +10,14 @@ import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.replay.stage import Stage
-from wbc.app.view.source import PlantSource
+from wbc.app.replay.mujoco_scene import MujocoScene
+from wbc.app.scene import PlantSource
 from wbc.sim import Plant
 from wbc.sim.walks import WalkHook, WalkTick
 
@@ -61,7 +60,7 @@ class Catcher(WalkHook):
             self.picture = photograph(self.plant)
 
     def tick(self, tick: WalkTick) -> None:
-        """The same for walks that `run_walk` runs."""
+        """The same for walks that `walk` runs."""
         self.plant = tick.plant
         self.update()
 
@@ -70,19 +69,15 @@ def photograph(plant: Plant) -> Image.Image:
     """Draw a plant as it is now, as a replay would be drawn."""
     source = PlantSource(plant)
     scene = source.scene
-    nothing = SimpleNamespace(moving=())
-    shown: Any = SimpleNamespace(
-        plant=plant, scene=scene, overlays=nothing, moving=scene.moving, sole_paths=()
-    )
-    stage = Stage(shown, *SIZE)
+    drawn = MujocoScene(scene, plant.terrain, *SIZE)
     snapshot = source.snapshot()
-    stage.set(scene.frame(snapshot))
+    drawn.set(scene.frame(snapshot))
     camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 3.3 * scene.size, 130.0, -14.0
-    camera.lookat[:] = (*snapshot.com[:2], scene.floor + 0.85 * scene.size)
-    renderer = mujoco.Renderer(stage.model, SIZE[1], SIZE[0])
+    camera.distance, camera.azimuth, camera.elevation = 3.3 * scene.com_height, 130.0, -14.0
+    camera.lookat[:] = (*snapshot.com[:2], scene.floor + 0.85 * scene.com_height)
+    renderer = mujoco.Renderer(drawn.model, SIZE[1], SIZE[0])
     try:
-        renderer.update_scene(stage.data, camera)
+        renderer.update_scene(drawn.data, camera)
         return Image.fromarray(renderer.render())
     finally:
         renderer.close()

@@ -22,7 +22,7 @@ from wbc.feet import TransverseBending, foot
 from wbc.sim.rig import FootTest, over_bar
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.terrain import terrain
-from wbc.sim.terrain.drawing import contact_sheet
+from wbc.sim.terrain.plot import plot_families
 
 PANEL = (560, 300)
 """Width and height of a view of a foot, pixels."""
@@ -107,7 +107,7 @@ def small(path: Path) -> None:
 
 
 PICTURES: dict[str, Callable[[Path], object]] = {
-    "terrains.png": contact_sheet,
+    "terrains.png": plot_families,
     "foot_soft.png": draw_feet,
     "foot_press.png": draw_press,
     "foot_curves.png": draw_curves,

@@ -1,4 +1,4 @@
-"""What the examples share: the options `--seconds`, `--view` and their like, and whether the robot is on its feet."""
+"""Common parts of the examples: options such as `--seconds` and `--view`, and a check that the robot is upright."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import wbc
-from wbc.app.view.view import MeshcatView
-from wbc.app.view.walk import WatchWalk, wait_for_page
-from wbc.sim.balance.falls import FallDetector
-from wbc.walking.control import WalkingControl
+from wbc.app import MeshcatView, WatchWalk
+from wbc.sim import TrueFallDetector
+from wbc.walking import WalkingControl
 
 BROWSER_TIME = 20.0
-"""How long a run with `--view` waits for somebody to open the page, s."""
+"""Longest time that a run with `--view` waits for a page to be opened, s."""
 
 
 class Options(argparse.Namespace):
@@ -35,16 +34,16 @@ class Options(argparse.Namespace):
             yield NoView()
             return
         with MeshcatView(plant, walking=walking, host=self.host, port=self.port, speed=1.0) as view:
-            wait_for_page(view, BROWSER_TIME)
+            view.wait_for_page(BROWSER_TIME)
             yield view
 
     def hooks(self) -> list[WatchWalk]:
-        """The same for walks that `run_walk` runs."""
+        """The same for walks that `walk` runs."""
         return [WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME)] if self.view else []
 
 
 class NoView:
-    """Stands in for a view that nobody asked for."""
+    """Placeholder for a view without `--view`."""
 
     def update(self) -> None:
         """Do nothing."""
@@ -61,8 +60,8 @@ def parse(
 
     Args:
         doc: Docstring of the example, shown by `--help`.
-        arguments: What follows the name of the example; that of the process when None.
-        seconds: Default of the simulated time, s; None for a run that knows itself when it ends.
+        arguments: Arguments of the example; those of the process when None.
+        seconds: Default of the simulated time, s; None for a run that ends by itself.
         **options: Further options, each with its default, or with all of its values, the default first.
     """
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -85,8 +84,8 @@ def parse(
 
 
 def upright(plant: wbc.Plant) -> bool:
-    """Tell whether the robot is on its feet."""
-    return not FallDetector(plant.robot).fallen(plant.truth().q)
+    """Return true if the robot is on its feet."""
+    return not TrueFallDetector(plant.robot).fallen(plant.truth().q)
 
 
 def report(**facts: Any) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A robot of your own: from a bare URDF to standing on its feet.
 
-All that must be known besides the URDF is which links are the feet. What is missing (sole rectangles, half-sitting,
-servo gains, rotor inertia) is derived from the model, and the report says what came out. To try your robot:
+Besides the URDF, only the links of the feet must be known. Sole rectangles, half-sitting posture, servo gains and rotor
+inertia are derived from the model, and printed as a report. To try your robot:
 
     python own_robot.py --urdf my.urdf --left l_foot_link --right r_foot_link --view
 """
@@ -15,7 +15,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     start = plant.truth().com
     with options.watch(plant) as view:
         while plant.time < options.seconds:
-            if plant.ticks == 200:  # after 1 s: a nudge, to see that it really balances
+            if plant.ticks == 200:  # after 1 s: a push, to test the balance
                 plant.push("base", [0.05 * plant.robot.mass / 0.1, 0.0, 0.0], duration=0.1)
             plant.step(control.command(plant.measure()))
             view.update()

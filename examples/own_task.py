@@ -1,8 +1,7 @@
 """A task of your own: keep looking at a point, whatever the body does.
 
-A task says three things about its rows: the velocity per joint velocity (the Jacobian), what is wanted minus what is
-(the error), and the acceleration that it has by itself (the drift). Weights, gains and limits come with the base
-class.
+A task gives three things for its rows: the velocity per joint velocity (Jacobian), target minus measured (error), and
+the acceleration without joint acceleration (drift). Weights, gains and limits come with the base class.
 """
 
 from __future__ import annotations
@@ -15,16 +14,14 @@ import pinocchio as pin
 from _common import parse, report, upright
 
 import wbc
-from wbc.core.errors import Array
-from wbc.core.qp.task import MotionTask
-from wbc.core.robot import Robot
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
+from wbc.tasks import MotionTask
 
 
 class GazeTask(MotionTask):
-    """Turn a frame so that its x axis points at a place in the world.
+    """Orientation of a frame whose x axis points at a place in the world.
 
-    Its rows are y and z of that place as seen from the frame, m: both are zero when it is straight ahead.
+    Its rows are y and z of that place in the frame, m: both are zero when it is straight ahead.
     """
 
     def __init__(
@@ -33,12 +30,12 @@ class GazeTask(MotionTask):
         super().__init__("gaze", 2, weight=weight, stiffness=stiffness)
         self.frame, self.place = frame, np.array(place)
 
-    def bind(self, robot: Robot) -> None:
+    def bind(self, robot: wbc.Robot) -> None:
         """Look the frame up."""
         super().bind(robot)
         self.frame_id = robot.frame_id(self.frame)
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+    def evaluate(self, jacobian: np.ndarray, error: np.ndarray, drift: np.ndarray) -> None:
         """Fill the rows: p = Rᵀ (place − origin) has the velocity −v − ω × p, all in the frame."""
         model, data, local = self.robot.model, self.robot.data, pin.LOCAL
         p = self.robot.placement(self.frame_id).actInv(self.place)

@@ -1,7 +1,7 @@
 """Push recovery: a shove on the chest while standing, in position control and, with `--mode torque`, in torque control.
 
-In torque control the controller sees where the robot is and answers through the ground forces. In position control
-(open loop, the default) stiff servos hold the robot, and the controller does not even notice.
+In torque control the controller estimates the robot's state and answers through the ground forces. In position control
+(open loop, the default) stiff servos hold the robot, and the controller gets no feedback.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 IMPULSE = 0.15
-"""Of the push, per mass, Ns/kg: by as much it changes the velocity of the centre of mass, m/s."""
+"""Impulse of the push per mass, Ns/kg: the change of the velocity of the centre of mass, m/s."""
 
-DURATION, BEGIN = 0.1, 0.5
-"""How long the push lasts and when it begins, s."""
+DURATION, START = 0.1, 0.5
+"""Duration and start of the push, s."""
 
 DIRECTIONS = {"forward": (1.0, 0.0), "left": (0.0, 1.0), "back": (-1.0, 0.0), "right": (0.0, -1.0)}
 
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     pushed, farthest = False, 0.0
     with options.watch(plant) as view:
         while plant.time < options.seconds:
-            if not pushed and plant.time >= BEGIN:
+            if not pushed and plant.time >= START:
                 plant.push("torso", force, DURATION)
                 pushed = True
             plant.step(control.command(plant.measure()))

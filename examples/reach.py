@@ -1,7 +1,7 @@
 """Reach: bring a hand to a point in space while the rest of the body keeps the balance.
 
-One more task is all it takes. The hand is led along a straight line; the controller finds out by itself how far the
-torso has to lean, and the weights of the tasks say what gives way when not everything is possible.
+One more task is enough. The hand follows a straight line; the lean of the torso results from the QP, and the weights of
+the tasks decide which of them give way when not all are possible.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 REACH = np.array([0.30, -0.05, 0.25])
-"""From where the hand hangs at the start to the point, m: forward, inward, up."""
+"""Vector from the hand's initial position to the point, m: forward, inward, up."""
 
 DURATION = 1.5
-"""Time that the hand takes, s."""
+"""Duration of the motion, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Squat: move the centre of mass down and up again.
 
 A target is an attribute; assign to it whenever it changes. Its velocity and acceleration are fed forward, so that
-the robot does not lag behind.
+the robot follows without lag.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.balance.controller import balance_controller
+from wbc.sim import balance_controller
 
 DEPTH, PERIOD = 0.12, 4.0
-"""How far down the centre of mass goes, m, and how long down and up take together, s."""
+"""Amplitude of the centre of mass, m, and duration of down and up together, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     controller = balance_controller(description.robot(), plant.control_period)
     control = wbc.PositionControl(controller)
 
-    controller.task("posture").weight = 1e-3  # it would rather stay up: let it give way to the centre of mass
+    controller.task("posture").weight = 1e-3  # it gives way to the centre of mass
     com = controller.task("com")
     start = com.target
     lowest, error, rate = start[2], 0.0, 2.0 * math.pi / PERIOD

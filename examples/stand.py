@@ -1,7 +1,7 @@
 """Stand: the smallest program that balances a humanoid, with everything spelled out.
 
-Tasks say what the robot shall do, contacts what holds it up, limits what it must never do. The controller turns
-them into one quadratic program at every tick. Try `--mode torque`, or another robot.
+Tasks are the robot's objectives, contacts support it, limits must hold always. The controller turns them into one
+quadratic program (QP) at every tick. Try `--mode torque`, or another robot.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
     robot = description.robot()  # the controller's model of the robot, standing with its soles on z = 0
     controller = wbc.Controller(robot, plant.control_period)
-    com = controller.add(wbc.CoMTask())  # a task without a target keeps what is there
+    com = controller.add(wbc.CoMTask())  # without a target, a task keeps the present value
     controller.add(
         wbc.PostureTask(), wbc.OrientationTask(robot.base_frame), wbc.OrientationTask(robot.torso_frame)
     )

@@ -1,8 +1,8 @@
 """Walk: footsteps, a controller and the loop between them and the robot, with everything spelled out.
 
-A plan is two feet that stand, and where they land one after the other. The controller finds out everything else: when
-a foot may leave the ground, how the centre of mass has to move, and what each sole has to press. Watch it with
-`--view`: outlines are footsteps as planned, filled ones as they are, and the page can push the robot.
+A plan is two standing feet and a sequence of landings. The controller computes the rest: phases, motion of the centre
+of mass, and contact wrench of each sole. Watch it with `--view`: outlines are planned footsteps, filled areas real
+ones, and the page can push the robot.
 """
 
 from __future__ import annotations
@@ -13,16 +13,14 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
     options = parse(__doc__, arguments, distance=1.0)
     description = wbc.load_robot("hrp4_class")
-    plant = wbc.Plant(description, noise="realistic")  # what sensors say is never quite true
+    plant = wbc.Plant(description, noise="realistic")  # of the sensors
 
     robot = description.robot()
     plan = walk_distance(FootstepPlan.standing(robot), options.distance)

@@ -1,7 +1,7 @@
 """Push while walking: a shove in the middle of a step, and how the robot steps aside to catch itself.
 
-What the standing foot cannot bring back must be met by landing elsewhere, or earlier. In the page of `--view` you can
-push for yourself, as often as you like.
+An error that the standing foot cannot correct needs another landing, or an earlier one. On the page of `--view` you can
+push the robot yourself.
 """
 
 from __future__ import annotations
@@ -13,15 +13,13 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 DURATION = 0.1
-"""How long the push lasts, s."""
+"""Duration of the push, s."""
 
 STEP = 1
-"""Index of the step in whose middle it comes: the second one, of the right foot."""
+"""Index of the step in whose middle the push begins: the second one, of the right foot."""
 
 DIRECTIONS = {"right": (0.0, -1.0), "left": (0.0, 1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
 

@@ -1,7 +1,7 @@
 """Set the soles while they swing: a policy of your own, next to the learnt model and a fixed stiffness.
 
-A policy gets what the toe's range sensor has seen in this swing, and says a stiffness. It is a class with one method,
-or just a function. Compare `--policy own`, `--policy model` and `--policy fixed` on the same `--seed`.
+A policy gets the scan of the toe's range sensor during a swing and returns a stiffness. It is a class with one method,
+or a function. Compare `--policy own`, `--policy model` and `--policy fixed` on the same `--seed`.
 """
 
 from __future__ import annotations
@@ -11,18 +11,17 @@ from typing import Any
 
 from _common import parse, report
 
-from wbc.feet.stiffness.roughness import profile_roughness
-from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
-from wbc.tasks import StiffnessPolicy
-from wbc.tasks.scheduling.policies import SwingScan
+from wbc.feet import profile_roughness
+from wbc.sim import WalkPlan, WalkSpec, WalkTrial
+from wbc.tasks import StiffnessPolicy, SwingScan
 
 
 class SofterWhereItIsRough(StiffnessPolicy):
     """Stiff on level ground, soft from a roughness of 4 mm on, and in between on a straight line."""
 
     def decide(self, swing: SwingScan) -> float:
-        """Stiffness of the swinging sole, Nm/rad."""
-        assert swing.profile is not None  # only asked with a scan that is long enough
+        """Return the stiffness of the swinging sole, Nm/rad."""
+        assert swing.profile is not None  # called only with a scan that is long enough
         deviation = float(
             profile_roughness(swing.profile)["Sq"]
         )  # m, after the low-pass of the foot's length

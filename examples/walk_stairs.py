@@ -1,7 +1,7 @@
 """Climb stairs: footsteps at different heights, and a centre of mass that rises with them.
 
-The stairs are known, so that the plan puts each foot into the middle of a stair. Both feet come onto each one; with
-`--way alternate` every foot takes the next.
+The stairs are known, and the plan puts each foot into the middle of a stair. Both feet step onto each stair; with
+`--way alternate` the feet take turns.
 """
 
 from __future__ import annotations
@@ -12,17 +12,14 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim.terrain import terrain
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import climb_stairs
+from wbc.sim import make_terrain
+from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs
 
 TREAD = 0.25
 """Depth of a stair, m."""
 
 BEFORE = 0.25
-"""From the robot to the first edge, m."""
+"""Distance from the robot to the first edge, m."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -30,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     options = parse(__doc__, arguments, stairs=3, rise=0.03, way=("together", "alternate"))
     count = options.stairs
     run = (count - 1) * TREAD  # from the first edge to the last
-    ground = terrain(
+    ground = make_terrain(
         "steps",
         amplitude=count * options.rise,
         riser=options.rise,

@@ -1,8 +1,8 @@
-"""Walk on stones, on soft feet: a whole simulated walk as one value, and what became of it as another.
+"""Walk on stones, on soft feet: a whole simulated walk as one call.
 
-A `WalkSpec` says everything that decides the result; the same spec gives the same result, bit for bit, here and in any
-sweep over a thousand of them. Compare what soles do: `--foot flat` against `--foot soft`, at several `--seed`s.
-The robot knows nothing about the stones. It walks as on a floor and feels with its feet when they land.
+The arguments of `walk` are the fields of a `WalkSpec`, which fixes the result; the same spec gives the same result, bit
+for bit, here and in a sweep over thousands of them. Compare soles: `--foot flat` against `--foot soft`, at several
+`--seed`s. The robot does not know the stones: it walks as on a floor and measures when its feet land.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from _common import parse, report
 
-from wbc.sim.walks import WalkPlan, WalkSpec, run_walk
+from wbc.sim import walk
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -25,15 +25,15 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         seed=7,
         foot=("soft", "flat", "rigid", "variable"),
     )
-    spec = WalkSpec(
+    result = walk(
         robot="hrp4_class",
         foot=options.foot,
         terrain="stones",
         amplitude=options.amplitude,  # highest stone, m
         seed=options.seed,
-        plan=WalkPlan(distance=options.distance),
+        distance=options.distance,
+        hooks=options.hooks(),
     )
-    result = run_walk(spec, hooks=options.hooks())
     landed = result.touchdowns
     return report(
         upright=not result.fell,

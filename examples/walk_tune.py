@@ -1,8 +1,7 @@
-"""Tune the stabilizer: the same walk with other gains, and the numbers that tell which are better.
+"""Tune the stabilizer: the same walk with other gains, and the tracking errors of both.
 
-Gains are plain values: take those that there are and replace some. Everything else stays as it is, the errors of the
-sensors too, so that the gains alone make the difference. With `--view` the page has a field for each gain, and
-a button to push the robot: try what it takes to make it fall.
+Gains are plain values: replace some of the defaults. Everything else is the same in both walks, the errors of the
+sensors included. With `--view` the page has a field for each gain and a button to push the robot.
 """
 
 from __future__ import annotations
@@ -15,13 +14,10 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl, WalkingControlSettings
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_distance
-from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking import FootstepPlan, StabilizerGains, WalkingControl, WalkingControlSettings, walk_distance
 
 PUSH_TIME, IMPULSE, DURATION = 2.0, 0.08, 0.1
-"""When a push to the left comes, s, how strong it is, Ns/kg, and how long it lasts, s: errors to be corrected."""
+"""Time, s, impulse, Ns/kg, and duration, s, of a push to the left, which causes errors to be corrected."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -40,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
 
 def walk(gains: StabilizerGains, options: Any) -> dict[str, Any]:
-    """Walk once; returns mean errors after the push."""
+    """Walk once and return the mean errors after the push."""
     description = wbc.load_robot("hrp4_class")
     plant = wbc.Plant(description, noise="realistic")
     robot = description.robot()

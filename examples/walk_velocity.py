@@ -1,9 +1,9 @@
-"""Walk with a velocity: forwards, sideways, turning, or all of it at once; then come to a stand when told to.
+"""Walk with a velocity: forwards, sideways, turning, or all at once; then stop on command.
 
     python walk_velocity.py --forward 0.1 --left 0.05 --turn 0.1 --view
 
-The robot does not know how far it is to go. After `--seconds` it is told to stop: it puts down the foot that is in the
-air, brings the other one beside it, and stands.
+The distance is open. After `--seconds` a stop is commanded: the robot lands the swing foot, brings the other one beside
+it, and stands.
 """
 
 from __future__ import annotations
@@ -15,12 +15,10 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.plans import walk_velocity
+from wbc.walking import FootstepPlan, WalkingControl, walk_velocity
 
 STOPPING_TIME = 5.0
-"""Longest time from the order to stop to standing still, s: a step, one more, and 0.8 s to come to rest."""
+"""Longest time from the stop command to standing, s: two steps, and 0.8 s to come to rest."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -32,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     robot = description.robot()
     start = FootstepPlan.standing(robot)
     cycle = start.gait.single_support + start.gait.double_support
-    steps = 2 + round(options.seconds / cycle)  # more than it will take
+    steps = 2 + round(options.seconds / cycle)  # more than are needed
     plan = walk_velocity(start, (options.forward, options.left, options.turn), steps)
     walking = WalkingControl(robot, plan, plant.control_period)
 
@@ -41,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     with options.watch(plant, walking) as view:
         while plant.time < end and not walking.finished and not walking.fallen:
             if plant.time >= options.seconds:
-                walking.stop()  # saying it again does no harm
+                walking.stop()  # may be repeated
             plant.step(walking.command(plant.measure()))
             view.update()
 

@@ -1,4 +1,7 @@
-"""Robots as data: `load` a built-in one, or describe any other with `RobotDescription.from_urdf`."""
+"""Robots as data: `load` a built-in one, or describe any other with `RobotDescription.from_urdf`.
+
+A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
+"""
 
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
@@ -6,11 +9,13 @@ from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.registry import load, names, register
 
 __all__ = [
-    "FrameDescription",
-    "RobotDescription",
-    "ServoRule",
-    "SoleDescription",
+    # Robots by name
     "load",
     "names",
     "register",
+    # Describe a robot
+    "RobotDescription",
+    "FrameDescription",
+    "SoleDescription",
+    "ServoRule",
 ]

@@ -1,4 +1,4 @@
-"""`RobotDescription`: everything about a robot that is data, and the models that are made from it."""
+"""`RobotDescription`: a robot as data, and the models that are made from it."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, ModelError, finite_scalar, non_negative, unknown_name
+from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, non_negative, positive
+from wbc.core.registry import named_parameters
 from wbc.core.robot import GRAVITY, Robot, Sole
 from wbc.robots import frames, urdf
-from wbc.robots.derivation import inertia, posture
-from wbc.robots.derivation.servo import ServoRule, effective_inertia, leg_joints
+from wbc.robots.derivation import defaults, inertia, posture
+from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule, effective_inertia, leg_joints
 from wbc.robots.frames import FrameDescription, SoleDescription
+from wbc.robots.report import report
 
 
 @dataclass(frozen=True, eq=False)
 class RobotDescription:
     """A robot as data.
 
-    `RobotDescription.from_urdf` fills in everything that is not known; `wbc.robots.load` has the built-in ones.
+    `RobotDescription.from_urdf` derives everything that is not given; `wbc.robots.load` has the built-in robots.
 
     Attributes:
         name: Name of the robot.
-        urdf: The one URDF string that Pinocchio and MuJoCo read; limits are in it.
+        urdf: The one URDF string that Pinocchio and MuJoCo read, with all limits.
         soles: Left and right sole.
         half_sitting: Joint → position, for every joint, rad or m.
         armature: Joint → rotor inertia seen at the joint, for every joint, kg m² (kg for prismatic joints).
@@ -41,7 +43,7 @@ class RobotDescription:
         height: Standing height with straight legs, m; None when unknown.
         source: Where the model comes from.
         licence: Its licence.
-        derived: What was derived from the model and how, one line each.
+        derived: Values that were derived from the model, one line each.
     """
 
     name: str
@@ -71,22 +73,25 @@ class RobotDescription:
             if missing:
                 raise InputError(f"{what} must give every joint; missing: {', '.join(missing)}")
         for name, value in self.armature.items():
-            self._known(name)
+            choose("joint", name, names)
             non_negative(f"armature of joint '{name}' (kg m²)", value)
         for name, (kp, kd) in self.gains.items():
-            self._known(name)
+            choose("joint", name, names)
             non_negative(f"kp of joint '{name}' (Nm/rad)", kp)
             non_negative(f"kd of joint '{name}' (Nms/rad)", kd)
         model = self._model
         for name, value in self.half_sitting.items():
-            self._known(name)
+            choose("joint", name, names)
             i = 7 + names.index(name)
             low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
             finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
-        self._check_stance()
+        q = self._half_sitting_configuration()
+        posture.check_posture(model, self._sole_frames, q)
+        posture.check_balance(model, self.soles, q)
         self.robot()  # raises for frames that do not exist
 
     @classmethod
+    @named_parameters("RobotDescription.from_urdf")
     def from_urdf(
         cls,
         source: str | Path,
@@ -111,9 +116,9 @@ class RobotDescription:
         licence: str = "unknown",
         provenance: str | None = None,
     ) -> RobotDescription:
-        """Describe a robot that has never been seen; what is not given is derived from the model.
+        """Return the description of any humanoid; what is not given is derived from the model.
 
-        `wbc.robots.derivation.defaults` says how; the lines of `derived` say what came out.
+        `wbc.robots.derivation.defaults` states the rules; `derived` lists the results.
 
         Args:
             source: URDF, a path or the XML itself.
@@ -123,83 +128,110 @@ class RobotDescription:
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; from the geometry of the feet when None.
             package_dirs: Where `package://` is looked up.
-            half_sitting: Joint → position, all or some joints.
+            half_sitting: Joint → position of all or some joints, rad or m.
             torso: Link of the chest.
             imu: Frame of the inertial measurement unit, of the URDF or a placement in a link.
             hands: Role → frame.
             armature: Rotor inertia seen at the joints, one for all or joint → value, kg m².
             servo: Rule for the servo gains.
             gains: Joint → (kp, kd), Nm/rad and Nms/rad.
-            position_limits: Joint → (lower, upper), in place of the URDF's.
-            velocity_limits: Joint → largest speed, in place of the URDF's.
-            torque_limits: Joint → largest torque, in place of the URDF's.
+            position_limits: Joint → (lower, upper), in place of the URDF's, rad or m.
+            velocity_limits: Joint → largest speed, in place of the URDF's, rad/s or m/s.
+            torque_limits: Joint → largest torque or force, in place of the URDF's, Nm or N.
             repair: Clamp inertias that no body can have instead of refusing them.
             height: Standing height with straight legs, m.
             licence: Licence of the model.
             provenance: Where the model comes from; the path when None.
 
-        Returns:
-            A complete description.
-
         Raises:
+            UnknownNameError: A parameter, frame or joint that does not exist.
             InputError: A file, frame, joint or value that cannot be used.
             ModelError: A URDF that cannot be simulated or controlled as it stands.
         """
-        from wbc.robots.derivation.defaults import describe  # noqa: PLC0415 - it builds descriptions
+        root = urdf.read(source)
+        notes = urdf.tidy(root)
+        urdf.set_limits(root, position=position_limits, velocity=velocity_limits, torque=torque_limits)
+        if repair:
+            notes += inertia.repair(root)
+        inertia.check(root)
+        name = name or str(root.get("name") or "robot")
+        model = urdf.pinocchio_model(urdf.to_string(root), name)
 
-        return describe(
-            source,
-            left_sole=left_sole,
-            right_sole=right_sole,
+        is_file = urdf.is_file(source)
+        base = Path(source).expanduser().resolve().parent if is_file else None
+        directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
+        soles = (
+            defaults.complete_sole(root, model, "left_foot", left_sole, sole_size, directories, base, notes),
+            defaults.complete_sole(
+                root, model, "right_foot", right_sole, sole_size, directories, base, notes
+            ),
+        )
+        for sole in soles:
+            frames.add_frame(model, sole)
+        defaults.check_sides(model, soles)
+
+        joints = defaults.complete_half_sitting(model, soles, half_sitting or {}, notes)
+        q = posture.standing_configuration(model, (soles[0].frame, soles[1].frame), joints)
+        com_height = float(pin.centerOfMass(model, model.createData(), q)[2])
+        mass = pin.computeTotalMass(model)
+        missing = urdf.joints_without_torque_limit(root)
+        if missing:
+            torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
+            urdf.set_limits(root, torque=torques)
+            listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
+            notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
+        rotors = defaults.complete_armature(
+            list(joints), armature, ARMATURE_RATIO * mass * com_height**2, notes
+        )
+        if torso is None:
+            torso = defaults.find_torso(model, soles)
+            notes.append(f"torso: link '{torso}'")
+        choose("link", torso, frames.link_names(model))
+        return cls(
             name=name,
-            sole_size=sole_size,
-            package_dirs=package_dirs,
-            half_sitting=half_sitting,
+            urdf=urdf.to_string(root),
+            soles=soles,
+            half_sitting=joints,
+            armature=rotors,
+            imu=defaults.complete_imu(model, imu, notes),
             torso=torso,
-            imu=imu,
-            hands=hands,
-            armature=armature,
-            servo=servo,
-            gains=gains,
-            position_limits=position_limits,
-            velocity_limits=velocity_limits,
-            torque_limits=torque_limits,
-            repair=repair,
-            height=height,
+            hands=hands or {},
+            servo=servo or ServoRule(),
+            gains=gains or {},
+            package_dirs=directories,
+            height=None if height is None else positive("height (m)", height),
+            source=provenance or (str(source) if is_file else "URDF string"),
             licence=licence,
-            provenance=provenance,
+            derived=tuple(notes),
         )
 
     def pinocchio_model(self) -> pin.Model:
-        """Pinocchio model with free-flyer, limits, armature, gravity and the sole and IMU frames; a new copy."""
+        """Return a copy of the Pinocchio model: free-flyer, limits, armature, gravity, frames of soles and IMU."""
         return self._model.copy()
 
     def robot(self) -> Robot:
-        """A new `Robot`, at half-sitting with the soles on z = 0 and the origin midway between them."""
+        """Return a new `Robot` at half-sitting, the soles on z = 0 and the origin midway between them."""
         model = self.pinocchio_model()
         return Robot(
             model,
             [Sole(sole.name, sole.frame, sole.length, sole.width) for sole in self.soles],
-            posture.standing_configuration(model, self._sole_frames, self.half_sitting),
+            self._half_sitting_configuration(),
             torso_frame=self.torso,
             imu_frame=self.imu.frame,
             frames=self.hands,
         )
 
     def urdf_without_geometry(self) -> str:
-        """The URDF without visuals, collisions and meshes: the same kinematics and inertias."""
+        """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias."""
         return urdf.without_geometry(self.urdf)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
-        """Where a frame sits on the moving link that carries it.
+        """Return the moving link that carries a frame, and the placement of the frame in this link.
 
-        Links that are fixed to others do not survive MuJoCo's import; this one does.
+        MuJoCo's import keeps moving links and merges those that are fixed to them.
 
         Args:
             frame: A sole frame, the IMU frame or any frame of the URDF.
-
-        Returns:
-            Name of the link, and the placement of the frame in it.
 
         Raises:
             UnknownNameError: There is no such frame.
@@ -207,7 +239,7 @@ class RobotDescription:
         return frames.carrier(self._model, frame)
 
     def ankle(self, sole: str) -> Array:
-        """Origin of the last ankle joint in the sole frame, shape (3,), m.
+        """Return the origin of the last ankle joint in the sole frame, shape (3,), m.
 
         Args:
             sole: "left_foot" or "right_foot".
@@ -215,11 +247,9 @@ class RobotDescription:
         Raises:
             UnknownNameError: There is no such sole.
         """
-        for description in self.soles:
-            if description.name == sole:
-                frame = self._model.frames[self._model.getFrameId(description.frame)]
-                return np.array(frame.placement.inverse().translation)
-        unknown_name("sole", sole, frames.SOLE_NAMES)
+        description = self.soles[frames.SOLE_NAMES.index(choose("sole", sole, frames.SOLE_NAMES))]
+        frame = self._model.frames[self._model.getFrameId(description.frame)]
+        return np.array(frame.placement.inverse().translation)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -234,7 +264,7 @@ class RobotDescription:
     @cached_property
     def effective_inertia(self) -> Array:
         """Inertia that each servo accelerates at half-sitting, shape (na,), kg m²."""
-        q = posture.standing_configuration(self._model, self._sole_frames, self.half_sitting)
+        q = self._half_sitting_configuration()
         return _frozen(
             effective_inertia(self._model, q, self._sole_frames, self.armature_array, self.servo.stance_share)
         )
@@ -274,7 +304,7 @@ class RobotDescription:
         return left, right
 
     def summary(self) -> dict[str, Any]:
-        """What one wants to know at a glance, ready for JSON."""
+        """Return mass, size, soles, joints and sources, ready for JSON."""
         robot = self.robot()
         return {
             "name": self.name,
@@ -320,35 +350,8 @@ class RobotDescription:
         }
 
     def report(self) -> str:
-        """The summary as text."""
-        facts = self.summary()
-        height = "unknown" if self.height is None else f"{self.height:.2f} m"
-        lines = [
-            f"{self.name}: {facts['mass_kg']:.2f} kg, height {height}, centre of mass at "
-            f"{facts['com_height_m']:.3f} m in half-sitting, {facts['dof']} joints",
-            f"  source   {self.source}",
-            f"  licence  {self.licence}",
-        ]
-        for sole in self.soles:
-            x, y, z = self.ankle(sole.name)
-            lines.append(
-                f"  {sole.name:<10} {sole.frame}: {sole.length * 1e3:.0f} x {sole.width * 1e3:.0f} mm, "
-                f"ankle at ({x * 1e3:.0f}, {y * 1e3:.0f}, {z * 1e3:.0f}) mm"
-            )
-        lines.append(f"  torso {self.torso}, IMU {self.imu.frame}, hands {dict(self.hands) or 'none'}")
-        lines.append(
-            f"  {'joint':<28}{'range deg':>16}{'rad/s':>8}{'Nm':>8}{'half-sitting deg':>18}{'kp':>9}{'kd':>8}"
-        )
-        for name, joint in facts["joints"].items():
-            low, high = np.degrees(joint["position"])
-            lines.append(
-                f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>8.2f}{joint['torque']:>8.1f}"
-                f"{np.degrees(joint['half_sitting']):>18.2f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
-            )
-        if self.derived:
-            lines.append("  derived from the model:")
-            lines += [f"    {line}" for line in self.derived]
-        return "\n".join(lines)
+        """Return the summary as text."""
+        return report(self.summary())
 
     @cached_property
     def _model(self) -> pin.Model:
@@ -356,7 +359,7 @@ class RobotDescription:
         if urdf.tidy(root) or urdf.joints_without_torque_limit(root):
             raise ModelError("the URDF of a description must be tidy; use RobotDescription.from_urdf")
         inertia.check(root)
-        model = build_model(self.urdf, self.name)
+        model = urdf.pinocchio_model(self.urdf, self.name)
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
         model.armature[6:] = [self.armature.get(name, 0.0) for name in list(model.names)[2:]]
@@ -367,58 +370,15 @@ class RobotDescription:
         return self.soles[0].frame, self.soles[1].frame
 
     def _gain(self, which: int) -> Array:
-        q = posture.standing_configuration(self._model, self._sole_frames, self.half_sitting)
+        q = self._half_sitting_configuration()
         bound = self.servo.bound(self._model, q, self._sole_frames)
         gain = np.array(self.servo.gains(self.effective_inertia, bound)[which])
         for name, given in self.gains.items():
             gain[self.joint_names.index(name)] = given[which]
         return _frozen(gain)
 
-    def _known(self, joint: str) -> None:
-        if joint not in self.joint_names:
-            unknown_name("joint", joint, self.joint_names)
-
-    def _check_stance(self) -> None:
-        """Refuse a half-sitting in which the robot would tip over at once."""
-        q = posture.standing_configuration(self._model, self._sole_frames, self.half_sitting)
-        posture.check_posture(self._model, self._sole_frames, q)
-        data = self._model.createData()
-        com = pin.centerOfMass(self._model, data, q)
-        pin.updateFramePlacements(self._model, data)
-        corners = []
-        for sole in self.soles:
-            placement = data.oMf[self._model.getFrameId(sole.frame)]
-            for x in (-0.5, 0.5):
-                for y in (-0.5, 0.5):
-                    corners.append(placement.act(np.array([x * sole.length, y * sole.width, 0.0]))[:2])
-        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-        if (com[:2] < low).any() or (com[:2] > high).any():
-            raise InputError(
-                f"half-sitting puts the centre of mass at ({com[0]:.3f}, {com[1]:.3f}) m, outside the soles, "
-                f"x {low[0]:.3f} to {high[0]:.3f} m and y {low[1]:.3f} to {high[1]:.3f} m from their middle"
-            )
-
-
-def build_model(xml: str, name: str) -> pin.Model:
-    """Parse a tidied URDF with Pinocchio.
-
-    Args:
-        xml: URDF string.
-        name: Name of the model.
-
-    Returns:
-        Model with a free-flyer root and standard gravity.
-
-    Raises:
-        ModelError: Pinocchio cannot read it.
-    """
-    try:
-        model = pin.buildModelFromXML(urdf.without_geometry(xml), pin.JointModelFreeFlyer())
-    except (ValueError, RuntimeError) as error:
-        raise ModelError(f"Pinocchio cannot read the URDF of '{name}': {error}") from error
-    model.name = name
-    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    return model
+    def _half_sitting_configuration(self) -> Array:
+        return posture.standing_configuration(self._model, self._sole_frames, self.half_sitting)
 
 
 def _frozen(values: Any) -> Array:

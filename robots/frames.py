@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import field
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, finite_array, positive, unknown_name
+from wbc.core.errors import InputError, choose
+from wbc.core.settings import Positive, settings
 
-Triple = tuple[float, float, float]
+Triple: TypeAlias = tuple[float, float, float]
+SoleName: TypeAlias = Literal["left_foot", "right_foot"]
 
-SOLE_NAMES = ("left_foot", "right_foot")
-"""Names of the soles, in this order everywhere."""
+SOLE_NAMES: tuple[SoleName, SoleName] = ("left_foot", "right_foot")
+"""Names of the soles, always in this order."""
 
 
-@dataclass(frozen=True)
+@settings
 class FrameDescription:
     """A frame at a fixed placement in a link.
 
@@ -28,13 +31,8 @@ class FrameDescription:
 
     frame: str
     link: str
-    translation: Triple = (0.0, 0.0, 0.0)
-    rpy: Triple = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for what in ("translation", "rpy"):
-            values = finite_array(f"{what} of frame '{self.frame}'", getattr(self, what), (3,))
-            object.__setattr__(self, what, tuple(values.tolist()))
+    translation: Annotated[Triple, "m"] = (0.0, 0.0, 0.0)
+    rpy: Annotated[Triple, "rad"] = (0.0, 0.0, 0.0)
 
     @property
     def placement(self) -> pin.SE3:
@@ -42,7 +40,7 @@ class FrameDescription:
         return pin.SE3(pin.rpy.rpyToMatrix(*self.rpy), np.array(self.translation))
 
 
-@dataclass(frozen=True)
+@settings
 class SoleDescription(FrameDescription):
     """A rectangular sole; its frame lies at the centre, x forward, z up and away from the ground.
 
@@ -52,16 +50,9 @@ class SoleDescription(FrameDescription):
         width: Extent along y, m.
     """
 
-    name: str = SOLE_NAMES[0]
-    length: float = 0.0
-    width: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.name not in SOLE_NAMES:
-            unknown_name("sole", self.name, SOLE_NAMES)
-        positive(f"length of sole '{self.name}' (m)", self.length)
-        positive(f"width of sole '{self.name}' (m)", self.width)
+    name: SoleName = field(kw_only=True)
+    length: Annotated[Positive, "m"] = field(kw_only=True)
+    width: Annotated[Positive, "m"] = field(kw_only=True)
 
 
 def add_frame(model: pin.Model, description: FrameDescription) -> None:
@@ -92,38 +83,35 @@ def add_frame(model: pin.Model, description: FrameDescription) -> None:
 
 
 def body_frame(model: pin.Model, link: str) -> pin.Frame:
-    """The frame of a link.
+    """Return the frame of a link.
 
     Raises:
         UnknownNameError: There is no such link.
     """
-    links = link_names(model)
-    if link not in links:
-        unknown_name("link", link, links)
+    choose("link", link, link_names(model))
     return model.frames[model.getFrameId(link, pin.FrameType.BODY)]
 
 
 def link_names(model: pin.Model) -> list[str]:
-    """All links of a model."""
+    """Return the names of all links of a model."""
     return [str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY]
 
 
 def carrier(model: pin.Model, frame: str) -> tuple[str, pin.SE3]:
-    """The link that moves with a frame and bears the origin of its joint, and the frame's place in it.
+    """Return the link whose origin is the joint that moves a frame, and the placement of the frame in this link.
 
-    MuJoCo merges links that are fixed to one another into this one, so that this is where a site can be attached.
+    MuJoCo merges links that are fixed to one another into this one: sites are attached to it.
 
     Raises:
         UnknownNameError: There is no such frame.
     """
-    if not model.existFrame(frame):
-        unknown_name("frame", frame, [str(f.name) for f in model.frames])
-    found = model.frames[model.getFrameId(frame)]
-    return carrier_link(model, found.parentJoint), found.placement
+    choose("frame", frame, (str(f.name) for f in model.frames))
+    known = model.frames[model.getFrameId(frame)]
+    return carrier_link(model, known.parentJoint), known.placement
 
 
 def carrier_link(model: pin.Model, joint: int) -> str:
-    """The link whose frame is that of a joint."""
+    """Return the link whose frame is that of a joint."""
     for frame in model.frames:
         if frame.parentJoint == joint and frame.type == pin.FrameType.BODY:
             return str(frame.name)

@@ -1,4 +1,4 @@
-"""One URDF string that both Pinocchio and MuJoCo read: reading, tidying and limits.
+"""One URDF string for both Pinocchio and MuJoCo: reading, tidying, limits, Pinocchio model.
 
 What the two importers treat differently is settled here, in the string itself, so that they cannot disagree:
 continuous joints, mimic joints, a "world" root, missing limits.
@@ -11,12 +11,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
-from wbc.core.errors import InputError, ModelError, unknown_name
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import InputError, ModelError, choose
+from wbc.core.robot import GRAVITY
 
 Element = ElementTree.Element
 
 CONTINUOUS_RANGE = math.pi
-"""A continuous joint becomes a revolute one of ± this range, rad: both importers then give it one coordinate."""
+"""Range ± that turns a continuous joint into a revolute one, rad: both importers then give it one coordinate."""
 
 DEFAULT_VELOCITY = {"revolute": 6.0, "prismatic": 0.5}
 """Velocity limit of a joint that has none, rad/s and m/s: between Talos (3.9–7) and HRP-4C (4.1–9.8) for legs."""
@@ -40,7 +44,7 @@ def read(source: str | Path) -> Element:
     """
     text = str(source)
     where = "URDF string"
-    if not text.lstrip().startswith("<"):
+    if is_file(source):
         path = Path(source).expanduser()
         where = f"'{path}'"
         if not path.is_file():
@@ -57,13 +61,18 @@ def read(source: str | Path) -> Element:
     return root
 
 
+def is_file(source: str | Path) -> bool:
+    """Return True if the source of a URDF is a path, False if it is the XML itself."""
+    return not str(source).lstrip().startswith("<")
+
+
 def to_string(root: Element) -> str:
-    """Serialise a URDF."""
+    """Return a URDF as text."""
     return ElementTree.tostring(root, encoding="unicode")
 
 
 def without_geometry(urdf: str) -> str:
-    """Keep links, inertias and joints only: the same kinematics and inertias, no meshes to find.
+    """Return the links, inertias and joints of a URDF alone: the same kinematics and inertias, no meshes to find.
 
     Args:
         urdf: URDF string.
@@ -82,15 +91,34 @@ def without_geometry(urdf: str) -> str:
     return to_string(root)
 
 
+def pinocchio_model(xml: str, name: str) -> pin.Model:
+    """Return the Pinocchio model of a tidied URDF, with a free-flyer root and standard gravity.
+
+    Args:
+        xml: URDF string.
+        name: Name of the model.
+
+    Raises:
+        ModelError: Pinocchio cannot read it.
+    """
+    try:
+        model = pin.buildModelFromXML(without_geometry(xml), pin.JointModelFreeFlyer())
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(f"Pinocchio cannot read the URDF of '{name}': {error}") from error
+    model.name = name
+    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    return model
+
+
 def joints(root: Element, types: tuple[str, ...] | None = None) -> dict[str, Element]:
-    """Joints by name, of the given types or all."""
+    """Return the joints by name, of the given types or all."""
     # Transmissions and ros_control blocks hold <joint> elements too: only direct children are joints.
-    found = {str(joint.get("name")): joint for joint in root.findall("joint")}
-    return {name: joint for name, joint in found.items() if types is None or joint.get("type") in types}
+    named = {str(joint.get("name")): joint for joint in root.findall("joint")}
+    return {name: joint for name, joint in named.items() if types is None or joint.get("type") in types}
 
 
 def parent_and_child(joint: Element) -> tuple[str, str]:
-    """Names of the links that a joint connects.
+    """Return the names of the links that a joint connects.
 
     Raises:
         ModelError: The joint names no parent or no child.
@@ -102,7 +130,7 @@ def parent_and_child(joint: Element) -> tuple[str, str]:
 
 
 def moving_link_of(root: Element) -> dict[str, str]:
-    """For every link the link that it is rigidly fixed to: the root, or the child of a moving joint."""
+    """Return for every link the link that it is rigidly fixed to: the root, or the child of a moving joint."""
     fixed_to = {child: parent for parent, child in map(parent_and_child, joints(root, ("fixed",)).values())}
     result = {}
     for link in root.findall("link"):
@@ -141,7 +169,7 @@ def tidy(root: Element) -> list[str]:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
             if kind != "fixed":
-                notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now a joint of its own")
+                notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now an independent joint")
     rubbing = [name for name, joint in joints(root, MOVING).items() if _drop_dynamics(joint)]
     if rubbing:
         notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")
@@ -160,7 +188,7 @@ def tidy(root: Element) -> list[str]:
         if not 0.0 < _number(limit, "velocity", name) < math.inf:
             limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
             notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
-        # Pinocchio's parser wants the attribute; zero says "not given" until the torque rule has seen the model.
+        # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
         if not 0.0 < _number(limit, "effort", name) < math.inf:
             limit.set("effort", "0")
     return notes
@@ -188,14 +216,12 @@ def set_limits(
     moving = joints(root, MOVING)
     for what, values in (("velocity", velocity), ("torque", torque)):
         for name, value in (values or {}).items():
-            if name not in moving:
-                unknown_name("joint", name, moving)
+            choose("joint", name, moving)
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{what} limit of joint '{name}' must be finite and above zero, got {value}")
             _limit_of(moving[name]).set("effort" if what == "torque" else what, repr(float(value)))
     for name, (lower, upper) in (position or {}).items():
-        if name not in moving:
-            unknown_name("joint", name, moving)
+        choose("joint", name, moving)
         if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
             raise InputError(
                 f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
@@ -205,12 +231,12 @@ def set_limits(
 
 
 def joints_without_torque_limit(root: Element) -> list[str]:
-    """Moving joints of a tidied URDF that say nothing about their torque."""
+    """Return the moving joints of a tidied URDF that have no torque limit."""
     return [name for name, j in joints(root, MOVING).items() if _number(_limit_of(j), "effort", name) == 0.0]
 
 
 def _drop_dynamics(joint: Element) -> bool:
-    """Remove damping and friction, which MuJoCo would simulate and no equation of the controller knows."""
+    """Remove damping and friction, which MuJoCo would simulate and the controller does not model."""
     dropped = False
     for dynamics in joint.findall("dynamics"):
         dropped |= any(
@@ -226,7 +252,7 @@ def _limit_of(joint: Element) -> Element:
 
 
 def _number(element: Element, attribute: str, joint: str) -> float:
-    """A limit attribute; zero when it is missing, as the URDF specification has it."""
+    """Return a limit attribute; zero when it is missing, as the URDF specification has it."""
     text = element.get(attribute, "0")
     try:
         value = float(text)
@@ -238,7 +264,7 @@ def _number(element: Element, attribute: str, joint: str) -> float:
 
 
 def _drop_world(root: Element) -> list[str]:
-    """Remove a root that stands for the world: the robot's own root gets the free-flyer."""
+    """Remove a root link that stands for the world: the robot's root link gets the free-flyer."""
     notes: list[str] = []
     while True:
         names = [str(link.get("name")) for link in root.findall("link")]

@@ -1,5 +1,9 @@
-"""What the controller can want: tasks, each a plain object whose target is an attribute."""
+"""Tasks of the controller, each a plain object whose target is an attribute, and the stiffness scheduler of soles.
 
+A new motion task is a file in `motion/`, a new force task a file in `force/`, each with a line here and a test.
+"""
+
+from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.force.admittance import AdmittanceTask, DampingTask
 from wbc.tasks.force.compliance import ComplianceTask
 from wbc.tasks.force.cop import CoPTask
@@ -11,11 +15,14 @@ from wbc.tasks.motion.frame import FrameTask, OrientationTask, PoseTask, Positio
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
+from wbc.tasks.options import ComplianceOptions, GainOptions, MotionOptions, OffsetOptions, TaskOptions
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
+    StiffnessDecision,
     StiffnessPolicy,
+    SwingScan,
     register_stiffness_policy,
     stiffness_policy,
     stiffness_policy_names,
@@ -24,30 +31,45 @@ from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 __all__ = [
-    "AdmittanceTask",
+    # Motion tasks
     "CoMTask",
-    "CoPTask",
-    "ComplianceTask",
-    "DampingTask",
-    "FirstOrderImpedanceTask",
-    "FixedPolicy",
-    "FrameTask",
-    "GroundPolicy",
-    "ImpedanceTask",
-    "JointTorqueTask",
-    "ModelPolicy",
-    "MomentumTask",
+    "PositionTask",
     "OrientationTask",
     "PoseTask",
-    "PositionTask",
-    "PostureTask",
     "RelativeFrameTask",
-    "StepStiffness",
-    "StiffnessPolicy",
+    "PostureTask",
+    "MomentumTask",
+    # Force tasks
+    "JointTorqueTask",
+    "WrenchTask",
+    "AdmittanceTask",
+    "DampingTask",
+    "CoPTask",
+    "FirstOrderImpedanceTask",
+    "ImpedanceTask",
+    # Options of tasks
+    "TaskOptions",
+    "GainOptions",
+    "MotionOptions",
+    "ComplianceOptions",
+    "OffsetOptions",
+    # Bases for tasks of one's own
+    "MotionTask",
+    "SelectionTask",
+    "VariableTask",
+    "FrameTask",
+    "ComplianceTask",
+    # Stiffness scheduling
     "StiffnessScheduler",
     "StiffnessTiming",
-    "WrenchTask",
-    "register_stiffness_policy",
+    "StepStiffness",
+    "StiffnessPolicy",
+    "SwingScan",
+    "StiffnessDecision",
+    "FixedPolicy",
+    "GroundPolicy",
+    "ModelPolicy",
     "stiffness_policy",
     "stiffness_policy_names",
+    "register_stiffness_policy",
 ]

@@ -1,1 +1,4 @@
-"""Ground sensing: the range sensor under the toe, and the ground profile that a swinging foot scans."""
+"""Sensing of the ground by a swinging foot: range sensor, scan and profile.
+
+A new sensor is a file here; its place in a MuJoCo model is added in `wbc.feet.soles`.
+"""

@@ -1,32 +1,32 @@
-"""What a swinging foot has seen of the ground: ranges and poses become a profile along the walking direction."""
+"""`GroundScan`: profile of the ground along the walking direction, from ranges and poses of a swinging foot."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive
-from wbc.feet.soles.soft import SoftFoot
+from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.settings import Positive, settings
 
 PROFILE_STEP = 0.007
-"""Distance of a profile's samples, m: the public profiles of the paper's authors have 429 samples on 3 m."""
+"""Distance of the samples of a profile, m: the public profiles of the paper's authors have 429 samples on 3 m."""
 
 MAX_GAP = 0.028
-"""Widest gap that is bridged, m: one phalanx of the paper's foot, the shortest piece that can bend over a feature."""
-
+"""Widest gap that is bridged, m: one phalanx of the paper's foot, its shortest rigid piece."""
 
 Numbers: TypeAlias = Sequence[float] | Array
 """Three numbers."""
 
 
-@dataclass(frozen=True)
+@settings
 class ScanSettings:
-    """How hits become a profile.
+    """Settings of a profile: grid, gaps and length.
 
     Attributes:
         step: Distance of the profile's samples, m.
@@ -35,18 +35,13 @@ class ScanSettings:
             the first hit.
     """
 
-    step: float = PROFILE_STEP
-    max_gap: float = MAX_GAP
-    capacity: int = 256
+    step: Annotated[Positive, "m"] = PROFILE_STEP
+    max_gap: Annotated[float, "m"] = MAX_GAP
+    capacity: Annotated[int, Field(ge=16)] = 256
 
     def __post_init__(self) -> None:
-        positive("profile step (m)", self.step)
-        if finite_scalar("widest gap of a profile (m)", self.max_gap) < self.step:
-            raise InputError(
-                f"widest gap must be at least one step of {self.step:g} m, got {self.max_gap:g} m"
-            )
-        if isinstance(self.capacity, bool) or int(self.capacity) != self.capacity or self.capacity < 16:
-            raise InputError(f"capacity must be a whole number of at least 16 cells, got {self.capacity!r}")
+        if self.max_gap < self.step:
+            raise InputError(f"max_gap (m) must be at least one step, {self.step:g}, got {self.max_gap:g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +52,7 @@ class Profile:
         x: Distance along `forward` from the world origin, ascending multiples of the step, shape (n,), m.
         z: World height, shape (n,), m.
         lateral: Distance to the left of the line through the world origin along `forward`, shape (n,), m.
-        seen: True where the ground was hit within half a step; elsewhere z is interpolated, shape (n,).
+        seen: True where there is a hit within half a step; elsewhere z is interpolated, shape (n,).
         forward: Unit vector of the walking direction in the world's x–y plane, shape (2,).
         step: Distance of the samples, m.
     """
@@ -76,7 +71,7 @@ class Profile:
 
     @property
     def coverage(self) -> float:
-        """Share of the samples that were seen."""
+        """Share of the samples with hits."""
         return float(self.seen.mean())
 
     @property
@@ -86,7 +81,7 @@ class Profile:
         return np.stack([c * x - s * y, s * x + c * y, self.z], axis=-1)
 
     def last(self, length: float) -> Profile:
-        """The end of the profile, no longer than `length` (m): what lies nearest to the landing place.
+        """Return the end of the profile, nearest to the landing place, at most `length` (m) long.
 
         Raises:
             InputError: The length is not positive.
@@ -99,10 +94,10 @@ class Profile:
 
 
 class GroundScan:
-    """Collects hits in cells of one profile step; a tick costs a few microseconds and allocates nothing.
+    """Hits on the ground, summed up in cells of one profile step; a tick costs microseconds and allocates nothing.
 
-    Each cell keeps the sums of the places that it saw. A profile is the broken line through the cells' centroids: exact
-    on straight ground, indifferent to order and number of the hits, and it averages noise where the foot is slow.
+    A profile is the broken line through the centroids of the hits in each cell: exact on straight ground, independent
+    of the order and number of the hits, and with less noise where the foot is slow.
 
         scan = GroundScan()
         scan.start((1.0, 0.0))
@@ -110,10 +105,10 @@ class GroundScan:
         profile = scan.profile()
 
     Attributes:
-        settings: How hits become a profile.
+        settings: Settings of the profile.
         hits: Hits since the start.
-        lost: Readings that saw nothing, since the start.
-        outside: Hits beyond the capacity, since the start; not used.
+        lost: Readings without a hit since the start.
+        outside: Hits beyond the capacity since the start; not used.
     """
 
     def __init__(self, settings: ScanSettings | None = None) -> None:
@@ -124,7 +119,7 @@ class GroundScan:
         self.start()
 
     def start(self, forward: ArrayLike = (1.0, 0.0)) -> None:
-        """Forget everything and scan along a new direction.
+        """Forget all hits and scan along a new direction.
 
         Args:
             forward: Walking direction in the world's x–y plane, any length, shape (2,).
@@ -142,12 +137,12 @@ class GroundScan:
         self.hits = self.lost = self.outside = 0
 
     def add(self, position: Numbers, ray: Numbers, distance: float) -> bool:
-        """Take in one reading. Estimated poses are what a controller has; the true ones only exist in a simulator.
+        """Add one reading. A controller gives estimated poses, the true ones are known in a simulator alone.
 
         Args:
             position: Sensor in the world, shape (3,), m.
             ray: Unit vector of its ray in the world, shape (3,).
-            distance: Reading, m; NaN or infinite when it saw nothing.
+            distance: Reading, m; NaN or infinite without a hit.
 
         Returns:
             True if the reading was used.
@@ -179,12 +174,12 @@ class GroundScan:
         return True
 
     def add_many(self, positions: ArrayLike, rays: ArrayLike, distances: ArrayLike) -> int:
-        """Take in many readings at once; the same as `add` one by one.
+        """Add many readings at once, with the same result as `add` one by one.
 
         Args:
             positions: Sensor in the world, shape (n, 3), m.
             rays: Unit vectors of the rays in the world, shape (n, 3).
-            distances: Readings, shape (n,), m; NaN or infinite where nothing was seen.
+            distances: Readings, shape (n,), m; NaN or infinite without a hit.
 
         Returns:
             Number of readings that were used.
@@ -211,13 +206,13 @@ class GroundScan:
         return used
 
     def profile(self) -> Profile:
-        """The ground as seen so far.
+        """Return the profile of the ground so far.
 
-        Where two neighbouring cells that saw something lie further apart than `max_gap`, the profile is cut and the
-        longest piece returned, the later one if two are equally long.
+        Where the distance of two neighbouring cells with hits exceeds `max_gap`, the profile is cut and the longest
+        piece returned, the later one if two are equally long.
 
         Raises:
-            InputError: Fewer than two samples; the message says what was seen.
+            InputError: Fewer than two samples; the message counts hits and lost readings.
         """
         filled = np.flatnonzero(self._sums[0])
         if filled.size < 2 or self._first is None:
@@ -231,10 +226,10 @@ class GroundScan:
 
 
 def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: ScanSettings) -> Profile:
-    """Profile through the centroids of cells.
+    """Return the profile through the centroids of cells.
 
     Args:
-        cell: Numbers of the cells that saw something, ascending, shape (m,).
+        cell: Numbers of the cells with hits, ascending, shape (m,).
         mean: Rows x from the cell's centre, z, lateral, shape (3, m), m.
         forward: Walking direction.
         settings: Step and gap.
@@ -243,7 +238,7 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     x = cell * step + mean[0]
     cuts = np.flatnonzero(np.diff(x) > settings.max_gap + 1e-9) + 1
     begins, ends = np.append(0, cuts), np.append(cuts, x.size)
-    lengths = cell[ends - 1] - cell[begins]  # in cells: equal pieces are equal, whatever rounding says
+    lengths = cell[ends - 1] - cell[begins]  # in cells, to compare without rounding
     best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
     piece = slice(int(begins[best]), int(ends[best]))
     x, cell = x[piece], cell[piece]
@@ -262,12 +257,12 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
 
 
 def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
-    """Put points on a uniform grid, as `GroundScan` does with hits.
+    """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
 
     Args:
         x: Places along the walking direction in any order, shape (n,), m.
-        z: Heights, shape (n,), m; NaN where nothing was seen.
-        settings: Step and gap; the capacity does not matter here.
+        z: Heights, shape (n,), m; NaN where unknown.
+        settings: Step and gap; the capacity is not used.
 
     Raises:
         InputError: Different shapes, a place that is not finite, or fewer than two samples.
@@ -290,7 +285,7 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
 
 
 def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
-    """Cut a long profile into overlapping windows, as a swinging foot sees it piece by piece.
+    """Return overlapping windows of a long profile, each as long as what a foot sees in one swing.
 
     Args:
         z: Heights on a uniform grid, shape (n,), m.
@@ -299,7 +294,7 @@ def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
         every: Distance between the starts of two windows, m.
 
     Returns:
-        Heights, shape (number of windows, samples per window), m: a view that must not be written into.
+        Heights, shape (number of windows, samples per window), m; a read-only view.
 
     Raises:
         InputError: A length out of range, or a profile shorter than one window.
@@ -313,8 +308,3 @@ def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
             f"a profile of {heights.shape} samples holds no window of {length:g} m ({size} samples of {pitch:g} m)"
         )
     return np.lib.stride_tricks.sliding_window_view(heights, size)[::stride]
-
-
-def toe_sensor(foot: SoftFoot) -> Array:
-    """Range sensor of a soft foot in the sole frame, rest shape, shape (3,), m: the middle of the first phalanx."""
-    return np.array([(foot.length - foot.length / foot.phalanges) / 2.0, 0.0, foot.hinge_height])

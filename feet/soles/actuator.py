@@ -1,11 +1,15 @@
-"""The actuator that sets the stiffness of a sole: how the actual value follows the commanded one."""
+"""`StiffnessActuator`: actuator of a variable sole, from commanded to actual stiffness."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
 
 from wbc.core.errors import InputError, finite_scalar, non_negative
+from wbc.core.settings import NonNegative, settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +19,7 @@ class StiffnessState:
     Attributes:
         commanded: Last command.
         reference: Command after the rate limit.
-        actual: What the springs of the sole have; the value that is measured.
+        actual: Stiffness of the sole's springs; the measured value.
     """
 
     commanded: float
@@ -23,51 +27,45 @@ class StiffnessState:
     actual: float
 
 
-@dataclass(frozen=True)
+@settings
 class StiffnessActuator:
     """Rate limit followed by a first-order lag, integrated exactly.
 
     The reference moves towards the command at no more than `rate_limit`; the actual stiffness a follows the
-    reference r with T da/dt = r − a. Both have closed forms over any interval with a constant command, so the
-    result does not depend on how the interval is cut into steps.
+    reference r with T da/dt = r − a. Both have closed forms over an interval of constant command, so the result does
+    not depend on the time step.
 
     Attributes:
         rate_limit: Largest |dr/dt|, Nm/rad/s; infinite for none.
         time_constant: T, s; 0 for none.
-        low: Least stiffness, Nm/rad.
-        high: Greatest stiffness, Nm/rad; infinite for no limit.
+        low: Smallest stiffness, Nm/rad.
+        high: Largest stiffness, Nm/rad; infinite for no limit.
 
     The paper's simulation changes the stiffness at once at 75 % of the swing (`StiffnessActuator.instantaneous`).
-    The defaults cross the whole range in the 0.2 s that are left then of a swing of 0.8 s: 0.1 s of ramp, and
-    0.1 s, five time constants, until what is missing has shrunk to 0.11 Nm/rad. At half the rate the ramp alone
-    takes all of it, and 8 Nm/rad are missing when the foot lands.
+    The defaults cross the whole range in the remaining 0.2 s of a swing of 0.8 s: 0.1 s of ramp, and 0.1 s, five time
+    constants, until the error is 0.11 Nm/rad. At half the rate the ramp takes 0.2 s and the error is 8 Nm/rad when the
+    foot lands.
 
     Source: range 0–80 Nm/rad from Table I of the paper; rate and lag are chosen here and stand for no existing
     actuator.
     """
 
-    rate_limit: float = 800.0
-    time_constant: float = 0.02
-    low: float = 0.0
-    high: float = 80.0
+    rate_limit: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "Nm/rad/s"] = 800.0
+    time_constant: Annotated[NonNegative, "s"] = 0.02
+    low: Annotated[NonNegative, "Nm/rad"] = 0.0
+    high: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "Nm/rad"] = 80.0
 
     def __post_init__(self) -> None:
-        if math.isnan(self.rate_limit) or self.rate_limit <= 0.0:
-            raise InputError(f"stiffness rate limit (Nm/rad/s) must be above 0, got {self.rate_limit}")
-        non_negative("stiffness time constant (s)", self.time_constant)
-        non_negative("least stiffness (Nm/rad)", self.low)
         if not self.high > self.low:
-            raise InputError(
-                f"greatest stiffness (Nm/rad) must exceed the least, {self.low:g}, got {self.high}"
-            )
+            raise InputError(f"high (Nm/rad) must exceed low, {self.low:g}, got {self.high:g}")
 
     @classmethod
     def instantaneous(cls, low: float = 0.0, high: float = 80.0) -> StiffnessActuator:
-        """An actuator whose actual stiffness is the commanded one, as in the paper."""
+        """Return an actuator whose actual stiffness is always the commanded one, as in the paper."""
         return cls(math.inf, 0.0, low, high)
 
     def check(self, stiffness: float) -> float:
-        """Return a stiffness that this actuator can be asked for, Nm/rad.
+        """Return a commanded stiffness, Nm/rad, if it is within the range.
 
         Raises:
             InputError: Not a number or outside [low, high].
@@ -75,7 +73,7 @@ class StiffnessActuator:
         return finite_scalar("commanded sole stiffness (Nm/rad)", stiffness, low=self.low, high=self.high)
 
     def at_rest(self, stiffness: float) -> StiffnessState:
-        """State after a long time at one command, Nm/rad.
+        """Return the state after a long time at one command, Nm/rad.
 
         Raises:
             InputError: Not a number or outside [low, high].
@@ -84,10 +82,10 @@ class StiffnessActuator:
         return StiffnessState(k, k, k)
 
     def advance(self, state: StiffnessState, command: float, duration: float) -> StiffnessState:
-        """State after holding a command for a while.
+        """Return the state after a command was held for some time.
 
         Args:
-            state: Where it starts.
+            state: State at the start.
             command: Commanded stiffness, Nm/rad.
             duration: Seconds.
 
@@ -110,7 +108,7 @@ class StiffnessActuator:
         return StiffnessState(target, reference, actual)
 
     def _follow(self, actual: float, start: float, slope: float, duration: float) -> float:
-        """First-order lag behind the ramp start + slope · t, exactly."""
+        """Return the output of the first-order lag behind the ramp start + slope · t, in closed form."""
         if self.time_constant == 0.0:
             return start + slope * duration
         lag = slope * self.time_constant

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
-from wbc.core.errors import choose
+from wbc.core.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
 from wbc.feet.soles.soft import LongArchFoot, SoftFoot, VariableStiffnessFoot
 
-_FEET: dict[str, type[Foot]] = {
-    "flat": FlatFoot,
-    "rigid": RigidFoot,
-    "soft": SoftFoot,
-    "long_arch": LongArchFoot,
-    "variable": VariableStiffnessFoot,
-}
+_FEET: Registry[type[Foot]] = Registry(
+    "foot",
+    {
+        "flat": FlatFoot,
+        "rigid": RigidFoot,
+        "soft": SoftFoot,
+        "long_arch": LongArchFoot,
+        "variable": VariableStiffnessFoot,
+    },
+)
 
 
 def foot_names() -> tuple[str, ...]:
-    """Names that `foot` accepts."""
+    """Return the names that `foot` takes."""
     return tuple(_FEET)
 
 
 def foot(name: str, **parameters: Any) -> Foot:
-    """A foot by name, with some of its parameters changed.
+    """Return a foot by name, with some of its parameters changed.
 
     Example: `foot("soft", stiffness=5.0)`.
 
@@ -37,20 +39,16 @@ def foot(name: str, **parameters: Any) -> Foot:
         UnknownNameError: No such foot, or no such parameter of this foot.
         InputError: A parameter out of its range.
     """
-    kind = _FEET[choose("foot", name, _FEET)]
-    known = [f.name for f in fields(kind)]
-    for parameter in parameters:
-        choose(f"parameter of the foot '{name}'", parameter, known)
-    return kind(**parameters)
+    return call_checked(f"foot '{name}'", _FEET[name], parameters)
 
 
 def foot_name(design: Foot) -> str:
-    """Name of a foot's kind: the one that `foot` takes, or that of its class if it is not registered."""
+    """Return the name under which a foot's class is registered, or the name of the class if it is not."""
     return next((name for name, kind in _FEET.items() if kind is type(design)), type(design).__name__)
 
 
 def register_foot(name: str, kind: type[Foot]) -> None:
-    """Make a foot of your own available by name, replacing one of the same name.
+    """Register a foot of your own under a name, in place of any other foot of that name.
 
     Args:
         name: Name for `foot` and the command line.

@@ -1,4 +1,4 @@
-"""MuJoCo parts that every foot has: its body with the force sensor, contact spheres, range site."""
+"""MuJoCo parts of every foot: body with force sensor, contact spheres, range site; and rigid soles made of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, choose
 from wbc.feet.soles.contact import ContactSpheres, solver_parameters
-from wbc.feet.soles.sole import SIDES, FootFit
+from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.sole import SIDES, FootFit, box_inertia
 
 Point: TypeAlias = Sequence[float] | Array
 """Three numbers, m."""
@@ -20,28 +21,31 @@ CONTACT_GROUP = 3
 """Geom group of the contact spheres; MuJoCo's viewers hide it by default."""
 
 VISUAL_GROUP = 1
-"""Geom group of the shapes that are only looked at."""
+"""Geom group of the shapes that touch nothing."""
 
 RANGE_OFFSET = 1e-6
-"""Sideways offset of the range site, m: a ray on a grid line of a height field can slip through it."""
+"""Sideways offset of the range site, m: a ray on a grid line of a height field can miss the field."""
+
+TOE_TO_RANGE = 0.014
+"""Distance of the range sensor from the front edge of a rigid sole, m; as in the soft foot."""
 
 _SOLE_COLOR = (0.85, 0.55, 0.25, 1.0)
 _ARCH_COLOR = (0.35, 0.38, 0.42, 1.0)
 
 
 def part(side: str, name: str) -> str:
-    """Name of a part of a foot, such as "left/phalanx_3": the slash keeps it apart from the robot's own names."""
+    """Return the name of a part of a foot, such as "left/phalanx_3": no name of the robot has the slash."""
     return f"{side}/{name}"
 
 
 def quaternion_wxyz(rotation: Sequence[float]) -> list[float]:
-    """MuJoCo's order of a quaternion given as xyzw."""
+    """Return a quaternion xyzw in MuJoCo's order, wxyz."""
     x, y, z, w = rotation
     return [w, x, y, z]
 
 
 def set_inertia(body: mujoco.MjsBody, inertia: pin.Inertia) -> None:
-    """Give a body an inertia expressed in its own frame, whatever its geoms would infer."""
+    """Set the inertia of a body, in the body's frame, instead of inferring it from its geoms."""
     body.explicitinertial = True
     body.mass = inertia.mass
     body.ipos = inertia.lever
@@ -52,8 +56,8 @@ def set_inertia(body: mujoco.MjsBody, inertia: pin.Inertia) -> None:
 def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fit: FootFit) -> mujoco.MjsBody:
     """Weld the foot's body under the ankle, its frame the sole frame, with the force and torque sensors.
 
-    MuJoCo measures the force between a body and its parent, so everything that touches the ground must lie
-    below this body and nothing of the robot.
+    MuJoCo measures the force between a body and its parent, so all geoms that touch the ground, and nothing of the
+    robot, must be on this body and its children.
 
     Raises:
         InputError: Unknown side, ankle body of another name.
@@ -73,7 +77,7 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
 
 
 def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact: ContactSpheres) -> str:
-    """Add one sphere that touches whatever has collision type 1: the ground."""
+    """Add a sphere that touches geoms of collision type 1, the ground."""
     parameters = solver_parameters(contact.law)
     body.add_geom(
         name=name,
@@ -95,7 +99,7 @@ def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact
 
 
 def add_box(body: mujoco.MjsBody, name: str, position: Point, size: Point) -> None:
-    """Add a box to look at, full extents in m."""
+    """Add a visual box, full extents in m."""
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -110,7 +114,7 @@ def add_box(body: mujoco.MjsBody, name: str, position: Point, size: Point) -> No
 
 
 def add_bar(body: mujoco.MjsBody, name: str, start: Point, end: Point, radius: float) -> None:
-    """Add a bar to look at between two points, m."""
+    """Add a visual bar between two points, m."""
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -125,7 +129,7 @@ def add_bar(body: mujoco.MjsBody, name: str, start: Point, end: Point, radius: f
 
 
 def add_range_site(body: mujoco.MjsBody, side: str, position: Point) -> str:
-    """Add the range sensor's site, looking down the sole's normal."""
+    """Add the range sensor's site, its z axis opposite to the sole's normal."""
     x, y, z = position
     name = part(side, "range")
     body.add_site(
@@ -136,3 +140,49 @@ def add_range_site(body: mujoco.MjsBody, side: str, position: Point) -> str:
         group=CONTACT_GROUP,
     )
     return name
+
+
+def build_rigid(
+    spec: mujoco.MjSpec,
+    ankle_body: mujoco.MjsBody,
+    side: str,
+    fit: FootFit,
+    contact: ContactSpheres,
+    *,
+    plate: tuple[float, float] | None,
+) -> FootParts:
+    """Add a rigid sole of spheres under an ankle.
+
+    Args:
+        spec: Model under construction.
+        ankle_body: Body that carries the foot.
+        side: "left" or "right".
+        fit: Rectangle of the foot.
+        contact: Sphere grid.
+        plate: Mass (kg) and thickness (m) of the sole's plate; None for a sole that is part of the ankle link.
+    """
+    body = add_foot_body(spec, ankle_body, side, fit)
+    length, width = fit.sole.length, fit.sole.width
+    if plate is not None:
+        mass, thickness = plate
+        set_inertia(body, box_inertia(mass, (length, width, thickness), (0.0, 0.0, thickness / 2.0)))
+        add_box(body, part(side, "plate"), (0.0, 0.0, thickness / 2.0), (length, width, thickness))
+        ankle = fit.sole.ankle
+        add_bar(body, part(side, "shank"), (ankle[0], ankle[1], thickness), ankle.tolist(), 0.01)
+    geoms = [
+        add_contact_sphere(body, part(side, f"sole_{i + 1}_{j + 1}"), (x, y, contact.radius), contact)
+        for i, x in enumerate(contact.row_positions(length, contact.rows(length)))
+        for j, y in enumerate(contact.column_positions(width))
+    ]
+    site = add_range_site(body, side, (length / 2.0 - TOE_TO_RANGE, 0.0, contact.radius))
+    return FootParts(
+        side=side,
+        fit=fit,
+        body=body.name,
+        wrench_site=part(side, "sole"),
+        force_sensor=part(side, "force"),
+        torque_sensor=part(side, "torque"),
+        range_site=site,
+        range_height=contact.radius,
+        contact_geoms=tuple(geoms),
+    )

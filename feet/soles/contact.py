@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, choose, positive
+from wbc.core.settings import Count, NonNegative, Positive, settings
 
 Integrator = Literal["discrete", "implicitfast", "implicit", "Euler"]
 ConstraintRow = Literal["normal", "friction", "equality"]
+Impedance = Annotated[float, Field(ge=0.0001, le=0.9999)]
 
 
 class SolverParameters(NamedTuple):
-    """What MuJoCo's `solref` and `solimp` attributes take."""
+    """Values of MuJoCo's `solref` and `solimp` attributes."""
 
     solref: tuple[float, float]
     solimp: tuple[float, float, float, float, float]
@@ -33,7 +35,7 @@ class LawGains(NamedTuple):
     stiffness: float
 
 
-@dataclass(frozen=True)
+@settings
 class ConstraintLaw:
     """Soft constraint a = (1 − d) a₀ − d b v − d k r with d = d(r), eq. (1) of the paper.
 
@@ -42,28 +44,19 @@ class ConstraintLaw:
     Attributes:
         time_constant: t, s.
         damping_ratio: ζ, 1 is critical.
-        impedance: d at zero violation and d_max at full violation, each in (0, 1).
+        impedance: d_0 at zero violation and d_max at full violation, each in (0, 1).
         width: Violation at which d reaches d_max, m (MuJoCo's default, the paper gives none).
 
     Source: Frizza et al., Humanoids 2022, eq. (1)–(2); MuJoCo documentation, "Solver parameters".
     """
 
-    time_constant: float
-    damping_ratio: float = 1.0
-    impedance: tuple[float, float] = (0.9, 0.95)
-    width: float = 0.001
-
-    def __post_init__(self) -> None:
-        positive("constraint time constant (s)", self.time_constant)
-        positive("constraint damping ratio", self.damping_ratio)
-        positive("constraint width (m)", self.width)
-        if len(self.impedance) != 2:
-            raise InputError(f"impedance must be the two numbers (d_0, d_max), got {self.impedance!r}")
-        for name, value in zip(("d_0", "d_max"), self.impedance, strict=True):
-            finite_scalar(f"constraint impedance {name}", value, low=0.0001, high=0.9999)
+    time_constant: Annotated[Positive, "s"]
+    damping_ratio: Positive = 1.0
+    impedance: tuple[Impedance, Impedance] = (0.9, 0.95)
+    width: Annotated[Positive, "m"] = 0.001
 
     def impedance_at(self, violation: float) -> float:
-        """d(r): a smooth rise from d_0 to d_max over `width`, power 2 about the middle.
+        """Return d(r): a smooth rise from d_0 to d_max over `width`, power 2 about the middle.
 
         Args:
             violation: |r|, m.
@@ -76,7 +69,7 @@ class ConstraintLaw:
         return d_0 + (d_max - d_0) * y
 
     def gains(self, violation: float) -> LawGains:
-        """Eq. (2): b = 2 / (d_max t), k = d(r) / (d_max² t² ζ²).
+        """Return d(r), b = 2 / (d_max t) and k = d(r) / (d_max² t² ζ²), eq. (2) of the paper.
 
         The paper prints ζ where MuJoCo has ζ²; they agree at ζ = 1, the value used for all its constraints.
 
@@ -97,18 +90,17 @@ PAPER_SOLE_GROUND = ConstraintLaw(0.0001, impedance=(0.99, 0.99))
 SOLE_GROUND = ConstraintLaw(0.002, impedance=(0.99, 0.99))
 """Sole to ground as used here: t = 2 ms.
 
-That is what `refsafe` makes of the printed 0.1 ms at a step of 1 ms with the integrators of 2022, so what the authors'
-simulation will have used. With `discrete` the printed value would act as 1 ms; a standing robot with soft feet then
-chatters by more than 1 N in a third of the cases on random ground and costs 2.5 times as much. With 2 ms it is 1 in 14,
-and the soles sink by less than 0.05 mm (5 grounds x 3 stiffnesses).
+With the integrators of 2022 and a step of 1 ms, `refsafe` turns the printed 0.1 ms into 2 ms, so the authors'
+simulation will have used 2 ms. With `discrete` the printed value would act as 1 ms: a standing robot with soft feet
+then chatters by more than 1 N in a third of the cases on random ground, and the simulation takes 2.5 times as long.
+With 2 ms it chatters in 1 case of 14, and the soles sink by less than 0.05 mm (5 grounds x 3 stiffnesses).
 """
 
 
 def solver_parameters(law: ConstraintLaw) -> SolverParameters:
-    """The one place where the paper's parameters become MuJoCo's.
+    """Return a constraint law as MuJoCo's parameters: solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2).
 
-    They are solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2). The numbers go in as the paper has them,
-    but MuJoCo does not always use them so: see `effective_time_constant`.
+    MuJoCo does not always use t as it is given: see `effective_time_constant`.
     """
     return SolverParameters((law.time_constant, law.damping_ratio), (*law.impedance, law.width, 0.5, 2.0))
 
@@ -121,12 +113,12 @@ def effective_time_constant(
     row: ConstraintRow = "normal",
     violation: float = 0.0,
 ) -> float:
-    """Time constant that MuJoCo really uses for a constraint row with its `refsafe` protection on, s.
+    """Return the time constant that MuJoCo uses for a constraint row with its `refsafe` protection on, s.
 
-    Explicit and implicit velocity integrators cannot follow a constraint faster than two steps, so every t
-    below 2 dt is raised to it: the paper's 0.1 ms is 2 ms at dt = 1 ms, and the 2 ms loop closure is 4 ms at
-    dt = 2 ms. The `discrete` integrator raises t in normal rows alone, as far as k dt² ≤ 1 with the k of eq. (2):
-    the paper's 0.1 ms is 1.005 ms at dt = 1 ms. Friction and equality rows keep t as it is written.
+    Explicit and implicit velocity integrators cannot follow a constraint faster than two steps, so they raise any
+    smaller t to 2 dt: the paper's 0.1 ms is 2 ms at dt = 1 ms, and the 2 ms loop closure is 4 ms at dt = 2 ms. The
+    `discrete` integrator raises t in normal rows alone, until k dt² ≤ 1 with the k of eq. (2): the paper's 0.1 ms is
+    1.005 ms at dt = 1 ms. Friction and equality rows keep t as it is given.
 
     Args:
         law: The constraint.
@@ -138,27 +130,27 @@ def effective_time_constant(
     Source: measured on mujoco 3.17 through `MjData.efc_KBIP`; MuJoCo documentation, "refsafe".
     """
     positive("timestep (s)", timestep)
-    choose("integrator", integrator, ("discrete", "implicitfast", "implicit", "Euler"))
-    choose("constraint row", row, ("normal", "friction", "equality"))
+    choose("integrator", integrator, get_args(Integrator))
+    choose("constraint row", row, get_args(ConstraintRow))
     if integrator != "discrete":
         return max(law.time_constant, 2.0 * timestep)
     if row == "normal":
-        least = timestep * math.sqrt(law.impedance_at(violation)) / (law.impedance[1] * law.damping_ratio)
-        return max(law.time_constant, least)
+        stable = timestep * math.sqrt(law.impedance_at(violation)) / (law.impedance[1] * law.damping_ratio)
+        return max(law.time_constant, stable)
     return law.time_constant
 
 
-@dataclass(frozen=True)
+@settings
 class ContactSpheres:
-    """How a sole touches the ground: an even grid of small spheres, whose lowest points span the rectangle.
+    """Contact geometry of a sole: an even grid of small spheres whose lowest points span the rectangle.
 
     Spheres, because a box on a height field loses contacts beyond 50 per pair and its centre of pressure
     wanders by up to 35 mm. A stone narrower than the lateral spacing can pass between two columns.
 
     Attributes:
         law: Constraint law of the contact; `PAPER_SOLE_GROUND` is the printed one.
-        friction: Coulomb coefficient; the controller assumes 0.7, the plant leaves it a margin.
-        condim: Directions of contact force: 3 (normal, two tangents), 4 (with spin) or 6 (with rolling).
+        friction: Coulomb coefficient; larger than the 0.7 that the controller assumes, as a margin.
+        condim: Dimension of the contact force: 3 (normal, two tangents), 4 (with spin) or 6 (with rolling).
         spin_friction: Coefficient about the normal, m; used with `condim` 4 and 6.
         rolling_friction: Coefficient of rolling, m; used with `condim` 6.
         radius: Radius of the spheres, m.
@@ -167,57 +159,35 @@ class ContactSpheres:
         row_spacing: Largest distance between rows of a rigid sole, m.
         inset: Distance from the edges of the rectangle to the outer sphere centres, m.
 
-    One row per phalanx lets a standing robot run 1.2 to 1.6 times as fast, but the ankle stands up to 1 mm lower on
-    stones and hinges bend by up to 0.08 rad differently; 4 columns cost up to a fifth of the speed, `condim` 4 up to an
-    eighth and 6 up to a third, and change nothing in how the sole lies.
+    With one row per phalanx a standing robot simulates 1.2 to 1.6 times as fast, but the ankle stands up to 1 mm lower
+    on stones and hinge angles differ by up to 0.08 rad. 4 columns cost up to a fifth of the speed, `condim` 4 up to an
+    eighth and 6 up to a third; the shape of the sole stays the same.
 
     Source: friction 0.7 from the authors' public controller configuration; the rest measured on this foot at 1 ms.
     """
 
-    law: ConstraintLaw = field(default_factory=lambda: SOLE_GROUND)
-    friction: float = 0.8
-    condim: int = 3
-    spin_friction: float = 0.005
-    rolling_friction: float = 0.0001
-    radius: float = 0.007
-    columns: int = 3
-    rows_per_phalanx: int = 2
-    row_spacing: float = 0.015
-    inset: float = 0.0
-
-    def __post_init__(self) -> None:
-        positive("sole friction", self.friction)
-        if self.condim not in (3, 4, 6):
-            raise InputError(f"condim of the sole contact must be 3, 4 or 6, got {self.condim}")
-        non_negative("spin friction (m)", self.spin_friction)
-        non_negative("rolling friction (m)", self.rolling_friction)
-        positive("radius of the sole spheres (m)", self.radius)
-        positive("row spacing (m)", self.row_spacing)
-        non_negative("inset of the sole spheres (m)", self.inset)
-        for name, count, least in (
-            ("columns", self.columns, 2),
-            ("rows_per_phalanx", self.rows_per_phalanx, 1),
-        ):
-            if int(count) != count or count < least:
-                raise InputError(
-                    f"{name} of the sole contact must be an integer of at least {least}, got {count}"
-                )
+    law: ConstraintLaw = SOLE_GROUND
+    friction: Positive = 0.8
+    condim: Literal[3, 4, 6] = 3
+    spin_friction: Annotated[NonNegative, "m"] = 0.005
+    rolling_friction: Annotated[NonNegative, "m"] = 0.0001
+    radius: Annotated[Positive, "m"] = 0.007
+    columns: Annotated[int, Field(ge=2)] = 3
+    rows_per_phalanx: Count = 2
+    row_spacing: Annotated[Positive, "m"] = 0.015
+    inset: Annotated[NonNegative, "m"] = 0.0
 
     def rows(self, length: float) -> int:
-        """Number of rows of a rigid sole of this length (m)."""
+        """Return the number of rows of a rigid sole of this length (m)."""
         return max(2, math.ceil((length - 2.0 * self.inset) / self.row_spacing) + 1)
 
     def row_positions(self, length: float, count: int) -> Array:
-        """Place along x of the rows in the sole frame from the toe backwards, shape (count,), m."""
+        """Return the positions of the rows along x of the sole frame, from toe to heel, shape (count,), m."""
         return _even(length, count, self.inset)[::-1].copy()
 
     def column_positions(self, width: float) -> Array:
-        """Place along y of the columns in the sole frame from right to left, shape (columns,), m."""
+        """Return the positions of the columns along y of the sole frame, from right to left, shape (columns,), m."""
         return _even(width, self.columns, self.inset)
-
-    def lateral_spacing(self, width: float) -> float:
-        """Distance between neighbouring columns on a sole of this width, m."""
-        return (width - 2.0 * self.inset) / (self.columns - 1)
 
 
 def _even(extent: float, count: int, inset: float) -> Array:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from wbc.core.errors import finite_scalar, non_negative, positive
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.feet.soles.foot import Foot, fitted_sole
-from wbc.feet.soles.model import FootParts
+from wbc.feet.soles.parts import FootParts
 from wbc.feet.soles.sole import FootFit, SoleGeometry, box_inertia
 
 SOFT_LENGTH = 0.27782
@@ -20,24 +19,24 @@ SOFT_ANKLE_BEHIND = 0.030
 """Distance from the ankle forward to the centre of the soft sole, m (same file)."""
 
 
-@dataclass(frozen=True)
+@settings
 class FlatFoot(Foot):
-    """The robot's own sole: rigid, its rectangle and height, no mass of its own (the ankle link has it)."""
+    """The robot's own sole: rigid, with its rectangle and height; its mass is part of the ankle link."""
 
     def fit(self, sole: SoleGeometry) -> FootFit:
-        """See `Foot.fit`."""
+        """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         return FootFit(sole, box_inertia(0.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
 
     def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
-        """See `Foot.build`."""
-        from wbc.feet.soles.rigid_mjcf import build_rigid  # noqa: PLC0415 - the pure part needs no MuJoCo
+        """Add the foot to a MuJoCo model; see `Foot.build`."""
+        from wbc.feet.soles.common_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
 
         return build_rigid(spec, ankle_body, side, self.fit(sole), self.contact, plate=None)
 
 
-@dataclass(frozen=True)
+@settings
 class RigidFoot(Foot):
-    """A rigid plate with the soft foot's footprint and mass: what a soft sole has to be compared with.
+    """A rigid plate with the soft foot's footprint and mass, the reference that soft soles are compared with.
 
     Attributes:
         length: Extent along x, m.
@@ -45,32 +44,25 @@ class RigidFoot(Foot):
         thickness: Height of the plate, m.
         ankle_behind: Distance from the ankle forward to the sole centre, m.
         ankle_height: Height of the ankle over the sole, m; None keeps the robot's own.
-        mass: kg; the soft foot's, so that the two differ in compliance alone.
+        mass: Mass of the plate, kg; by default the soft foot's, so that they differ in compliance alone.
     """
 
-    length: float = SOFT_LENGTH
-    width: float = SOFT_WIDTH
-    thickness: float = 0.014
-    ankle_behind: float = SOFT_ANKLE_BEHIND
-    ankle_height: float | None = None
-    mass: float = 0.34
-
-    def __post_init__(self) -> None:
-        positive("foot length (m)", self.length)
-        positive("foot width (m)", self.width)
-        positive("plate thickness (m)", self.thickness)
-        finite_scalar("ankle position behind the sole centre (m)", self.ankle_behind)
-        non_negative("foot mass (kg)", self.mass)
+    length: Annotated[Positive, "m"] = SOFT_LENGTH
+    width: Annotated[Positive, "m"] = SOFT_WIDTH
+    thickness: Annotated[Positive, "m"] = 0.014
+    ankle_behind: Annotated[float, "m"] = SOFT_ANKLE_BEHIND
+    ankle_height: Annotated[Positive, "m"] | None = None
+    mass: Annotated[NonNegative, "kg"] = 0.34
 
     def fit(self, sole: SoleGeometry) -> FootFit:
-        """See `Foot.fit`."""
+        """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         fitted = fitted_sole(
             sole,
             length=self.length,
             width=self.width,
             ankle_behind=self.ankle_behind,
             ankle_height=self.ankle_height,
-            least_height=self.thickness,
+            min_height=self.thickness,
         )
         plate = box_inertia(self.mass, self._plate(), (0.0, 0.0, self.thickness / 2.0))
         return FootFit(
@@ -78,8 +70,8 @@ class RigidFoot(Foot):
         )
 
     def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
-        """See `Foot.build`."""
-        from wbc.feet.soles.rigid_mjcf import build_rigid  # noqa: PLC0415 - the pure part needs no MuJoCo
+        """Add the foot to a MuJoCo model; see `Foot.build`."""
+        from wbc.feet.soles.common_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
 
         return build_rigid(
             spec, ankle_body, side, self.fit(sole), self.contact, plate=(self.mass, self.thickness)

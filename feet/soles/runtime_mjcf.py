@@ -1,4 +1,4 @@
-"""A foot inside a running MuJoCo simulation: its force, range, shape, contacts and stiffness."""
+"""Sensors and stiffness of a foot in a running MuJoCo simulation, and the ground truth of its contacts and shape."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
-from wbc.feet.soles.model import FootParts
+from wbc.feet.soles.parts import FootParts
 
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
@@ -27,7 +27,7 @@ class WrenchSensor:
     """Six-axis force sensor between the ankle and the foot."""
 
     def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
-        """Look the sensor up.
+        """Look up the sensor.
 
         Raises:
             InputError: The model does not hold this foot.
@@ -37,7 +37,7 @@ class WrenchSensor:
         self._torque = int(model.sensor_adr[_id(model, kind, foot.torque_sensor)])
 
     def read(self, data: mujoco.MjData) -> Array:
-        """What the ground does to the foot: [force; moment] in sole axes at the sole centre, shape (6,).
+        """Return the wrench of the ground on the foot, [force; moment] in sole axes at the sole centre, shape (6,).
 
         As with a real sensor, the weight and inertia of the foot below it are part of the reading.
 
@@ -53,7 +53,7 @@ class SoleStiffness:
     """Stiffness of a soft sole in a running simulation, behind its actuator.
 
     Attributes:
-        actuator: How the actual stiffness follows the command.
+        actuator: Rate limit, lag and range of the stiffness.
         state: Commanded, rate-limited and actual stiffness, Nm/rad.
     """
 
@@ -65,7 +65,7 @@ class SoleStiffness:
         Args:
             model: Compiled model; its `jnt_stiffness` is written from now on.
             foot: A soft foot of that model.
-            actuator: None for one that acts at once.
+            actuator: Actuator of the sole; None for one that acts at once.
 
         Raises:
             InputError: The foot is rigid, or the model does not hold it.
@@ -82,11 +82,11 @@ class SoleStiffness:
 
     @property
     def actual(self) -> float:
-        """What the springs have now, Nm/rad; the measured value."""
+        """Stiffness of the springs, Nm/rad; the measured value."""
         return float(self._model.jnt_stiffness[self._joints[0]])
 
     def reset(self, stiffness: float | None = None) -> None:
-        """Go to a stiffness at once: the given one, or the one at the start.
+        """Set a stiffness at once: the given one, or the one at the start.
 
         Raises:
             InputError: Outside the range of the actuator.
@@ -95,7 +95,7 @@ class SoleStiffness:
         self._model.jnt_stiffness[self._joints] = self.state.actual
 
     def step(self, command: float, duration: float) -> float:
-        """Advance the actuator and write the result into the model; it acts from the next physics step on.
+        """Advance the actuator and write the stiffness into the model, for the next physics step.
 
         Args:
             command: Commanded stiffness, Nm/rad.
@@ -113,7 +113,7 @@ class SoleStiffness:
 
 
 class RangeFinder:
-    """The range sensor under the toe: casts a ray at the ground alone and adds the sensor's errors."""
+    """The range sensor under the toe: a ray that sees the ground alone, with the sensor's errors."""
 
     def __init__(
         self,
@@ -124,12 +124,12 @@ class RangeFinder:
         sensor: RangeSensor | None = None,
         seed: int = 0,
     ) -> None:
-        """Look the site up.
+        """Look up the site.
 
         Args:
             model: Compiled model.
             foot: A foot of that model.
-            ground_group: Geom group that the ground alone is in, 0 to 5.
+            ground_group: Geom group of the ground and nothing else, 0 to 5.
             sensor: Limits and errors; None for a perfect sensor.
             seed: Seed of the errors.
 
@@ -145,20 +145,20 @@ class RangeFinder:
         self.range_height = foot.range_height
 
     def distance(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """True distance from the site to the ground along the ray, m; infinite when it hits nothing."""
+        """Return the true distance from the site to the ground along the ray, m; infinite when it hits nothing."""
         direction = data.site_xmat[self._site][2::3].copy()
-        found = mujoco.mj_ray(
+        distance = mujoco.mj_ray(
             model, data, data.site_xpos[self._site], direction, self._groups, True, -1, self._hit
         )
-        return math.inf if found < 0.0 else float(found)
+        return math.inf if distance < 0.0 else float(distance)
 
     def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Reading at the simulation's time, m; NaN when lost or out of range, held between two samples."""
+        """Return the reading at the simulation's time, m; NaN when lost or out of range, held between two samples."""
         due = self.sampler.due(data.time)
         return self.sampler.sample(data.time, self.distance(model, data) if due else math.nan)
 
     def hit_point(self, data: mujoco.MjData, reading: float) -> Array:
-        """Where a reading (m) says that the ground is, in the world, shape (3,), m."""
+        """Return the point of the ground that a reading (m) stands for, in the world, shape (3,), m."""
         return np.asarray(data.site_xpos[self._site] + reading * data.site_xmat[self._site][2::3])
 
 
@@ -192,10 +192,10 @@ class GroundContacts:
 
 
 class SoleProbe:
-    """Ground truth of one foot, for logs and test rigs: never a measurement of the controller."""
+    """Ground truth of one foot, for logs and test rigs; no measurement of a controller."""
 
     def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
-        """Look names up.
+        """Look up geoms, joints and sites.
 
         Raises:
             InputError: The model does not hold this foot.
@@ -213,29 +213,27 @@ class SoleProbe:
         self._wrench = np.zeros(6)
 
     def angles(self, data: mujoco.MjData) -> Array:
-        """Angles of the sole hinges from the toe to the heel, shape (phalanges,), rad."""
+        """Return the angles of the sole hinges from the toe to the heel, shape (phalanges,), rad."""
         return np.asarray(data.qpos[self._qpos])
 
     def transverse_angles(self, data: mujoco.MjData) -> Array:
-        """Angles of the hinges about the longitudinal axis from the toe to the heel, rad."""
+        """Return the angles of the hinges about the longitudinal axis from the toe to the heel, rad."""
         return np.asarray(data.qpos[self._transverse_qpos])
 
     def loop_gap(self, data: mujoco.MjData) -> float:
-        """Distance between the two sides of the loop closure, m; 0 without a loop."""
+        """Return the distance between the two sides of the loop closure, m; 0 without a loop."""
         if self._loop is None:
             return 0.0
         a, b = self._loop
         return float(np.linalg.norm(data.site_xpos[a] - data.site_xpos[b]))
 
-    def contacts(
-        self, model: mujoco.MjModel, data: mujoco.MjData, least_force: float = 0.0
-    ) -> GroundContacts:
-        """Contacts of this foot that carry more than a normal force.
+    def contacts(self, model: mujoco.MjModel, data: mujoco.MjData, min_force: float = 0.0) -> GroundContacts:
+        """Return the contacts of this foot whose normal force exceeds a threshold.
 
         Args:
             model: Compiled model.
             data: State after a step or `mj_forward`.
-            least_force: N.
+            min_force: Threshold, N.
         """
         points, forces, depths = [], [], []
         for i in range(data.ncon):
@@ -244,7 +242,7 @@ class SoleProbe:
             if not (self._own[first] or self._own[second]):
                 continue
             mujoco.mj_contactForce(model, data, i, self._wrench)
-            if self._wrench[0] <= least_force:
+            if self._wrench[0] <= min_force:
                 continue
             # The frame's first row is the normal from the first geom to the second, where the force acts.
             sign = 1.0 if self._own[second] else -1.0

@@ -20,8 +20,8 @@ from wbc.feet.soles.common_mjcf import (
     set_inertia,
 )
 from wbc.feet.soles.contact import solver_parameters
-from wbc.feet.soles.model import FootParts
-from wbc.feet.soles.soft import ARCH_THICKNESS, SoftFoot
+from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.soft_design import ARCH_THICKNESS, SoftDesign
 from wbc.feet.soles.sole import FootFit, box_inertia
 
 _LATERAL = (0.0, 1.0, 0.0)
@@ -31,7 +31,7 @@ _VISUAL_GAP = 0.001  # m between the drawn phalanges
 
 @dataclass
 class _Segment:
-    """A rigid piece of a phalanx: its body, where that has its origin, and the strip of the sole it is."""
+    """A rigid strip of a phalanx: its body, the origin of the body, and the edges of the strip along y."""
 
     body: mujoco.MjsBody
     origin: Array
@@ -40,16 +40,16 @@ class _Segment:
 
 
 class SoftFootBuilder:
-    """Adds one soft foot under an ankle.
+    """Builder of one soft foot under an ankle.
 
     The tree runs ankle → foot body (backward arch, force sensor) → heel phalanx → … → toe, and foot body →
     frontal arch; a `connect` equality closes the arch onto the sole.
     """
 
     def __init__(
-        self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftFoot, fit: FootFit
+        self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftDesign, fit: FootFit
     ) -> None:
-        """Start with the body under the ankle.
+        """Add the body under the ankle.
 
         Args:
             spec: Model under construction.
@@ -74,7 +74,7 @@ class SoftFootBuilder:
         self._transverse: list[str] = []
 
     def build(self) -> FootParts:
-        """Add everything and name it."""
+        """Add all other parts; return their names."""
         parent, parent_origin = self.body, np.zeros(3)
         for i in reversed(range(self.foot.phalanges)):
             parent, parent_origin = self._add_phalanx(i, parent, parent_origin)
@@ -107,7 +107,7 @@ class SoftFootBuilder:
     def _add_phalanx(
         self, i: int, parent: mujoco.MjsBody, parent_origin: Array
     ) -> tuple[mujoco.MjsBody, Array]:
-        """Add phalanx i (0 is the toe) with its hinge on the heel side."""
+        """Add phalanx i (0 is the toe) with its hinge on the heel side; return its body and the origin of it."""
         foot, name = self.foot, part(self.side, f"phalanx_{i + 1}")
         origin = np.array(self.layout.hinges[i])
         body = parent.add_body(name=name, pos=origin - parent_origin)
@@ -131,7 +131,7 @@ class SoftFootBuilder:
         return body, origin
 
     def _add_strip(self, i: int, body: mujoco.MjsBody, origin: Array, right: float, left: float) -> None:
-        """Give a body its strip of phalanx i."""
+        """Give a body a strip of phalanx i."""
         foot, width = self.foot, left - right
         centre = np.array([self.layout.centres[i], (left + right) / 2.0, foot.thickness / 2.0]) - origin
         mass = foot.phalanx_mass * width / foot.width
@@ -148,7 +148,7 @@ class SoftFootBuilder:
         self._transverse.append(_add_hinge(body, name, _FORWARD, stiffness, transverse.damping, armature))
 
     def _add_spheres(self) -> tuple[str, ...]:
-        """An even grid over the whole sole, dealt out row by row; see `ContactSpheres.row_positions`."""
+        """Add the grid of contact spheres, each to the strip of the sole that it lies in; return their names."""
         foot, contact = self.foot, self.foot.contact
         names = []
         for row, x in enumerate(foot.contact_rows()):

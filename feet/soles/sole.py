@@ -1,26 +1,43 @@
-"""Where a foot goes on a robot: the robot's own sole, and the foot fitted in its place."""
+"""`SoleGeometry` and `FootFit`: a robot's own sole, and a foot fitted in its place; inertias of boxes and bars."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pydantic import BeforeValidator
 from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.settings import Positive, settings
 
 SIDES = ("left", "right")
-"""Which foot: prefix of every name that a foot adds to a model."""
+"""Sides of a robot: prefix of every name that a foot adds to a model."""
 
 
-@dataclass(frozen=True)
+def _quaternion(rotation: Any) -> tuple[float, ...]:
+    """Return a rotation, given as unit quaternion xyzw or as matrix, as unit quaternion xyzw."""
+    given = finite_array("sole rotation", rotation)
+    if given.shape == (3, 3):
+        if not np.allclose(given @ given.T, np.eye(3), atol=1e-6) or np.linalg.det(given) < 0:
+            raise InputError(f"sole rotation must be a right-handed rotation matrix, got {given.tolist()}")
+        given = Rotation.from_matrix(given).as_quat()
+    elif given.shape != (4,) or abs(np.linalg.norm(given) - 1.0) > 1e-6:
+        raise InputError(
+            f"sole rotation must be a unit quaternion xyzw or a 3 x 3 matrix, got {given.tolist()}"
+        )
+    return tuple(given.tolist())
+
+
+@settings
 class SoleGeometry:
     """A rectangular sole under an ankle link.
 
     The sole frame has its origin at the centre of the rectangle, x forward, y left, z away from the ground.
-    The origin of the ankle link is where its last joint axis passes; it is called the ankle below.
+    The ankle is the origin of the ankle link, on the axis of the last joint.
 
     Attributes:
         ankle_link: Body that carries the sole.
@@ -32,31 +49,13 @@ class SoleGeometry:
     """
 
     ankle_link: str
-    translation: tuple[float, float, float]
-    rotation: tuple[float, float, float, float]
-    length: float
-    width: float
-    spacing: float | None = None
+    translation: Annotated[tuple[float, float, float], "m"]
+    rotation: Annotated[tuple[float, float, float, float], BeforeValidator(_quaternion)]
+    length: Annotated[Positive, "m"]
+    width: Annotated[Positive, "m"]
+    spacing: Annotated[Positive, "m"] | None = None
 
     def __post_init__(self) -> None:
-        translation = finite_array("sole centre in the ankle link (m)", self.translation, (3,))
-        given = finite_array("sole rotation", self.rotation)
-        if given.shape == (3, 3):
-            if not np.allclose(given @ given.T, np.eye(3), atol=1e-6) or np.linalg.det(given) < 0:
-                raise InputError(
-                    f"sole rotation must be a right-handed rotation matrix, got {given.tolist()}"
-                )
-            given = Rotation.from_matrix(given).as_quat()
-        elif given.shape != (4,) or abs(np.linalg.norm(given) - 1.0) > 1e-6:
-            raise InputError(
-                f"sole rotation must be a unit quaternion xyzw or a 3 x 3 matrix, got {given.tolist()}"
-            )
-        object.__setattr__(self, "translation", tuple(map(float, translation)))
-        object.__setattr__(self, "rotation", tuple(map(float, given)))
-        positive("sole length (m)", self.length)
-        positive("sole width (m)", self.width)
-        if self.spacing is not None:
-            positive("lateral distance between the soles (m)", self.spacing)
         if self.ankle[2] <= 0.0:
             raise InputError(
                 f"the ankle of '{self.ankle_link}' must lie above its sole, got a height "
@@ -89,7 +88,7 @@ class SoleGeometry:
         ankle_behind: float = 0.0,
         spacing: float | None = None,
     ) -> SoleGeometry:
-        """A level sole whose centre is ahead of an upright ankle link.
+        """Return a level sole whose centre is ahead of an upright ankle link.
 
         Args:
             ankle_height: Height of the ankle over the sole, m.
@@ -112,13 +111,12 @@ class SoleGeometry:
 
 @dataclass(frozen=True)
 class FootFit:
-    """A foot in its place under an ankle, before any simulator is involved.
+    """A foot in its place under an ankle.
 
     Attributes:
-        sole: The rectangle that replaces the robot's own: what a contact of the controller must use.
-        added_inertia: What the foot adds to the ankle link in its rest shape, in the axes and at the origin
-            of that link. A controller model may append it or leave the foot's mass unknown, as it was on
-            paper.
+        sole: The rectangle that replaces the robot's own, for the contacts of a controller.
+        added_inertia: Inertia that the foot in its rest shape adds to the ankle link, in the axes and at the origin of
+            that link. A controller model may append it, or leave it out as the paper does.
         mass: Mass added to the robot by this foot, kg.
         height_change: Rise of the ankle against the robot's own sole, m.
     """
@@ -130,7 +128,7 @@ class FootFit:
 
 
 def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
-    """Inertia of a uniform box in the frame that `centre` is given in.
+    """Return the inertia of a uniform box in the frame of `centre`.
 
     Args:
         mass: kg.
@@ -150,7 +148,7 @@ def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
 def bar_inertia(
     mass: float, start: ArrayLike, end: ArrayLike, *, width: float, thickness: float
 ) -> pin.Inertia:
-    """Inertia of a uniform bar of rectangular section between two points of the x–z plane.
+    """Return the inertia of a uniform bar of rectangular section between two points of the x–z plane.
 
     Args:
         mass: kg.

@@ -1,1 +1,4 @@
-"""Stiffness from roughness: roughness parameters, features, training data, model and its validation."""
+"""Stiffness from roughness: parameters, features, training data, models, and how well they predict.
+
+A new kind of model is a candidate in `comparison`; what a controller uses is `model.StiffnessModel`.
+"""

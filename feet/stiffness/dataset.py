@@ -1,4 +1,4 @@
-"""What a stiffness model learns from: the roughness that a foot saw, and the stiffness that was best there."""
+"""`StiffnessTable`: training data of stiffness models, roughness of profiles and the best stiffness there."""
 
 from __future__ import annotations
 
@@ -6,23 +6,27 @@ import csv
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, finite_array, positive, unknown_name
+from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.files import read_text
+from wbc.core.settings import Positive, from_json, settings, to_json
 from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings
+
+T = TypeVar("T")
 
 FORMAT = "wbc stiffness table"
 VERSION = 1
 
 KEYS = ("ground", "family", "amplitude", "seed", "window")
-"""Columns that say what a row is about."""
+"""Columns that identify a row."""
 
 REQUIRED = (*KEYS, *PARAMETERS, "stiffness")
 """Columns that every table has."""
@@ -31,54 +35,25 @@ OPTIONAL = ("stiffness_low", "stiffness_high", "J")
 """Columns that a table may have."""
 
 
-@dataclass(frozen=True)
+@settings
 class ProfileRecipe:
-    """How the roughness in a table, or that a model expects, was computed from the ground.
+    """Settings that the roughness of a table or model was computed with.
 
     Attributes:
         step: Distance of the samples of a profile, m.
-        window: Length of a profile, m; None for whole tracks. By default what a foot has scanned in a step of
-            0.145 m when its stiffness is decided (`wbc.tasks.StiffnessTiming`).
+        window: Length of a profile, m; None for whole tracks. By default the length scanned in a step of 0.145 m when
+            the stiffness is decided (`wbc.tasks.StiffnessTiming`).
         roughness: Filter, trend and variant.
     """
 
-    step: float = PROFILE_STEP
-    window: float | None = 0.182
+    step: Annotated[Positive, "m"] = PROFILE_STEP
+    window: Annotated[Positive, "m"] | None = 0.182
     roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
-
-    def __post_init__(self) -> None:
-        positive("profile step (m)", self.step)
-        if self.window is not None:
-            positive("window length (m)", self.window)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> ProfileRecipe:
-        """Read what `dataclasses.asdict` wrote.
-
-        Raises:
-            InputError: A key is missing, unknown or holds nonsense.
-        """
-        given = dict(_known(values, cls, "profile recipe"))
-        given["roughness"] = RoughnessSettings(
-            **_known(given["roughness"], RoughnessSettings, "roughness settings")
-        )
-        return cls(**given)
-
-
-def _known(values: Any, kind: type, what: str) -> Mapping[str, Any]:
-    """Return a mapping that has exactly the fields of a class as keys."""
-    names = {f.name for f in fields(kind)}
-    if not isinstance(values, Mapping) or set(values) != names:
-        found = sorted(values) if isinstance(values, Mapping) else values
-        raise InputError(f"{what} must have the keys {', '.join(sorted(names))}, got {found!r}")
-    return values
 
 
 @dataclass(frozen=True, eq=False)
 class StiffnessTable:
-    """One row per profile that a foot saw.
-
-    Every array has one entry per row.
+    """Profiles with their best stiffness, one row each; every array has one entry per row.
 
     Attributes:
         ground: Name of the ground, such as "random w=0.01": rows of one name and amplitude share a best stiffness.
@@ -88,11 +63,11 @@ class StiffnessTable:
         window: Number of the profile on this ground, from 0.
         values: Roughness parameters in the order of `PARAMETERS`, shape (n, 10), SI units of their variant.
         stiffness: Best stiffness of the sole there, Nm/rad.
-        stiffness_low: Least stiffness that is nearly as good, Nm/rad; NaN where it is not known.
-        stiffness_high: Greatest stiffness that is nearly as good, Nm/rad; NaN where it is not known.
-        J: Cost at the best stiffness, as the paper's eq. 6 (a maximum; 0 is perfect); NaN where it is not known.
-        recipe: How the roughness was computed.
-        made: How the table was made: whatever its maker wrote down, JSON-able.
+        stiffness_low: Smallest stiffness that is nearly as good, Nm/rad; NaN where unknown.
+        stiffness_high: Largest stiffness that is nearly as good, Nm/rad; NaN where unknown.
+        J: Cost at the best stiffness, as the paper's eq. 6 (a maximum; 0 is perfect); NaN where unknown.
+        recipe: Settings of the roughness.
+        made: Provenance of the table, JSON-able.
     """
 
     ground: NDArray[np.str_]
@@ -119,16 +94,16 @@ class StiffnessTable:
         recipe: ProfileRecipe | None = None,
         made: Mapping[str, Any] | None = None,
     ) -> StiffnessTable:
-        """Make a table from its columns.
+        """Return a table with these columns.
 
         Args:
-            columns: Name → entries: all of `REQUIRED`, any of `OPTIONAL`.
-            recipe: How the roughness was computed.
-            made: How the table was made.
+            columns: Name → entries, shape (rows,): all of `REQUIRED`, any of `OPTIONAL`.
+            recipe: Settings of the roughness.
+            made: Provenance of the table.
 
         Raises:
             InputError: A column is missing or unknown, columns of different lengths, no rows, a value that is no
-                number, a negative amplitude or stiffness, a range without the best stiffness in it.
+                number, a negative amplitude or stiffness, a best stiffness outside its range.
         """
         missing = [name for name in REQUIRED if name not in columns]
         if missing:
@@ -136,8 +111,7 @@ class StiffnessTable:
                 f"stiffness table: missing columns {', '.join(missing)}; there are {', '.join(columns) or 'none'}"
             )
         for name in columns:
-            if name not in (*REQUIRED, *OPTIONAL):
-                unknown_name("column of a stiffness table", name, (*REQUIRED, *OPTIONAL))
+            choose("column of a stiffness table", name, (*REQUIRED, *OPTIONAL))
         sizes = {name: len(entries) for name, entries in columns.items()}
         if len(set(sizes.values())) != 1 or 0 in sizes.values():
             raise InputError(
@@ -173,31 +147,48 @@ class StiffnessTable:
         )
 
     def rows(self, choice: ArrayLike | slice) -> StiffnessTable:
-        """Some of the rows, by numbers, by truth values or by a slice."""
+        """Return some of the rows.
+
+        Args:
+            choice: Numbers of rows, truth values of shape (rows,), or a slice.
+        """
         pick = np.arange(len(self))[choice if isinstance(choice, slice) else np.asarray(choice)]
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("recipe", "made")}
         return StiffnessTable(**{k: v[pick] for k, v in arrays.items()}, recipe=self.recipe, made=self.made)
 
     def groups(self, columns: Iterable[str] = ("ground",)) -> NDArray[np.intp]:
-        """Number of the group of each row: rows that agree in all these columns are one group.
+        """Return the number of the group of each row: rows that agree in all these columns are one group.
 
         Args:
-            columns: Of `KEYS`. ("ground",) keeps all amplitudes of a ground together, ("ground", "amplitude") keeps
-                together what shares a label.
+            columns: Of `KEYS`. ("ground",) groups all amplitudes of a ground, ("ground", "amplitude") groups the rows
+                that share a best stiffness.
 
         Raises:
             UnknownNameError: Not one of `KEYS`.
         """
         names = tuple(columns)
         for name in names:
-            if name not in KEYS:
-                unknown_name("column to group by", name, KEYS)
+            choose("column to group by", name, KEYS)
         rows = list(zip(*(getattr(self, name).tolist() for name in names), strict=True))
         order = {row: i for i, row in enumerate(dict.fromkeys(rows))}
         return np.array([order[row] for row in rows])
 
+    def labels(self, clusters: Clusters) -> NDArray[np.intp]:
+        """Return the cluster of the best stiffness of each row.
+
+        Raises:
+            InputError: A stiffness outside the clusters, or the same cluster for all rows.
+        """
+        labels = clusters.of(self.stiffness)
+        if np.unique(labels).size < 2:
+            raise InputError(
+                f"the table has a single class: the best stiffness of all {len(self)} rows is in cluster {labels[0]}; "
+                "a model needs at least two"
+            )
+        return labels
+
     def columns(self) -> dict[str, list[Any]]:
-        """Name → entries, with the optional columns only where something is known."""
+        """Return name → entries, of the optional columns only those with known values."""
         result: dict[str, list[Any]] = {name: getattr(self, name).tolist() for name in KEYS}
         result |= {name: self.values[:, i].tolist() for i, name in enumerate(PARAMETERS)}
         result["stiffness"] = self.stiffness.tolist()
@@ -207,7 +198,7 @@ class StiffnessTable:
 
     def save(self, path: str | Path) -> None:
         """Write one line of JSON after a "#" (format, version, recipe, made), then the rows as CSV."""
-        head = {"format": FORMAT, "version": VERSION, "recipe": asdict(self.recipe), "made": dict(self.made)}
+        head = {"format": FORMAT, "version": VERSION, "recipe": to_json(self.recipe), "made": dict(self.made)}
         columns = self.columns()
         with Path(path).open("w", encoding="utf-8", newline="") as file:
             file.write("# " + json.dumps(head) + "\n")
@@ -217,7 +208,7 @@ class StiffnessTable:
 
     @classmethod
     def load(cls, path: str | Path) -> StiffnessTable:
-        """Read what `save` wrote.
+        """Return the table that `save` wrote.
 
         Raises:
             InputError: No such file, another format or version, missing columns, rows that cannot be read.
@@ -238,21 +229,23 @@ class StiffnessTable:
             if len(row) != len(names):
                 raise InputError(f"{target}: row {i + 1} has {len(row)} entries, {len(names)} are needed")
         columns = {name: [row[i] for row in rows] for i, name in enumerate(names)}
-        return cls.from_columns(columns, recipe=ProfileRecipe.from_dict(head["recipe"]), made=head["made"])
+        return cls.from_columns(
+            columns, recipe=complete_settings(ProfileRecipe, head["recipe"]), made=head["made"]
+        )
 
     def fingerprint(self) -> str:
-        """Hash of rows and recipe, hex digits: equal tables, equal hash, on every machine."""
-        text = json.dumps([self.columns(), asdict(self.recipe)], sort_keys=True)
+        """Return a hash of rows and recipe, hex digits; equal tables have equal hashes on every machine."""
+        text = json.dumps([self.columns(), to_json(self.recipe)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]:
-    """Read a JSON object that says which format and version a file has.
+    """Return the JSON object at the start of a file, after a check of its format and version.
 
     Args:
         text: JSON.
-        kind: Format that is expected.
-        version: Version that is expected.
+        kind: Expected format.
+        version: Expected version.
         path: File, for the message.
 
     Raises:
@@ -263,8 +256,8 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
     except json.JSONDecodeError as error:
         raise InputError(f"{path} is not a {kind}: {error}") from error
     if not isinstance(head, dict) or head.get("format") != kind:
-        found = head.get("format") if isinstance(head, dict) else None
-        raise InputError(f"{path} is not a {kind}" + (f" but a {found}" if found else ""))
+        other = head.get("format") if isinstance(head, dict) else None
+        raise InputError(f"{path} is not a {kind}" + (f" but a {other}" if other else ""))
     if head.get("version") != version:
         raise InputError(
             f"{path}: version {head.get('version')!r} of a {kind} cannot be read, this wbc reads version {version}; "
@@ -273,8 +266,24 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
     return head
 
 
+def complete_settings(kind: type[T], data: Any) -> T:
+    """Return settings that were written in full: in the files here a missing value is an error, not the default.
+
+    Args:
+        kind: Class of the settings.
+        data: Plain values.
+
+    Raises:
+        InputError: A value is missing, unknown or breaks a rule.
+    """
+    value = from_json(kind, data)
+    if to_json(value) != data:
+        raise InputError(f"{kind.__name__} must be complete, such as {to_json(value)}, got {data}")
+    return value
+
+
 def _numbers(name: str, entries: Iterable[Any], *, missing: bool = False) -> Array:
-    """A column of numbers; empty text and NaN only where entries may be missing."""
+    """Return a column of numbers; empty text and NaN only where entries may be missing."""
     filled = ["nan" if missing and entry == "" else entry for entry in entries]
     if not missing:
         return finite_array(f"stiffness table: column {name}", filled)

@@ -1,9 +1,10 @@
-"""Which roughness parameters, and which of their powers, say something that the others do not."""
+"""Features of stiffness models: powers of roughness parameters, and the selection of independent ones."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -11,16 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import qr, svd
 
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.core.settings import settings
 from wbc.feet.stiffness.roughness import PARAMETERS
 
 Scaling = Literal["standard", "norm", "none"]
 Method = Literal["matrix", "subspace"]
 
 PAPER_FEATURES = ("Sp", "P", "P^2", "Sku^3", "P^3", "Sp^3")
-"""What the paper selected, section IV-B."""
+"""Features of the paper, section IV-B."""
 
 WINDOW_FEATURES = ("sqrt(Sz)", "sqrt(P)", "Ssk", "Sku", "lines")
-"""Features for the short window that a swing sees, chosen here: no powers, so that no rare bump outweighs the rest."""
+"""Features for the short profile of one swing, chosen here: without powers, which give rare bumps too much weight."""
 
 LINES = "lines"
 """1 / (1 − K): effective number of lines in the spectrum; 2 for one wave, the number of samples for white noise."""
@@ -29,7 +31,7 @@ _BASES = (*PARAMETERS, LINES)
 _SIGNED = ("Ssk",)
 
 
-@dataclass(frozen=True)
+@settings
 class FeatureSet:
     """Features computed from roughness parameters.
 
@@ -41,26 +43,25 @@ class FeatureSet:
     """
 
     names: tuple[str, ...]
-    _base: NDArray[np.intp] = field(init=False, repr=False, compare=False)
-    _power: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.names:
             raise InputError("at least one feature is needed")
         if len(set(self.names)) != len(self.names):
-            raise InputError(f"each feature once, got {', '.join(self.names)}")
+            raise InputError(f"features must be named once each, got {', '.join(self.names)}")
+        for name in self.names:
+            _parse(name)
+
+    @cached_property
+    def _base_and_power(self) -> tuple[NDArray[np.intp], Array]:
         parsed = [_parse(name) for name in self.names]
-        object.__setattr__(self, "_base", np.array([base for base, _ in parsed]))
-        object.__setattr__(self, "_power", np.array([power for _, power in parsed]))
+        return np.array([base for base, _ in parsed]), np.array([power for _, power in parsed])
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Compute the features.
+        """Return the features, shape (…, number of features).
 
         Args:
             values: Roughness parameters in the order of `PARAMETERS`, shape (…, 10).
-
-        Returns:
-            Shape (…, number of features).
 
         Raises:
             InputError: Wrong shape, NaN or infinite.
@@ -70,13 +71,14 @@ class FeatureSet:
             raise InputError(
                 f"roughness parameters must have shape (…, {len(PARAMETERS)}), got {given.shape}"
             )
-        # K of a real profile stays below 1 − 1 / samples; the floor only keeps made-up values finite.
+        base, power = self._base_and_power
+        # K of a real profile is below 1 − 1 / samples; the floor is for values of K that no profile has.
         lines = 1.0 / np.maximum(1.0 - given[..., -1:], 1e-6)
-        return np.asarray(np.concatenate([given, lines], axis=-1)[..., self._base] ** self._power)
+        return np.asarray(np.concatenate([given, lines], axis=-1)[..., base] ** power)
 
 
 def _parse(name: str) -> tuple[int, float]:
-    """Place of the parameter among parameters and lines, and the power that it is raised to."""
+    """Return the index of the parameter among parameters and lines, and its power."""
     base, power = name, 1.0
     if name.startswith("sqrt(") and name.endswith(")"):
         base, power = name[5:-1], 0.5
@@ -93,27 +95,27 @@ def _parse(name: str) -> tuple[int, float]:
 
 
 def power_names(powers: Sequence[int] = (1, 2, 3)) -> tuple[str, ...]:
-    """Names of the parameters and their powers, all parameters of one power after the other."""
+    """Return the names of the parameters and their powers, in order of the powers."""
     return tuple(name if p == 1 else f"{name}^{p}" for p in powers for name in PARAMETERS)
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which columns were kept, and why.
+    """Result of a feature selection.
 
     Attributes:
-        kept: The features, the most independent first.
-        candidates: All columns that were offered.
-        constant: Columns left out because they do not change over the data.
-        twins: (left out, kept) pairs of columns that are the same up to a factor, such as M = Sq^2.
-        singular_values: Of the scaled matrix of what remains, the greatest first.
-        bound: Greatest condition number that was allowed.
-        condition: Of the matrix of all remaining columns; infinite where they depend on each other.
-        kept_condition: Of the matrix of the kept columns.
-        diagonal: |R| of the pivoted QR for the kept columns: how much of each is new.
+        kept: Selected features, the most independent first.
+        candidates: All features that were offered.
+        constant: Features without variance, left out.
+        twins: Pairs (left out, kept) of features that are the same up to a factor, such as M = Sq^2.
+        singular_values: Singular values of the scaled matrix of the other features, the largest first.
+        bound: Largest condition number that was allowed.
+        condition: Condition number of that matrix; infinite where the features depend on each other.
+        kept_condition: Condition number of the matrix of the selected features.
+        diagonal: |R| of the pivoted QR for the selected features: the independent part of each.
         rows: Number of profiles.
-        scaling: How the columns were scaled.
-        method: Matrix that the pivoted QR was made of.
+        scaling: Scaling of the columns.
+        method: Matrix that was pivoted.
     """
 
     kept: tuple[str, ...]
@@ -130,7 +132,7 @@ class Selection:
     method: Method
 
     def report(self) -> str:
-        """The selection in words and numbers, several lines."""
+        """Return the selection as text, several lines."""
         first = self.singular_values[0]
         ratios = [f"{first / s:.3g}" if s > 0.0 else "inf" for s in self.singular_values]
         lines = [
@@ -156,26 +158,26 @@ def select_features(
     count: int | None = None,
     method: Method = "matrix",
 ) -> Selection:
-    """Choose columns by rank and pivoted QR, as in the paper's section IV-B.
+    """Select features by rank and pivoted QR, as in the paper's section IV-B.
 
-    The columns are scaled, because a QR with pivoting takes the longest column first and the parameters have all sizes.
-    The rank is the number of singular values within `bound` of the greatest. QR with column pivoting then orders the
-    columns, each time taking the one with most left that the columns before do not explain; its first `rank` columns
-    are kept. Of columns that are equally long, the one with the greatest share in the first singular vector goes first,
-    so that the choice does not depend on units or on the order of the profiles. No label is looked at: the choice
-    depends on the grounds alone.
+    The columns are scaled, because a QR with pivoting takes the longest column first and the parameters differ in
+    magnitude. The rank is the number of singular values within `bound` of the largest. QR with column pivoting then
+    orders the columns: next is always the one with the largest part that the columns before it do not explain. The
+    first `rank` columns are selected. Of equally long columns, the one with the largest share in the first singular
+    vector is first, so the selection depends neither on units nor on the order of the profiles. The best stiffness is
+    not used.
 
     Args:
         values: Roughness parameters of the profiles, shape (n, 10).
         powers: Powers of the parameters that are offered.
         scaling: "standard" (mean 0, deviation 1), "norm" (length 1) or "none".
-        bound: Greatest condition number. On windows of this library's grounds 5 keeps 6 of 30 columns, as many as the
-            paper kept.
-        count: Number of columns to keep instead of those within `bound`.
+        bound: Largest condition number. On windows of this library's grounds 5 selects 6 of 30 columns, as many as the
+            paper.
+        count: Number of columns to select instead of those within `bound`.
         method: Pivot the "matrix" itself, or the leading right singular vectors ("subspace").
 
     Raises:
-        InputError: Fewer than two profiles, wrong shape, NaN, or nothing changes over the profiles.
+        InputError: Fewer than two profiles, wrong shape, NaN, or no feature that varies.
 
     Source: Golub & Van Loan, Matrix Computations, sections 5.4.2 (column pivoting) and 5.5.7 (subset selection).
     """
@@ -202,7 +204,7 @@ def select_features(
     rank = int((sigma * bound >= sigma[0]).sum()) if count is None else int(count)
     if not 1 <= rank <= independent:
         raise InputError(f"between 1 and {independent} columns are independent, got a count of {rank}")
-    # Scaled columns are equally long: without this the first pivot would be whichever rounding favours.
+    # Scaled columns are equally long: without this, rounding would choose the first pivot.
     tie_break = 1.0 + 1e-9 * np.abs(vt[0]) / np.abs(vt[0]).max()
     _, r, order = qr(
         (scaled if method == "matrix" else vt[:rank]) * tie_break, mode="economic", pivoting=True
@@ -234,7 +236,7 @@ def _scaled(matrix: Array, scaling: Scaling) -> Array:
 
 
 def _without_twins(names: list[str], matrix: Array) -> tuple[list[str], Array, tuple[tuple[str, str], ...]]:
-    """Keep the first of all columns that are multiples of each other: pivoting between them is rounding alone."""
+    """Return the first of all columns that are multiples of each other: rounding would choose between them."""
     unit = matrix / np.linalg.norm(matrix, axis=0)
     same = np.abs(unit.T @ unit) > 1.0 - 1e-12
     first = np.argmax(same, axis=0)

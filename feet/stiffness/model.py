@@ -1,22 +1,24 @@
-"""From roughness to stiffness: nearest neighbours among the grounds that the best stiffness is known of."""
+"""`StiffnessModel`: stiffness from roughness, by nearest neighbours among grounds of known best stiffness."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from wbc._version import __version__
-from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.files import read_text
+from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.clusters import Clusters
-from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable, parse_head
+from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable, complete_settings, parse_head
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
 
 FORMAT = "wbc stiffness model"
@@ -25,49 +27,41 @@ VERSION = 1
 Kind = Literal["classification", "regression"]
 
 
-@dataclass(frozen=True)
+@settings
 class ModelSettings:
-    """What kind of model, and of what.
+    """Settings of a nearest-neighbour model.
 
     Attributes:
         features: Names of the features, see `FeatureSet`.
-        neighbours: Number of neighbours that have a say, each weighted by the inverse of its distance.
-        clusters: Ranges of stiffness that are chosen between.
+        neighbours: Number of neighbours, each weighted by the inverse of its distance.
+        clusters: Classes of a classification, ranges of stiffness.
         kind: "classification" commands the mean of the most likely cluster, "regression" the weighted mean of the
             neighbours' best stiffness.
-        familiar_share: A profile is unlike anything known if its nearest neighbour is further away than that of this
-            share of the training profiles, each measured without its own ground and amplitude.
+        familiar_share: Quantile of the training profiles' distances to their nearest neighbour on another ground or
+            amplitude, beyond which a profile counts as unfamiliar.
 
     Source: features, neighbours and clusters from the paper, section IV-B.
     """
 
     features: tuple[str, ...] = PAPER_FEATURES
-    neighbours: int = 10
+    neighbours: Count = 10
     clusters: Clusters = field(default_factory=Clusters.linear)
     kind: Kind = "classification"
-    familiar_share: float = 0.99
+    familiar_share: Annotated[float, Field(ge=0.5, le=1.0)] = 0.99
 
     def __post_init__(self) -> None:
         FeatureSet(self.features)
-        if (
-            isinstance(self.neighbours, bool)
-            or int(self.neighbours) != self.neighbours
-            or self.neighbours < 1
-        ):
-            raise InputError(f"neighbours must be a whole number of at least 1, got {self.neighbours!r}")
-        choose("kind of stiffness model", self.kind, get_args(Kind))
-        finite_scalar("share of familiar profiles", self.familiar_share, low=0.5, high=1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What a model says about one profile.
+    """Prediction of a model for one profile.
 
     Attributes:
-        stiffness: To command, Nm/rad.
-        cluster: Range that it lies in, from 1.
-        distance: To the nearest training profile, in deviations of the features.
-        familiar: False if that is further than the model vouches for.
+        stiffness: Stiffness to command, Nm/rad.
+        cluster: Number of its cluster, from 1.
+        distance: Distance to the nearest training profile, in standard deviations of the features.
+        familiar: False if that distance exceeds the reach of the model.
         features: Values of the features, shape (number of features,).
     """
 
@@ -80,21 +74,21 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class StiffnessModel:
-    """Nearest neighbours on scaled features: all that a prediction needs, as plain numbers.
+    """A fitted nearest-neighbour model on scaled features.
 
-    `predict` is a few lines of NumPy and gives what `pipeline().predict` gives, many times as fast. Where rows are
-    exactly as far as the last neighbour, as with level ground among level ground, all of them have a say; scikit-learn
-    takes whichever it comes across first.
+    `predict` is a few lines of NumPy with the results of `pipeline().predict`, many times as fast. All rows at the
+    distance of the last neighbour are neighbours, as with level ground among level ground; scikit-learn takes the first
+    of them.
 
     Attributes:
-        settings: What kind of model.
-        recipe: How a profile has to be cut, filtered and measured before it is asked about.
+        settings: Settings of the model.
+        recipe: Settings of the roughness that the model takes.
         features: Features of the training profiles, not scaled, shape (n, f).
         stiffness: Best stiffness of each, Nm/rad, shape (n,).
         mean: Mean of each feature, shape (f,).
-        scale: Deviation of each feature, 1 where it does not vary, shape (f,).
-        reach: Greatest distance of a familiar profile from its nearest neighbour.
-        made: Where it comes from: versions, the table's hash and what the table says of itself.
+        scale: Standard deviation of each feature, 1 where it does not vary, shape (f,).
+        reach: Largest distance of a familiar profile from its nearest neighbour.
+        made: Provenance: versions, hash and provenance of the table.
     """
 
     settings: ModelSettings
@@ -108,11 +102,11 @@ class StiffnessModel:
 
     @classmethod
     def fit(cls, table: StiffnessTable, settings: ModelSettings | None = None) -> StiffnessModel:
-        """Learn from a table.
+        """Return a model fitted to a table.
 
         Args:
             table: Profiles with their best stiffness.
-            settings: What kind of model; the paper's when None.
+            settings: Settings of the model; the paper's when None.
 
         Raises:
             InputError: Fewer rows than neighbours, a stiffness outside the clusters, or all of one cluster.
@@ -123,12 +117,7 @@ class StiffnessModel:
         given = ModelSettings() if settings is None else settings
         if len(table) < given.neighbours:
             raise InputError(f"{given.neighbours} neighbours need as many rows, the table has {len(table)}")
-        labels = given.clusters.of(table.stiffness)
-        if np.unique(labels).size < 2:
-            raise InputError(
-                f"the table has a single class: the best stiffness of all {len(table)} rows is in cluster {labels[0]}; "
-                "at least two are needed to learn anything"
-            )
+        table.labels(given.clusters)  # raises for a single class
         features = FeatureSet(given.features)(table.values)
         scaler = StandardScaler().fit(features)
         model = cls(
@@ -170,10 +159,10 @@ class StiffnessModel:
         return self.settings.clusters.centres
 
     def predict(self, values: ArrayLike) -> Prediction:
-        """Ask about one profile.
+        """Return the prediction for one profile.
 
         Args:
-            values: Its roughness parameters, computed as `recipe` says, shape (10,).
+            values: Its roughness parameters, computed with the settings in `recipe`, shape (10,).
 
         Raises:
             InputError: Wrong shape, NaN or infinite.
@@ -187,7 +176,7 @@ class StiffnessModel:
         nearest = _nearest(squared, self.settings.neighbours)
         distance = np.sqrt(squared[nearest])
         closest = float(distance.min())
-        # A profile that is in the training set is decided by what is known of it alone, as in scikit-learn.
+        # A profile of the training set has no other neighbours, as in scikit-learn.
         weight = 1.0 / distance if closest > 0.0 else (distance == 0.0).astype(np.float64)
         if self.settings.kind == "classification":
             votes = np.bincount(self.labels[nearest], weight, len(self._centres) + 1)
@@ -199,7 +188,7 @@ class StiffnessModel:
         return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
 
     def pipeline(self) -> Any:
-        """The same model as a fitted scikit-learn pipeline on features that are not scaled.
+        """Return the same model as a fitted scikit-learn pipeline on features that are not scaled.
 
         It predicts cluster numbers, or stiffness in Nm/rad for a regression.
         """
@@ -213,8 +202,8 @@ class StiffnessModel:
         head = {
             "format": FORMAT,
             "version": VERSION,
-            "settings": asdict(self.settings),
-            "recipe": asdict(self.recipe),
+            "settings": to_json(self.settings),
+            "recipe": to_json(self.recipe),
             "mean": self.mean.tolist(),
             "scale": self.scale.tolist(),
             "reach": self.reach,
@@ -227,7 +216,7 @@ class StiffnessModel:
 
     @classmethod
     def load(cls, path: str | Path) -> StiffnessModel:
-        """Read what `save` wrote.
+        """Return the model that `save` wrote.
 
         Raises:
             InputError: No such file, another format or version, or contents that do not fit together.
@@ -237,20 +226,16 @@ class StiffnessModel:
             raise InputError(f"no stiffness model '{target}'")
         given = parse_head(read_text(target, FORMAT), FORMAT, VERSION, target)
         try:
-            settings = dict(given["settings"])
-            clusters = Clusters(tuple(settings.pop("clusters")["edges"]))
-            features = tuple(settings.pop("features"))
-            model_settings = ModelSettings(features=features, clusters=clusters, **settings)
+            model_settings = complete_settings(ModelSettings, given["settings"])
             rows = finite_array(f"{target}: rows", given["rows"])
-            count = len(features)
-            if rows.ndim != 2 or rows.shape[1] != count + 1 or rows.shape[0] < model_settings.neighbours:
-                least = model_settings.neighbours
+            count, neighbours = len(model_settings.features), model_settings.neighbours
+            if rows.ndim != 2 or rows.shape[1] != count + 1 or rows.shape[0] < neighbours:
                 raise InputError(
-                    f"{target}: rows must have shape ({least} or more, {count + 1}), got {rows.shape}"
+                    f"{target}: rows must have shape ({neighbours} or more, {count + 1}), got {rows.shape}"
                 )
             model = cls(
                 settings=model_settings,
-                recipe=ProfileRecipe.from_dict(given["recipe"]),
+                recipe=complete_settings(ProfileRecipe, given["recipe"]),
                 features=rows[:, :-1],
                 stiffness=rows[:, -1],
                 mean=finite_array(f"{target}: mean", given["mean"], (count,)),
@@ -262,7 +247,7 @@ class StiffnessModel:
                 raise InputError(
                     f"{target}: scale and reach must be positive, got {model.scale} and {model.reach}"
                 )
-            clusters.of(model.stiffness)
+            model_settings.clusters.of(model.stiffness)
         except (KeyError, TypeError, ValueError) as error:
             if isinstance(error, InputError):
                 raise
@@ -271,21 +256,21 @@ class StiffnessModel:
 
 
 DEFAULT_MODEL = Path(__file__).parent / "data" / "stiffness_model.json"
-"""The model that comes with the library; its table lies beside it."""
+"""The default model, part of the library."""
 
 DEFAULT_TABLE = DEFAULT_MODEL.with_name("stiffness_table.csv")
-"""What it was trained on."""
+"""Training data of the default model."""
 
 
 @cache
 def default_model() -> StiffnessModel:
-    """The model that comes with the library, trained on walks in the simulator."""
+    """Return the default model, trained on walks in the simulator."""
     return StiffnessModel.load(DEFAULT_MODEL)
 
 
 def knn_pipeline(settings: ModelSettings) -> Any:
-    """Scaling and nearest neighbours of scikit-learn, not fitted: k-d tree, Euclidean, inverse distances (paper)."""
-    from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor  # noqa: PLC0415 - as above
+    """Return the paper's scikit-learn model, not fitted: scaling, k-d tree, Euclidean, inverse distances."""
+    from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor  # noqa: PLC0415 - a prediction does not need it
     from sklearn.pipeline import make_pipeline  # noqa: PLC0415
     from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
 
@@ -295,12 +280,12 @@ def knn_pipeline(settings: ModelSettings) -> Any:
 
 
 def _nearest(squared: Array, count: int) -> NDArray[np.intp]:
-    """Places of the smallest entries, and of all that are equal to the last of them."""
+    """Return the indices of the smallest entries, and of all that are equal to the last of them."""
     return np.flatnonzero(squared <= np.partition(squared, count - 1)[count - 1])
 
 
 def _distance_to_others(samples: Array, groups: NDArray[np.intp]) -> Array:
-    """Distance of each sample to the nearest one of another group; of any other one if there is a single group."""
+    """Return the distance of each sample to the nearest of another group; to any other one if there is one group."""
     nearest = np.empty(len(samples))
     single = np.unique(groups).size == 1
     for i, sample in enumerate(samples):

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
 from wbc.core.errors import Array, InputError, choose, finite_array, positive
+from wbc.core.settings import Positive, settings
 from wbc.feet.sensing.scan import PROFILE_STEP, Profile
 from wbc.feet.soles.rigid import SOFT_LENGTH
 
@@ -25,30 +26,29 @@ UNITS = ("m", "m", "", "", "m", "m", "m", "m2", "", "")
 """Their units in the corrected variant."""
 
 LEAST_SAMPLES = 8
-"""Fewest samples of a profile: four moments and a spectrum say nothing about fewer."""
+"""Smallest number of samples of a profile: four moments and a spectrum need as many."""
 
 LEVEL = 1e-9
-"""Heights that stay within this of their trend have zero roughness, m: far above rounding, far below any ground."""
+"""Largest deviation from the trend that counts as level, m: far above rounding, far below any ground."""
 
 AUTHORS_RATE = 200.0
-"""Samples per second that the authors' public code assumes of a profile."""
+"""Samples of a profile per second, as in the authors' public code."""
 
 AUTHORS_CORNER = 0.05712
 """Corner of the filter in the authors' public code, share of the Nyquist frequency: b = 0.08254 (1, 1)."""
 
 
-@dataclass(frozen=True)
+@settings
 class RoughnessSettings:
-    """How roughness is computed.
+    """Settings of the roughness parameters: filter, trend and variant.
 
-    A foot that is long against a wave does not enter it: the profile is filtered first, by a first-order Butterworth
+    A foot does not bend into waves shorter than itself, so the profile is filtered first, by a first-order Butterworth
     low-pass run forwards and backwards. The corner is that of a single pass; both passes together keep half of the
     amplitude of a wave at the corner (−6 dB), and 1/√2 of it (−3 dB) at 0.64 of that frequency.
 
     Attributes:
-        corner: Corner of the filter, cycles/m: 1 / foot length. None does not filter.
-        detrend: "line" takes the least-squares line off, "mean" the mean alone. A slope is not roughness, but "mean"
-            is what the paper's authors do.
+        corner: Corner of the filter, cycles/m: 1 / foot length. None for no filter.
+        detrend: "line" subtracts the least-squares line, "mean" the mean alone, as the paper's authors do.
         variant: "corrected": moments over n, P the variance of the slope. "paper": Table III as printed. "authors": as
             in their public code, P the variance of the differences times (200 Hz)².
 
@@ -56,19 +56,13 @@ class RoughnessSettings:
     amplitude parameters; Hoffman & Krotkov, SPIE 1195 (1989) for M, P and K.
     """
 
-    corner: float | None = 1.0 / SOFT_LENGTH
+    corner: Annotated[Positive, "cycles/m"] | None = 1.0 / SOFT_LENGTH
     detrend: Detrend = "line"
     variant: Variant = "corrected"
 
-    def __post_init__(self) -> None:
-        if self.corner is not None:
-            positive("corner of the low-pass (cycles/m)", self.corner)
-        choose("way to detrend", self.detrend, get_args(Detrend))
-        choose("variant of the roughness", self.variant, get_args(Variant))
-
     @classmethod
     def authors(cls, step: float = PROFILE_STEP) -> RoughnessSettings:
-        """As in the authors' public code: 4.1 cycles/m on their grid of 7 mm."""
+        """Return the settings of the authors' public code: 4.1 cycles/m on their grid of 7 mm."""
         return cls(AUTHORS_CORNER / (2.0 * positive("profile step (m)", step)), "mean", "authors")
 
 
@@ -102,7 +96,7 @@ class Roughness:
     values: Array
 
     def __getitem__(self, name: str) -> Array:
-        """One parameter by name, shape (…).
+        """Return one parameter by name, shape (…).
 
         Raises:
             UnknownNameError: Not one of `PARAMETERS`.
@@ -110,10 +104,10 @@ class Roughness:
         return np.asarray(self.values[..., PARAMETERS.index(choose("roughness parameter", name, PARAMETERS))])
 
     def as_dict(self) -> dict[str, float]:
-        """Name → value of a single profile.
+        """Return name → value of a single profile.
 
         Raises:
-            InputError: It holds many.
+            InputError: There are several profiles.
         """
         if self.values.ndim != 1:
             raise InputError(f"as_dict is for a single profile, this holds {self.values.shape[:-1]}")
@@ -121,7 +115,7 @@ class Roughness:
 
 
 def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = None) -> Roughness:
-    """Roughness of profiles on a uniform grid.
+    """Return the roughness of profiles on a uniform grid.
 
     Args:
         x: Places along the walking direction, ascending and evenly spaced, shape (n,), m.
@@ -137,12 +131,12 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
 
 
 def profile_roughness(profile: Profile, settings: RoughnessSettings | None = None) -> Roughness:
-    """Roughness of one scanned profile; see `roughness`."""
+    """Return the roughness of one scanned profile; see `roughness`."""
     return roughness(profile.x, profile.z, settings)
 
 
 def _checked(x: ArrayLike, z: ArrayLike) -> tuple[Array, float]:
-    """Heights and step of profiles that can be used."""
+    """Return heights and step of profiles, or raise if they cannot be used."""
     places, heights = finite_array("places of a profile (m)", x), finite_array("heights of a profile (m)", z)
     if places.ndim != 1 or heights.ndim < 1 or heights.shape[-1] != places.size:
         raise InputError(f"x must have shape (n,) and z (…, n), got {places.shape} and {heights.shape}")
@@ -203,7 +197,7 @@ def _roughness(z: Array, step: float, settings: RoughnessSettings) -> Array:
 
 
 def _slope(z: Array, power: Array, step: float, variant: Variant) -> Array:
-    """Parameter P of heights with a given power spectrum, lines 1 … n − 1."""
+    """Return the parameter P of heights with a given power spectrum, lines 1 … n − 1."""
     if variant == "paper":
         frequency = np.arange(1, z.shape[-1]) / (z.shape[-1] * step)
         return np.asarray(power @ frequency**2)
@@ -212,14 +206,11 @@ def _slope(z: Array, power: Array, step: float, variant: Variant) -> Array:
 
 
 def detrend(z: Array, kind: Detrend = "line") -> Array:
-    """Heights about their trend.
+    """Return heights about their trend, same shape, m.
 
     Args:
         z: Heights on a uniform grid, shape (…, n), m.
         kind: "line" for the least-squares line, "mean" for the mean alone.
-
-    Returns:
-        The same shape, m.
     """
     z = z - z.mean(axis=-1, keepdims=True)
     if kind == "line":
@@ -229,23 +220,21 @@ def detrend(z: Array, kind: Detrend = "line") -> Array:
 
 
 def low_pass(z: Array, step: float, corner: float) -> Array:
-    """First-order Butterworth low-pass, forwards and backwards: no shift, half the amplitude at the corner.
+    """Return heights after a first-order Butterworth low-pass, forwards and backwards, same shape, m.
+
+    There is no shift, and half the amplitude is left at the corner.
 
     Both passes of H together have the gain |H|² = 1 / (1 + tan²(π f dx) / κ²) with κ = tan(π corner dx), which is that
     of the tridiagonal system
 
         (S + D / κ²) y = S z,   S = [1 2 1], D = [-1 2 -1] on neighbouring samples.
 
-    Solving it at once treats both ends alike, so that the direction of travel does not matter. At its ends the ground
-    goes on as its mirror image.
+    The solution does not depend on the direction of travel. Beyond its ends the ground continues as its mirror image.
 
     Args:
         z: Heights on a uniform grid, shape (…, n), m.
         step: Distance of the samples, m.
-        corner: Corner of one pass, cycles/m; at or beyond the Nyquist frequency 1 / (2 step) nothing is filtered.
-
-    Returns:
-        The same shape, m.
+        corner: Corner of one pass, cycles/m; at or above the Nyquist frequency 1 / (2 step) there is no filter.
 
     Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
     """
@@ -260,7 +249,7 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _bands(size: int, corner: float) -> Array:
-    """Upper bands of S + D / κ² for a corner in cycles per sample, shape (2, size)."""
+    """Return the upper bands of S + D / κ² for a corner in cycles per sample, shape (2, size)."""
     d = 1.0 / math.tan(math.pi * corner) ** 2
     bands = np.empty((2, size))
     bands[0], bands[1] = 1.0 - d, 2.0 + 2.0 * d

@@ -1,16 +1,16 @@
-"""How good a stiffness model is on grounds that it has not seen."""
+"""Cross-validation of stiffness models on grounds that they were not trained on."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError, choose
+from wbc.core.errors import Array, InputError, choose, whole_number
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
@@ -20,24 +20,24 @@ Protocol = Literal["paper", "shuffled", "amplitudes", "grounds"]
 
 PROTOCOLS: Mapping[Protocol, str] = {
     "paper": "stratified folds in the order of the rows: profiles of one ground are on both sides",
-    "shuffled": "stratified folds of shuffled rows: the same, without the luck of the order",
+    "shuffled": "stratified folds of shuffled rows: the same, independent of the order",
     "amplitudes": "a ground at one amplitude is on one side",
     "grounds": "a ground is on one side, with all its amplitudes",
 }
-"""Ways to split a table, what each keeps apart. The last one is what a walk on unknown ground is like."""
+"""Ways to split a table into training and test rows; "grounds" compares to a walk on unknown ground."""
 
 _GROUPS: Mapping[Protocol, tuple[str, ...]] = {"amplitudes": ("ground", "amplitude"), "grounds": ("ground",)}
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model to be judged.
+    """A model to validate.
 
     Attributes:
-        name: How tables call it.
-        estimator: Makes a scikit-learn estimator that is not fitted.
+        name: Its name in tables.
+        estimator: Function that returns a scikit-learn estimator, not fitted.
         kind: "classification" if it predicts cluster numbers, "regression" if stiffness.
-        features: What it looks at.
+        features: Names of its features.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Candidate:
 
     @classmethod
     def of(cls, settings: ModelSettings, name: str = "model") -> Candidate:
-        """The nearest-neighbour model with these settings."""
+        """Return the nearest-neighbour model with these settings."""
         return cls(name, lambda: knn_pipeline(settings), settings.kind, settings.features)
 
 
@@ -56,13 +56,13 @@ class Validation:
     """Predictions for every row of a table, each by a model that was not trained on the row's fold.
 
     Attributes:
-        name: Of the candidate.
-        protocol: How the table was split.
+        name: Name of the candidate.
+        protocol: Way the table was split.
         clusters: Ranges of stiffness.
         truth: Best stiffness of each row, Nm/rad.
-        command: Stiffness that the model would command, Nm/rad.
-        fold: Number of the fold that each row was predicted in.
-        in_range: True where the command lies in the range of nearly best stiffness; None if no range is known.
+        command: Stiffness that the model commands, Nm/rad.
+        fold: Number of the fold of each row.
+        in_range: True where the command is in the range of nearly best stiffness; None if no range is known.
     """
 
     name: str
@@ -91,12 +91,12 @@ class Validation:
 
     @property
     def accuracy(self) -> float:
-        """Mean over the folds."""
+        """Mean over the folds of the share of rows in the right cluster."""
         return float(self.accuracy_per_fold.mean())
 
     @property
     def accuracy_std(self) -> float:
-        """Standard deviation over the folds."""
+        """Standard deviation over the folds of the share of rows in the right cluster."""
         return float(self.accuracy_per_fold.std())
 
     @property
@@ -115,11 +115,11 @@ class Validation:
         return float("nan") if self.in_range is None else float(self.in_range.mean())
 
     def confusion(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Clusters that occur, shape (c,), and numbers of rows by true (first axis) and predicted cluster, (c, c)."""
-        true, said = self.true_cluster, self.cluster
-        names = np.unique(np.concatenate([true, said]))
+        """Return the clusters that occur, (c,), and numbers of rows by true (first axis) and predicted one, (c, c)."""
+        true, predicted = self.true_cluster, self.cluster
+        names = np.unique(np.concatenate([true, predicted]))
         counts = np.zeros((names.size, names.size), dtype=np.intp)
-        np.add.at(counts, (np.searchsorted(names, true), np.searchsorted(names, said)), 1)
+        np.add.at(counts, (np.searchsorted(names, true), np.searchsorted(names, predicted)), 1)
         return names, counts
 
 
@@ -132,44 +132,45 @@ def cross_validate(
     clusters: Clusters | None = None,
     seed: int = 0,
 ) -> Validation:
-    """Predict every row by a model that has not seen its fold.
+    """Return predictions for every row, each by a model that was trained without the row's fold.
 
     Args:
         table: Profiles with their best stiffness.
-        candidate: What to judge; the paper's model when None.
-        protocol: How to split, one of `PROTOCOLS`.
-        folds: Number of folds; no more than there are groups, for the protocols that keep groups together.
+        candidate: Model to validate; the paper's when None.
+        protocol: Way to split the table, one of `PROTOCOLS`.
+        folds: Number of folds; the number of groups if that is smaller and the protocol has groups.
         clusters: Ranges of stiffness; those of the settings, or the paper's.
-        seed: Of the shuffling.
+        seed: Seed of the shuffling.
 
     Raises:
-        InputError: A single class, fewer than two folds or groups, or fewer rows of every class than folds.
+        InputError: A single class, fewer than two folds or groups, or more folds than rows of any class.
         UnknownNameError: No such protocol.
     """
     from sklearn.model_selection import GroupKFold, StratifiedKFold  # noqa: PLC0415 - only studies need it
 
-    choose("protocol of the cross-validation", protocol, get_args(Protocol))
+    choose("protocol of the cross-validation", protocol, PROTOCOLS)
+    whole_number("folds", folds, low=2)
     settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
     ranges = settings.clusters if clusters is None else clusters
-    labels = several_classes(table, ranges)
+    labels = table.labels(ranges)
     features = FeatureSet(model.features)(table.values)
     groups = None
     if protocol in _GROUPS:
         groups = table.groups(_GROUPS[protocol])
-        count = min(_folds(folds), int(groups.max()) + 1)
+        count = min(folds, int(groups.max()) + 1)
         if count < 2:
             raise InputError(f"protocol '{protocol}' needs at least two groups, the table has one")
         splitter: Any = GroupKFold(count)
     else:
         most = int(np.bincount(labels).max())
-        if most < _folds(folds):
+        if most < folds:
             raise InputError(f"{folds} stratified folds need a class of as many rows, the largest has {most}")
         shuffled = protocol == "shuffled"
         splitter = StratifiedKFold(folds, shuffle=shuffled, random_state=seed if shuffled else None)
     command, fold = np.empty(len(table)), np.empty(len(table), dtype=np.intp)
     with warnings.catch_warnings():
-        # The paper's data has classes smaller than ten; it is their protocol.
+        # Classes of fewer rows than folds, as in the paper's data.
         warnings.filterwarnings("ignore", message="The least populated class", category=UserWarning)
         splits = list(splitter.split(features, labels, groups))
     for i, (train, test) in enumerate(splits):
@@ -181,49 +182,30 @@ def cross_validate(
     return Validation(model.name, protocol, ranges, table.stiffness, command, fold, inside)
 
 
-def several_classes(table: StiffnessTable, clusters: Clusters) -> NDArray[np.intp]:
-    """Cluster of the best stiffness of each row.
-
-    Raises:
-        InputError: It is the same for all rows.
-    """
-    labels = clusters.of(table.stiffness)
-    if np.unique(labels).size < 2:
-        raise InputError(f"the table has a single class, cluster {labels[0]}: there is nothing to tell apart")
-    return labels
-
-
 def train_and_command(
     model: Candidate, features: Array, target: NDArray[Any], query: Array, clusters: Clusters
 ) -> Array:
-    """Stiffness that a model commands, after it was trained on some rows.
+    """Return the stiffness that a model commands after training, shape (m,), Nm/rad.
 
     Args:
-        model: What to train.
-        features: Of the training rows, shape (n, f).
+        model: Model to train.
+        features: Features of the training rows, shape (n, f).
         target: Cluster numbers or stiffness of the training rows, shape (n,).
         query: Features of the rows to predict, shape (m, f).
         clusters: Ranges of stiffness.
 
-    Returns:
-        Shape (m,), Nm/rad.
-
     Raises:
-        InputError: The estimator refuses these rows; the message says why.
+        InputError: The estimator refuses these rows; the message has its reason.
     """
     try:
-        said = np.asarray(model.estimator().fit(features, target).predict(query))
+        predicted = np.asarray(model.estimator().fit(features, target).predict(query))
     except ValueError as error:
         raise InputError(f"'{model.name}' cannot be fitted to {len(target)} rows: {error}") from error
-    return np.asarray(clusters.centres[said.astype(np.intp) - 1] if model.kind == "classification" else said)
+    if model.kind == "classification":
+        return np.asarray(clusters.centres[predicted.astype(np.intp) - 1])
+    return predicted
 
 
 def clipped_cluster(clusters: Clusters, command: Array) -> NDArray[np.intp]:
-    """Cluster of commands; one beyond all clusters counts as the nearest."""
+    """Return the cluster of each command; a command beyond all clusters counts as the nearest."""
     return clusters.of(np.clip(command, clusters.edges[0], clusters.edges[-1]))
-
-
-def _folds(folds: int) -> int:
-    if isinstance(folds, bool) or int(folds) != folds or folds < 2:
-        raise InputError(f"folds must be a whole number of at least 2, got {folds!r}")
-    return int(folds)

@@ -1,8 +1,8 @@
-"""Which inertias can belong to a body, and how to mend those that cannot.
+"""Inertias that no body can have: check and repair.
 
 An inertia J about the centre of mass belongs to some mass distribution if and only if the second moments of mass
-S = tr(J)/2 I − J have no negative eigenvalue; that is the triangle inequality A + B ≥ C of the principal moments
-together with J ≥ 0. MuJoCo refuses anything else, Pinocchio computes nonsense with it.
+S = tr(J)/2 I − J have no negative eigenvalue, that is if J ≥ 0 and its principal moments satisfy the triangle
+inequality A + B ≥ C. MuJoCo refuses anything else, Pinocchio computes nonsense with it.
 
 Source: S. Traversaro, S. Brossette, A. Escande, F. Nori, "Identification of fully physical consistent inertial
 parameters using optimization on manifolds", IROS 2016.
@@ -19,13 +19,13 @@ from wbc.robots import urdf
 from wbc.robots.urdf import Element
 
 MARGIN = 1e-9
-"""Least second moment relative to the largest: a body of no thickness at all fails in MuJoCo by rounding."""
+"""Smallest second moment relative to the largest: rounding makes MuJoCo refuse a body without thickness."""
 
 REPAIRED_RATIO = 1e-3
-"""A repaired body has no second moment below this share of its largest one."""
+"""Smallest second moment of a repaired body, relative to its largest one."""
 
 REPAIRED_RADIUS = 1e-3
-"""Nor one below that of its mass at this distance from the centre of mass, m."""
+"""Smallest radius of gyration of a repaired body, m."""
 
 REPAIRED_MASS = 1e-3
 """Mass given to a massless moving link, kg."""
@@ -34,18 +34,18 @@ _ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def second_moments(inertia: Array) -> Array:
-    """Second moments of mass S = tr(J)/2 I − J of an inertia about the centre of mass, shape (3, 3), kg m²."""
+    """Return S = tr(J)/2 I − J of an inertia J about the centre of mass, shape (3, 3), kg m²."""
     return np.asarray(0.5 * np.trace(inertia) * np.eye(3) - inertia)
 
 
 def check(root: Element) -> None:
-    """Refuse a URDF with massless moving links or with inertias that no body can have.
+    """Check that moving links have mass and that all inertias can belong to a body.
 
     Args:
         root: The `<robot>` element, tidied.
 
     Raises:
-        ModelError: Names every such link and says what is wrong with it.
+        ModelError: There are such links; the message names each with its defect.
     """
     problems = [f"link '{name}': {problem}" for name, problem in _problems(root).items()]
     problems += [f"link '{name}': {problem}" for name, problem in _massless(root).items()]
@@ -53,12 +53,12 @@ def check(root: Element) -> None:
         raise ModelError(
             "the model cannot be simulated: "
             + "; ".join(problems)
-            + ". Mend the URDF, or pass repair=True to clamp these inertias to the nearest physical ones"
+            + ". Correct the URDF, or pass repair=True to clamp these inertias to the nearest physical ones"
         )
 
 
 def repair(root: Element) -> list[str]:
-    """Mend in place what `check` refuses.
+    """Repair in place what `check` refuses.
 
     Second moments of mass are clamped from below; a massless moving link gets a mass of 1 g.
 
@@ -99,8 +99,8 @@ def repair(root: Element) -> list[str]:
 
 
 def _problems(root: Element) -> dict[str, str]:
-    """Links with an inertial element that no body can have."""
-    found = {}
+    """Return link → defect for inertial elements that no body can have."""
+    problems = {}
     for link in root.findall("link"):
         inertial = link.find("inertial")
         if inertial is None:
@@ -108,22 +108,22 @@ def _problems(root: Element) -> dict[str, str]:
         name = str(link.get("name"))
         mass, inertia = _mass_and_inertia(name, inertial)
         if mass < 0.0:
-            found[name] = f"negative mass {mass:g} kg"
+            problems[name] = f"negative mass {mass:g} kg"
         elif mass == 0.0:
             if inertia.any():
-                found[name] = "inertia without mass"
-        elif inertia.any():  # a point mass is a body as long as it is fixed to others
+                problems[name] = "inertia without mass"
+        elif inertia.any():  # a point mass may be fixed to other bodies
             moments = np.linalg.eigvalsh(second_moments(inertia))
             principal = np.linalg.eigvalsh(inertia)
             if not moments[0] > MARGIN * moments[2]:
                 listed = ", ".join(f"{value:.4g}" for value in principal)
                 rule = "must be positive" if principal[0] <= 0.0 else "violate A + B > C"
-                found[name] = f"principal moments of inertia {listed} kg m² {rule}"
-    return found
+                problems[name] = f"principal moments of inertia {listed} kg m² {rule}"
+    return problems
 
 
 def _massless(root: Element) -> dict[str, str]:
-    """Moving links that carry no mass or no inertia, not even through the links fixed to them."""
+    """Return link → defect for moving links without mass or inertia, links fixed to them included."""
     owner = urdf.moving_link_of(root)
     masses = dict.fromkeys(owner.values(), 0.0)
     extended = dict.fromkeys(owner.values(), False)
@@ -134,8 +134,7 @@ def _massless(root: Element) -> dict[str, str]:
             mass, inertia = _mass_and_inertia(name, inertial)
             masses[owner[name]] += max(0.0, mass)
             extended[owner[name]] |= bool(mass > 0.0 and inertia.any())
-    found = {name: "moves but has no mass" for name, mass in masses.items() if mass == 0.0}
-    return found | {
+    return {name: "moves but has no mass" for name, mass in masses.items() if mass == 0.0} | {
         name: "moves but has no rotational inertia"
         for name, mass in masses.items()
         if mass > 0.0 and not extended[name]
@@ -158,7 +157,7 @@ def _mass_and_inertia(link: str, inertial: Element) -> tuple[float, Array]:
 
 
 def _write(inertial: Element, mass: float, inertia: Array) -> None:
-    """Set mass and inertia; the centre of mass stays where it is and the axes stay those of `<origin>`."""
+    """Set mass and inertia; centre of mass and axes stay those of `<origin>`."""
     for tag in ("mass", "inertia"):
         for old in inertial.findall(tag):
             inertial.remove(old)

@@ -9,14 +9,15 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from wbc.core.errors import Array, InputError, ModelError, finite_scalar, unknown_name
+from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
 from wbc.robots.derivation.servo import leg_joints
+from wbc.robots.frames import SoleDescription
 
 INSIDE = 0.05
-"""Share of a joint's range kept from its limits at half-sitting: a posture on a limit keeps that limit active."""
+"""Distance from joint limits at half-sitting, share of the range: a posture on a limit would keep it active."""
 
 KNEE_BEND = math.radians(40.0)
-"""Knee bend of a derived half-sitting: the middle of what humanoids use (Talos 49°, HRP-2 40°)."""
+"""Knee bend of a derived half-sitting, rad; others: Talos 49°, HRP-2 40°."""
 
 FLATNESS = 5e-3
 """Largest tilt of a sole in half-sitting, rad; a sole 0.2 m long is then off the ground by 1 mm at most."""
@@ -25,24 +26,20 @@ FLATNESS = 5e-3
 def half_sitting(
     model: pin.Model, soles: tuple[str, str], given: Mapping[str, float], stance_width: float
 ) -> dict[str, float]:
-    """Complete a posture.
+    """Return the half-sitting position of every joint, in the order of the model.
 
-    Joints of the legs that are not given are solved for; all others are zero, or as near to it as leaves
-    some of their range to the limit.
+    Leg joints that are not given are solved for; the others are zero, or as near to it as `INSIDE` allows.
 
     Args:
         model: Pinocchio model with a free-flyer and limits.
         soles: Sole frames, left first.
-        given: Joint → position, rad or m; any part of the joints, or none.
-        stance_width: Least distance between the sole centres, m.
-
-    Returns:
-        Position of every joint, in the order of the model.
+        given: Joint → position, rad or m, of some joints or none.
+        stance_width: Smallest distance between the sole centres, m.
 
     Raises:
         UnknownNameError: A joint that does not exist.
         InputError: A position that is not finite or outside its limits.
-        ModelError: The legs cannot be put like that.
+        ModelError: The legs cannot take such a posture.
     """
     names = list(model.names)[2:]
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
@@ -50,9 +47,7 @@ def half_sitting(
     inside = INSIDE * (upper - lower)
     q[7:] = np.clip(0.0, lower + inside, upper - inside)
     for name, value in given.items():
-        if name not in names:
-            unknown_name("joint", name, names)
-        i = names.index(name)
+        i = names.index(choose("joint", name, names))
         q[7 + i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
     legs = [leg_joints(model, frame) for frame in soles]
     free = [i for leg in legs for i in (joint - 2 for joint in leg) if names[i] not in given]
@@ -63,15 +58,14 @@ def half_sitting(
 
 
 def standing_configuration(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, float]) -> Array:
-    """Configuration with an upright base, the lower sole on z = 0 and the origin midway between the soles.
+    """Return the configuration, shape (nq,), with an upright base and the origin midway between the soles.
+
+    The lower sole is on z = 0.
 
     Args:
         model: Pinocchio model with a free-flyer.
         soles: Sole frames, left first.
         joints: Position of every joint.
-
-    Returns:
-        Configuration, shape (nq,).
     """
     q = pin.neutral(model)
     q[7:] = [joints[name] for name in list(model.names)[2:]]
@@ -82,12 +76,12 @@ def standing_configuration(model: pin.Model, soles: tuple[str, str], joints: Map
 
 
 def check_posture(model: pin.Model, soles: tuple[str, str], q: Array) -> None:
-    """Refuse a posture in which the robot cannot stand.
+    """Check that both soles are flat and level.
 
     Raises:
-        InputError: A sole is tilted or turned, the soles are not level, or the centre of mass is not above them.
+        InputError: A sole is tilted, or one lies above the other.
     """
-    left, right, com = _feet(model, soles, q)
+    left, right, _ = _feet(model, soles, q)
     for name, placement in zip(soles, (left, right), strict=True):
         tilt = math.acos(min(1.0, float(placement.rotation[2, 2])))
         if tilt > FLATNESS:
@@ -102,7 +96,29 @@ def check_posture(model: pin.Model, soles: tuple[str, str], q: Array) -> None:
         )
 
 
+def check_balance(model: pin.Model, soles: tuple[SoleDescription, SoleDescription], q: Array) -> None:
+    """Check that the centre of mass is above the rectangle around both soles.
+
+    Raises:
+        InputError: It is not: the robot would tip over at once.
+    """
+    left, right, com = _feet(model, (soles[0].frame, soles[1].frame), q)
+    corners = [
+        placement.act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
+        for sole, placement in zip(soles, (left, right), strict=True)
+        for x in (-0.5, 0.5)
+        for y in (-0.5, 0.5)
+    ]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    if (com[:2] < low).any() or (com[:2] > high).any():
+        raise InputError(
+            f"half-sitting puts the centre of mass at ({com[0]:.3f}, {com[1]:.3f}) m, outside the soles, "
+            f"x {low[0]:.3f} to {high[0]:.3f} m and y {low[1]:.3f} to {high[1]:.3f} m from their middle"
+        )
+
+
 def _feet(model: pin.Model, soles: tuple[str, str], q: Array) -> tuple[pin.SE3, pin.SE3, Array]:
+    """Return the placements of the left and the right sole, and the centre of mass."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     left, right = (data.oMf[model.getFrameId(frame)] for frame in soles)
@@ -117,7 +133,7 @@ def _solve(
     free: list[int],
     stance_width: float,
 ) -> Array:
-    """Find the free joints by least squares; the residual vanishes for legs of six joints."""
+    """Solve for the free joints by least squares; the residual vanishes for legs of six joints."""
     data = model.createData()
     frames = [model.getFrameId(frame) for frame in soles]
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
@@ -150,18 +166,18 @@ def _solve(
     bounds = (lower[free], upper[free])
     margin = 1e-6 * (bounds[1] - bounds[0])
     x0 = np.clip(q[[7 + i for i in free]], bounds[0] + margin, bounds[1] - margin)
-    found = least_squares(residual, x0, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-    error = residual(found.x)
+    solution = least_squares(residual, x0, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+    error = residual(solution.x)
     if np.abs(error[:11]).max() > 1e-6:
         raise ModelError(
-            "no half-sitting with flat, level soles and the centre of mass above them was found within the joint "
-            f"limits (largest residual {np.abs(error[:11]).max():.3g}); pass half_sitting with the leg joints"
+            "no half-sitting within the joint limits has flat, level soles with the centre of mass above them "
+            f"(largest residual {np.abs(error[:11]).max():.3g}); pass half_sitting with the leg joints"
         )
     return np.array(q[7:])
 
 
 def _knee(model: pin.Model, data: pin.Data, leg: list[int], frame: int) -> tuple[int, float]:
-    """The pitch joint farthest from both ends of the leg, and the sign that bends it forward."""
+    """Return the pitch joint farthest from both ends of the leg, and the sign that bends it forward."""
     pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)
     hip, foot = data.oMi[leg[0]].translation, data.oMf[frame].translation
@@ -171,14 +187,14 @@ def _knee(model: pin.Model, data: pin.Data, leg: list[int], frame: int) -> tuple
 
     pitching = [joint for joint in leg if abs(pitch(joint)) > 0.7]
     if not pitching:
-        raise ModelError("no knee was found: a leg has no joint that turns about y; pass half_sitting")
+        raise ModelError("no knee: a leg has no joint that turns about y; pass half_sitting")
 
     def reach(joint: int) -> float:
         origin = data.oMi[joint].translation
         return float(min(np.linalg.norm(origin - hip), np.linalg.norm(origin - foot)))
 
     knee = max(pitching, key=reach)
-    # Turning about +y moves the shin backwards, that is the knee forward.
+    # A turn about +y moves the shin backwards, that is the knee forward.
     forward = math.copysign(1.0, pitch(knee))
     i = model.joints[knee].idx_q
     room = model.upperPositionLimit[i] if forward > 0.0 else -model.lowerPositionLimit[i]

@@ -1,20 +1,20 @@
-"""Servo gains and rotor inertias for joints of which nothing is known but the model.
+"""Servo gains and rotor inertias from the model alone.
 
-A servo that holds a joint sees the inertia that its torque accelerates. For an arm that is the arm; for a leg
-that stands it is the body above, and half of it when both legs stand. The gains give that inertia a natural
-frequency and a damping ratio.
+The servo of a joint accelerates the arm or leg beyond it; the servo of a standing leg accelerates the body above, half
+of it when both legs stand. The gains give this inertia a natural frequency and a damping ratio.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, non_negative, positive
+from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
+from wbc.core.settings import NonNegative, Positive, settings
 
 ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 """Rotor inertia seen at a joint over m h², with m the mass of the robot and h the height of its centre of mass.
@@ -24,46 +24,39 @@ Inertias of similar robots scale with m h²: 0.036 kg m² for a robot of 39 kg a
 """
 
 
-@dataclass(frozen=True)
+@settings
 class ServoRule:
     """Proportional-derivative gains from effective inertia.
 
-    The effective inertia of a joint, at half-sitting, is the larger of what hangs below it and, for a leg joint, a
-    share of what stands above it, plus its armature.
+    The effective inertia of a joint, at half-sitting, is its armature plus the inertia below it or, if that is larger
+    for a leg joint, a share of the inertia above it.
 
-    A leg is kept softer than that: foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness K is a loop of rate
-    A K, which must stay well below one over the control period, and a leg as stiff as the floor passes every bump on.
-    The bounds are multiples of m g h, the stiffness against which the robot would tip: the published servo gains
+    Legs are softer than that: foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness K is a loop of rate A K,
+    which must stay well below one over the control period, and a leg as stiff as the floor transmits every bump. The
+    bounds are multiples of m g h, the stiffness against which the robot would tip: the published servo gains
     of JVRC-1 (62 kg; hips and knees 5000 to 6000, ankles 3000 Nm/rad, jvrc_mj_description, BSD-2) are 9.4 to 11.3 and
     5.7 of them.
 
     Attributes:
         frequency: Natural frequency of the held joint, Hz. 3 to 25 Hz stood quietly in simulation at 1 ms.
-        damping_ratio: Of the held joint; 1 is critical.
+        damping_ratio: Damping ratio of the held joint; 1 is critical.
         stance_share: Share of the inertia above that one leg holds; 0.5 with the weight on both.
-        leg_stiffness: Bound of hips and knees, as part of m g h per radian.
-        ankle_stiffness: Bound of the last two joints of a leg, as part of m g h per radian.
+        leg_stiffness: Bound of hips and knees, multiple of m g h per radian.
+        ankle_stiffness: Bound of the last two joints of a leg, multiple of m g h per radian.
     """
 
-    frequency: float = 8.0
-    damping_ratio: float = 1.0
-    stance_share: float = 0.5
-    leg_stiffness: float = 13.0
-    ankle_stiffness: float = 6.5
-
-    def __post_init__(self) -> None:
-        positive("servo frequency (Hz)", self.frequency)
-        positive("servo damping ratio", self.damping_ratio)
-        non_negative("servo stance share", self.stance_share)
-        positive("servo leg stiffness (m g h per rad)", self.leg_stiffness)
-        positive("servo ankle stiffness (m g h per rad)", self.ankle_stiffness)
+    frequency: Annotated[Positive, "Hz"] = 8.0
+    damping_ratio: Positive = 1.0
+    stance_share: NonNegative = 0.5
+    leg_stiffness: Annotated[Positive, "m g h/rad"] = 13.0
+    ankle_stiffness: Annotated[Positive, "m g h/rad"] = 6.5
 
     def gains(self, inertia: Array, bound: Array) -> tuple[Array, Array]:
-        """Stiffness kp and damping kd of joints.
+        """Return stiffness kp and damping kd of joints.
 
         Args:
             inertia: Effective inertia, shape (na,), kg m².
-            bound: Greatest stiffness, shape (na,), Nm/rad.
+            bound: Largest stiffness, shape (na,), Nm/rad.
 
         Returns:
             kp in Nm/rad and kd in Nms/rad, each of shape (na,); kd/kp is the same everywhere.
@@ -73,7 +66,7 @@ class ServoRule:
         return kp, kp * (2.0 * self.damping_ratio / omega)
 
     def bound(self, model: pin.Model, q: Array, sole_frames: tuple[str, ...]) -> Array:
-        """Greatest stiffness of each joint, shape (na,), Nm/rad; infinite where the rule gives none.
+        """Return the largest stiffness of each joint, shape (na,), Nm/rad; infinite where the rule gives none.
 
         Args:
             model: Pinocchio model with a free-flyer.
@@ -94,7 +87,7 @@ class ServoRule:
 
 
 def leg_joints(model: pin.Model, frame: str) -> list[int]:
-    """Joints from the root to a frame, as indices of the model, the free-flyer left out."""
+    """Return the joints from the root to a frame, as indices of the model, without the free-flyer."""
     parent = model.frames[model.getFrameId(frame)].parentJoint
     return [joint for joint in model.supports[parent] if joint > 1]
 
@@ -102,7 +95,7 @@ def leg_joints(model: pin.Model, frame: str) -> list[int]:
 def effective_inertia(
     model: pin.Model, q: Array, sole_frames: tuple[str, ...], armature: Array, stance_share: float
 ) -> Array:
-    """Inertia that each servo accelerates.
+    """Return the inertia that each servo accelerates.
 
     Args:
         model: Pinocchio model with a free-flyer.

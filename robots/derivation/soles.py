@@ -14,16 +14,16 @@ from wbc.robots import frames
 from wbc.robots.urdf import Element, moving_link_of
 
 SLICE = 5e-3
-"""Thickness of the slice of the foot, from its lowest point up, that touches the ground, m."""
+"""Thickness of the slice of the foot above its lowest point that counts as touching the ground, m."""
 
 PLAUSIBLE = (0.03, 0.6)
-"""Sides of a rectangle that can be a sole, m; anything else is taken for something other than a foot."""
+"""Range of the sides of a sole, m; geometry outside it is not that of a foot."""
 
 
 def sole_rectangle(
     root: Element, model: pin.Model, frame: str, package_dirs: tuple[str, ...], base: Path | None
 ) -> tuple[Array, float, float] | None:
-    """Rectangle around what the foot has within 5 mm of its lowest point.
+    """Return the rectangle around the geometry of a foot within 5 mm of its lowest point.
 
     Collision geometry is used where there is any, visual geometry otherwise.
 
@@ -54,10 +54,10 @@ def sole_rectangle(
         points = np.concatenate(clouds)
         low = float(points[:, 2].min())
         touching = points[points[:, 2] < low + SLICE]
-        least, most = touching.min(axis=0), touching.max(axis=0)
-        length, width = (most - least)[:2].tolist()
+        lower, upper = touching.min(axis=0), touching.max(axis=0)
+        length, width = (upper - lower)[:2].tolist()
         if PLAUSIBLE[0] < width and PLAUSIBLE[0] < length < PLAUSIBLE[1] and width < PLAUSIBLE[1]:
-            centre = 0.5 * (least + most)
+            centre = 0.5 * (lower + upper)
             centre[2] = low
             return centre, length, width
     return None
@@ -66,7 +66,7 @@ def sole_rectangle(
 def _points(
     element: Element, package_dirs: tuple[str, ...], base: Path | None, placement: pin.SE3
 ) -> Iterator[Array]:
-    """Points of a shape in the link frame that its lowest slice is spanned by."""
+    """Yield points of a shape, in the link frame, that include all extreme ones near the ground."""
     geometry = element.find("geometry")
     if geometry is None or not len(geometry):
         return
@@ -91,7 +91,7 @@ def _points(
 
 
 def _mesh_vertices(path: Path) -> Array | None:
-    """Vertices of a mesh, or None when it cannot be read: geometry is optional."""
+    """Return the vertices of a mesh, or None when it cannot be read: geometry is optional."""
     try:
         return np.array(coal.MeshLoader().load(str(path)).vertices())
     except (ValueError, RuntimeError):

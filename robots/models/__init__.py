@@ -1,1 +1,4 @@
-"""Built-in robots, one function each that returns a `RobotDescription`; `wbc.robots.registry` names them."""
+"""Built-in robots, a function each that returns its `RobotDescription`.
+
+A new one is a module here and a line in `wbc.robots.registry`.
+"""

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from wbc.core.errors import InputError
 from wbc.robots.description import RobotDescription
-from wbc.robots.frames import FrameDescription, SoleDescription
+from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription
 
 DISTRIBUTION = "example-robot-data"
 
 
 def share_directory() -> Path:
-    """Directory in which `package://example-robot-data/…` is found.
+    """Return the directory in which `package://example-robot-data/…` is found.
 
     Raises:
         InputError: The distribution is not installed.
@@ -34,11 +34,11 @@ def _path(relative: str) -> Path:
 
 @cache
 def talos() -> RobotDescription:
-    """PAL Robotics Talos, fingers fixed.
+    """Return PAL Robotics Talos, fingers fixed.
 
-    Half-sitting and rotor data are those of its SRDF (ankle roll −0.0017 rad taken as zero, so that soles are
-    flat); the sole, 211 × 124 mm, is the outline of its foot mesh within 5 mm of the ground, whose centre is 5 mm
-    behind the sole link.
+    Half-sitting and rotor data are those of its SRDF (ankle roll −0.0017 rad taken as zero, so that soles are flat).
+    The sole, 211 × 124 mm, is the outline of its foot mesh within 5 mm of the ground; its centre is 5 mm behind the
+    sole link.
     """
     leg = {"1": 0.0, "2": 0.0, "3": -0.411354, "4": 0.859395, "5": -0.448041, "6": 0.0}
     arm = {"1": 0.25847, "2": 0.173046, "3": -0.0002, "4": -0.525366, "5": 0.0, "6": 0.0, "7": 0.1}
@@ -55,11 +55,11 @@ def talos() -> RobotDescription:
             f"{side}_sole",
             f"{side}_sole_link",
             translation=(-0.0054, 0.0, 0.0),
-            name=f"{side}_foot",
+            name=name,
             length=0.211,
             width=0.124,
         )
-        for side in ("left", "right")
+        for side, name in zip(("left", "right"), SOLE_NAMES, strict=True)
     )
     return RobotDescription.from_urdf(
         _path("talos_data/robots/talos_reduced.urdf"),
@@ -80,7 +80,7 @@ def talos() -> RobotDescription:
 
 @cache
 def g1() -> RobotDescription:
-    """Unitree G1 with 29 joints.
+    """Return Unitree G1 with 29 joints.
 
     The sole is the rectangle around the four contact spheres of its URDF.
     """

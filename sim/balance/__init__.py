@@ -1,1 +1,38 @@
-"""Simulated standing: the balance controller, standing trials and push recovery."""
+"""Simulated standing: the balance controller, stands and push recovery.
+
+A new kind of experiment on a standing robot goes here, as a module with its spec, its result and one function.
+"""
+
+from wbc.sim.balance.controller import BalanceGains, balance_controller
+from wbc.sim.balance.push_recovery import (
+    PushCell,
+    PushResult,
+    PushTableSpec,
+    StandPushSpec,
+    format_push_table,
+    largest_push,
+    push_standing,
+    push_table,
+)
+from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial, centre_of_pressure, stand
+
+__all__ = [
+    # Controller
+    "BalanceGains",
+    "balance_controller",
+    # Standing
+    "StandResult",
+    "StandSpec",
+    "StandTrial",
+    "centre_of_pressure",
+    "stand",
+    # Push recovery
+    "PushCell",
+    "PushResult",
+    "PushTableSpec",
+    "StandPushSpec",
+    "format_push_table",
+    "largest_push",
+    "push_standing",
+    "push_table",
+]

@@ -1,27 +1,27 @@
-"""The balance controller: what a humanoid that stands has to want, with all of its gains in one place."""
+"""The balance controller of a standing humanoid, and its gains."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from typing import Annotated
 
-from wbc.core.errors import positive
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
+from wbc.core.settings import Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask
 from wbc.tasks.motion.posture import PostureTask
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class BalanceGains:
     """Weights and gains of the balance controller; damping is critical everywhere.
 
-    The defaults were tried out on pushes to the front, left and back of hrp4_class and Talos. Holding pelvis and
-    torso upright only loosely lets the robot bend at the hips, which recovers a push about 1.4 times as large as
-    weights of 10, 1 and 0.1 and a stiffness of 30 do; sensor noise moves the centre of mass no more than with those.
+    The defaults were tuned on pushes to the front, left and back of hrp4_class and Talos. Holding pelvis and torso
+    upright only loosely lets the robot bend at the hips, which recovers a push about 1.4 times as large as weights of
+    10, 1 and 0.1 and a stiffness of 30 do; sensor noise moves the centre of mass no more than with those.
 
     Attributes:
         com_weight: Centre of mass, cost per (m/s²)².
@@ -30,36 +30,32 @@ class BalanceGains:
         orientation_stiffness: Pelvis and torso, 1/s².
         posture_weight: All joints, cost per (rad/s²)².
         posture_stiffness: All joints, 1/s².
-        friction: Coulomb coefficient that the soles count on; 0.7 as in the soft-foot experiments of Frizza et al.,
+        friction: Assumed Coulomb coefficient of the soles; 0.7 as in the soft-foot experiments of Frizza et al.,
             2022.
     """
 
-    com_weight: float = 1000.0
-    com_stiffness: float = 60.0
-    orientation_weight: float = 0.1
-    orientation_stiffness: float = 30.0
-    posture_weight: float = 0.01
-    posture_stiffness: float = 20.0
-    friction: float = 0.7
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"balance gain '{field.name}'", getattr(self, field.name))
+    com_weight: Positive = 1000.0
+    com_stiffness: Annotated[Positive, "1/s²"] = 60.0
+    orientation_weight: Positive = 0.1
+    orientation_stiffness: Annotated[Positive, "1/s²"] = 30.0
+    posture_weight: Positive = 0.01
+    posture_stiffness: Annotated[Positive, "1/s²"] = 20.0
+    friction: Positive = 0.7
 
 
 def balance_controller(
-    robot: Robot, dt: float, gains: BalanceGains | None = None, *, settings: SolverSettings | None = None
+    robot: Robot, dt: float, gains: BalanceGains | None = None, *, solver: SolverSettings | None = None
 ) -> Controller:
-    """Make a controller that keeps a robot standing where it stands.
+    """Return a controller that keeps a robot standing where it stands.
 
-    Its tasks are called "com", "base", "torso" and "posture", its contacts as the robot's soles. Targets are those of
-    the robot's present state; add tasks, or move targets, to have it do something.
+    Its tasks are named "com", "base", "torso" and "posture", its contacts like the robot's soles. Targets are the
+    robot's present state; move them, or add tasks, for other motions.
 
     Args:
         robot: The robot, standing on its soles.
         dt: Control period, s.
         gains: Weights and gains; the defaults when None.
-        settings: Of the solver.
+        solver: Settings of the QP solver.
 
     Returns:
         The controller, with joint and torque limits.
@@ -68,7 +64,7 @@ def balance_controller(
         InputError: A period that is not positive.
     """
     gains = gains or BalanceGains()
-    controller = Controller(robot, dt, settings=settings)
+    controller = Controller(robot, dt, settings=solver)
     controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
     frames = {"base": robot.base_frame, "torso": robot.torso_frame}
     if frames["torso"] == frames["base"]:

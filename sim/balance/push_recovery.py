@@ -1,96 +1,62 @@
-"""How hard a standing robot can be pushed: one push as a pure function of a frozen spec, and the largest one."""
+"""Push recovery of a standing robot: one push as a function of a frozen spec, the largest push, and tables of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import InputError, positive
+from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.robots import load
-from wbc.sim.balance.controller import BalanceGains
-from wbc.sim.balance.standing import MODES, Feedback, Mode, Stand, StandSpec
+from wbc.sim.balance.standing import MODES, Feedback, Mode, StandSpec, StandTrial
 
 PUSH_DURATION = 0.1
 """Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
 
 REST_SPEED = 0.1
-"""Horizontal speed of the centre of mass below which a robot has come to rest, m/s. It is above what noisy sensors
-make a standing robot sway by, and below the speed of a fall at any time that matters."""
+"""Horizontal speed of the centre of mass below which a robot is at rest, m/s: above the sway of a standing robot with
+noisy sensors, below the speed of a fall once it has begun."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class StandPushSpec:
-    """One push at a standing robot: a constant horizontal force on the torso's centre of mass.
+@settings(kw_only=True)
+class StandPushSpec(StandSpec):
+    """A stand with one push: a constant horizontal force on the torso's centre of mass.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
         mode: What the drives are given.
-        impulse: Force times duration over the robot's mass, Ns/kg: the speed by which it changes the centre of mass.
-        direction: Where to, rad; 0 is forward, π/2 to the left.
+        impulse: Force times duration over the robot's mass, Ns/kg: the change of the speed of its centre of mass.
+        direction: Direction of the force, rad; 0 is forward, π/2 to the left.
         duration: Duration of the push, s.
         before: Time of standing before the push, s.
         after: Time from the end of the push to the verdict, s.
-        foot: Foot under both ankles.
-        noise: Errors of the sensors, none or realistic.
-        seed: Fixes every random draw.
-        feedback: In position control, whether the controller sees the robot as commanded or as estimated.
-        control_period: s; that of `StandSpec` when not given.
-        timestep: Physics step, s.
-        gains: Weights and gains of the controller.
+        seconds: Sum of these three times, s, whatever is given.
     """
 
-    robot: str = "hrp4_class"
     mode: Mode = "torque"
-    impulse: float = 0.1
-    direction: float = 0.0
-    duration: float = PUSH_DURATION
-    before: float = 0.5
-    after: float = 4.0
-    foot: str = "flat"
-    noise: str = "none"
-    seed: int = 0
-    feedback: Feedback = "closed"
-    control_period: float | None = None
-    timestep: float = 0.001
-    gains: BalanceGains = field(default_factory=BalanceGains)
+    impulse: Annotated[NonNegative, "Ns/kg"] = 0.1
+    direction: Annotated[float, "rad"] = 0.0
+    duration: Annotated[Positive, "s"] = PUSH_DURATION
+    before: Annotated[Positive, "s"] = 0.5
+    after: Annotated[Positive, "s"] = 4.0
 
     def __post_init__(self) -> None:
-        non_negative("impulse (Ns/kg)", self.impulse)
-        finite_scalar("direction (rad)", self.direction)
-        positive("duration of the push (s)", self.duration)
-        positive("time before the push (s)", self.before)
-        positive("time after the push (s)", self.after)
-        self.stand_options()
-
-    def stand_options(self) -> StandSpec:
-        """The options of standing that go with it."""
-        return StandSpec(
-            robot=self.robot,
-            mode=self.mode,
-            seconds=self.before + self.duration + self.after,
-            foot=self.foot,
-            noise=self.noise,
-            seed=self.seed,
-            feedback=self.feedback,
-            control_period=self.control_period,
-            timestep=self.timestep,
-            gains=self.gains,
-        )
+        object.__setattr__(self, "seconds", self.before + self.duration + self.after)
+        super().__post_init__()
 
 
 @dataclass(frozen=True)
 class PushResult:
-    """What became of a pushed robot.
+    """Result of a push at a standing robot.
 
     Attributes:
-        recovered: True if it never fell (`wbc.sim.balance.falls`) and at the end its centre of mass is at rest, its
+        recovered: True if it never fell (`wbc.sim.TrueFallDetector`) and at the end its centre of mass is at rest, its
             horizontal speed below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile.
         fell_at: Time of the fall, s; None if it did not fall.
-        com_offset: Largest horizontal distance of the centre of mass from where it stood, m.
+        com_offset: Largest horizontal distance of the centre of mass from its place before the push, m.
         failures: Ticks without a solution.
     """
 
@@ -100,41 +66,37 @@ class PushResult:
     failures: int
 
 
-def push(spec: StandPushSpec) -> PushResult:
-    """Push a standing robot and see whether it stays up; the same spec gives the same result.
+def push_standing(spec: StandPushSpec) -> PushResult:
+    """Push a standing robot; the same spec gives the same result.
 
     Args:
         spec: Robot and push.
-
-    Returns:
-        What became of it.
     """
-    options = spec.stand_options()
-    stage = Stand(options)
-    plant = stage.plant
+    trial = StandTrial(spec)
+    plant = trial.plant
     start = plant.truth().com[:2].copy()
-    for _ in stage.run(spec.before):
+    for _ in trial.advance(spec.before):
         pass
     force = spec.impulse * plant.robot.mass / spec.duration
     across = np.array([math.cos(spec.direction), math.sin(spec.direction), 0.0])
     plant.push("torso", force * across, spec.duration)
     offset = 0.0
-    for truth in stage.run(options.seconds):
+    for truth in trial.advance(spec.seconds):
         offset = max(offset, float(np.linalg.norm(truth.com[:2] - start)))
     speed = float(np.linalg.norm(plant.truth().com_velocity[:2]))
     return PushResult(
-        recovered=not stage.fallen and speed < REST_SPEED,
-        fell_at=plant.time if stage.fallen else None,
+        recovered=not trial.fallen and speed < REST_SPEED,
+        fell_at=plant.time if trial.fallen else None,
         com_offset=offset,
-        failures=stage.control.failures,
+        failures=trial.control.failures,
     )
 
 
 def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
-    """Largest impulse from which a robot recovers, by bisection.
+    """Return the largest impulse from which a robot recovers, found by bisection.
 
-    Bisection takes recovery to be monotonic: whoever survives a push survives weaker ones. The number found lies
-    within `resolution` of a change from recovery to fall.
+    Bisection assumes that a robot that recovers from a push recovers from weaker ones. The result lies within
+    `resolution` of a change from recovery to fall.
 
     Args:
         spec: Robot and direction; its impulse is not used.
@@ -142,7 +104,7 @@ def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float
         resolution: Width of the last interval, Ns/kg.
 
     Returns:
-        Largest impulse tried that was recovered, Ns/kg; `highest` if that was; 0 if none was.
+        Largest impulse tried from which the robot recovered, Ns/kg; 0 if there was none.
 
     Raises:
         InputError: A resolution that is not below `highest`.
@@ -153,23 +115,23 @@ def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float
             f"highest impulse must exceed the resolution of {resolution:g} Ns/kg, got {highest:g}"
         )
     low, high = 0.0, float(highest)
-    if push(replace(spec, impulse=high)).recovered:
+    if push_standing(replace(spec, impulse=high)).recovered:
         return high
     while high - low > resolution:
         middle = 0.5 * (low + high)
-        if push(replace(spec, impulse=middle)).recovered:
+        if push_standing(replace(spec, impulse=middle)).recovered:
             low = middle
         else:
             high = middle
     return low
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PushTableSpec:
-    """Which pushes go into the table.
+    """A table of largest pushes: robots, control modes and directions.
 
     Attributes:
-        robot: Robots, out of those that `wbc robots` lists.
+        robot: Robots, of those that `wbc robots` lists.
         mode: What the drives are given: position, torque or both.
         directions: Number of directions, evenly spread, beginning with forward and going to the left.
         highest: Largest impulse tried, Ns/kg.
@@ -184,27 +146,23 @@ class PushTableSpec:
 
     robot: tuple[str, ...] = ("hrp4_class", "talos")
     mode: tuple[Mode, ...] = MODES
-    directions: int = 8
-    highest: float = 1.0
-    resolution: float = 0.01
-    duration: float = PUSH_DURATION
-    after: float = 4.0
+    directions: Count = 8
+    highest: Annotated[Positive, "Ns/kg"] = 1.0
+    resolution: Annotated[Positive, "Ns/kg"] = 0.01
+    duration: Annotated[Positive, "s"] = PUSH_DURATION
+    after: Annotated[Positive, "s"] = 4.0
     foot: str = "flat"
     noise: str = "none"
-    seed: int = 0
+    seed: Seed = 0
     feedback: Feedback = "closed"
 
     def __post_init__(self) -> None:
-        if self.directions < 1:
-            raise InputError(f"directions must be at least 1, got {self.directions}")
-        positive("highest impulse (Ns/kg)", self.highest)
-        positive("resolution (Ns/kg)", self.resolution)
         for robot in self.robot:
             load(robot)
         self.specs()
 
     def specs(self) -> list[StandPushSpec]:
-        """One spec for each cell of the table, robot by robot, mode by mode, direction by direction."""
+        """Return a spec for each cell of the table, robot by robot, mode by mode, direction by direction."""
         return [
             StandPushSpec(
                 robot=robot,
@@ -230,8 +188,8 @@ class PushCell:
     Attributes:
         robot: Name of the robot.
         mode: "position" or "torque".
-        direction_deg: Where to, degrees; 0 is forward, 90 to the left.
-        impulse: Largest impulse recovered, Ns/kg.
+        direction_deg: Direction of the push, degrees; 0 is forward, 90 to the left.
+        impulse: Largest impulse from which the robot recovered, Ns/kg.
     """
 
     robot: str
@@ -239,27 +197,23 @@ class PushCell:
     direction_deg: float
     impulse: float
 
-    def to_json(self) -> dict[str, Any]:
-        """The cell as plain values."""
-        return asdict(self)
 
-
-def push_table(options: PushTableSpec) -> Iterator[PushCell]:
+def push_table(table: PushTableSpec) -> Iterator[PushCell]:
     """Find the largest push for every robot, mode and direction.
 
     Args:
-        options: Which ones.
+        table: Robots, modes and directions.
 
     Yields:
-        The cells, as they are done.
+        The cells, one by one.
     """
-    for spec in options.specs():
-        impulse = largest_push(spec, highest=options.highest, resolution=options.resolution)
+    for spec in table.specs():
+        impulse = largest_push(spec, highest=table.highest, resolution=table.resolution)
         yield PushCell(spec.robot, spec.mode, round(math.degrees(spec.direction), 3), round(impulse, 4))
 
 
 def format_push_table(cells: list[PushCell]) -> str:
-    """The cells as a table in Markdown: a line for each robot and mode, a column for each direction."""
+    """Return the cells as a table in Markdown: a line for each robot and mode, a column for each direction."""
     directions = sorted({cell.direction_deg for cell in cells})
     lines = [
         "| robot | mode | " + " | ".join(f"{d:g}°" for d in directions) + " | least |",

@@ -1,40 +1,40 @@
-"""A robot that stands: the balance controller against the plant, as a pure function of a frozen set of options."""
+"""Simulated standing: the balance controller against the plant, as a function of a frozen spec."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.errors import Array, choose, positive
+from wbc.core.errors import Array
+from wbc.core.settings import Positive, Seed, settings
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.sim.balance.controller import BalanceGains, balance_controller
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.sensors import noise_preset
+from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import steps_per_tick
-from wbc.sim.plant.shod import shod
 from wbc.sim.plant.truth import GroundTruth
 
 Mode = Literal["position", "torque"]
 Feedback = Literal["open", "closed"]
-Control = PositionControl | TorqueControl
 
-MODES: tuple[Mode, ...] = ("position", "torque")
-"""What the drives can be given."""
+MODES: tuple[Mode, ...] = get_args(Mode)
+"""Control modes of the drives."""
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002}
-"""Control period when none is given, s: servos hold the robot between ticks, torques do not."""
+"""Default control period, s: servos hold the robot between ticks, torques do not."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class StandSpec:
-    """Which robot stands, and how.
+    """One simulated stand.
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
@@ -53,22 +53,19 @@ class StandSpec:
 
     robot: str = "hrp4_class"
     mode: Mode = "position"
-    seconds: float = 10.0
+    seconds: Annotated[Positive, "s"] = 10.0
     foot: str = "flat"
     noise: str = "none"
-    seed: int = 0
+    seed: Seed = 0
     feedback: Feedback = "closed"
-    control_period: float | None = None
-    timestep: float = 0.001
+    control_period: Annotated[Positive, "s"] | None = None
+    timestep: Annotated[Positive, "s"] = 0.001
     gains: BalanceGains = field(default_factory=BalanceGains)
 
     def __post_init__(self) -> None:
         load(self.robot)
-        choose("mode", self.mode, MODES)
-        choose("feedback", self.feedback, ("open", "closed"))
-        positive("seconds (s)", self.seconds)
         foot_by_name(self.foot)
-        noise_preset(self.noise)
+        NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
 
     @property
@@ -79,9 +76,7 @@ class StandSpec:
 
 @dataclass(frozen=True)
 class StandResult:
-    """How a robot stood.
-
-    Everything but the times of the clock (`real_time_factor`, `tick_us`) is the same whenever the options are.
+    """Result of a stand; all but the wall-clock timings (`real_time_factor`, `tick_us`) follows from the spec.
 
     Attributes:
         robot: Name of the robot.
@@ -91,7 +86,7 @@ class StandResult:
         zmp_noise_mm: Standard deviation of the true zero-tilting moment point in the second half, both axes together.
         real_time_factor: Simulated time over wall time of the whole loop.
         tick_us: Wall time from measurement to command, median and 99th percentile.
-        seconds: Simulated time, s; shorter than asked for if it fell.
+        seconds: Simulated time, s; shorter than the spec's if it fell.
         failures: Ticks without a solution or with an unusable measurement.
         noise: Errors of the sensors.
         foot: Foot under both ankles.
@@ -113,57 +108,56 @@ class StandResult:
     seed: int
     control_period: float
 
-    def to_json(self) -> dict[str, Any]:
-        """The result as plain values."""
-        return asdict(self)
 
-
-class Stand:
-    """A standing robot that can be stepped: plant, controller and what connects them.
+class StandTrial:
+    """One stand about to begin: plant and controller, connected.
 
     Attributes:
-        options: What was asked for.
+        spec: The stand.
         plant: The plant.
         control: The controller and its observer.
-        tick_times: Wall time of every tick so far, from measurement to command, s.
+        tick_times: Wall time of each tick so far, from measurement to command, s.
         fallen: True once the robot has fallen or the simulation has diverged.
     """
 
-    def __init__(self, options: StandSpec) -> None:
-        """Build the robot, the plant and the controller.
+    def __init__(self, spec: StandSpec) -> None:
+        """Build robot, plant and controller.
 
         Raises:
             InputError: A foot that does not fit the robot.
         """
-        self.options = options
-        foot = foot_by_name(options.foot)
-        description = shod(load(options.robot), foot)
+        self.spec = spec
+        foot = foot_by_name(spec.foot)
+        description = with_feet(load(spec.robot), foot)
         self.plant = Plant(
             description,
             foot=foot,
-            noise=options.noise,
-            seed=options.seed,
-            timestep=options.timestep,
-            control_period=options.period,
+            noise=spec.noise,
+            seed=spec.seed,
+            timestep=spec.timestep,
+            control_period=spec.period,
         )
-        controller = balance_controller(description.robot(), options.period, options.gains)
-        self.control: Control = (
+        controller = balance_controller(description.robot(), spec.period, spec.gains)
+        self.control: PositionControl | TorqueControl = (
             TorqueControl(controller)
-            if options.mode == "torque"
-            else PositionControl(controller, feedback=options.feedback)
+            if spec.mode == "torque"
+            else PositionControl(controller, feedback=spec.feedback)
         )
         self.tick_times: list[float] = []
-        self._falls = FallDetector(self.plant.robot)
+        self._falls = TrueFallDetector(self.plant.robot)
         self.fallen = False
 
-    def run(self, seconds: float) -> Iterator[GroundTruth]:
-        """Go on for a while, and give the true state after every control period; ends early if the robot falls.
+    def advance(self, until: float) -> Iterator[GroundTruth]:
+        """Simulate until a time, or until the robot falls.
 
         Args:
-            seconds: Simulated time at which to end, s.
+            until: Simulated time, s.
+
+        Yields:
+            The true state after each control period.
         """
         plant, control = self.plant, self.control
-        while plant.time < seconds - 0.5 * plant.control_period and not self.fallen:
+        while plant.time < until - 0.5 * plant.control_period and not self.fallen:
             measurement = plant.measure()
             start = time.perf_counter()
             command = control.command(measurement)
@@ -173,18 +167,18 @@ class Stand:
             self.fallen = plant.diverged is not None or self._falls.fallen(truth.q)
             yield truth
 
-    def result(self, after_tick: Callable[[], None] | None = None) -> StandResult:
-        """Stand for the time of the options and sum up.
+    def run(self, after_tick: Callable[[], None] | None = None) -> StandResult:
+        """Stand for the time of the spec and return the result.
 
         Args:
-            after_tick: Called after every control period, for a viewer.
+            after_tick: Called after each control period, for a viewer.
         """
-        options = self.options
+        spec = self.spec
         target = np.array(self.plant.truth().com)
         com: list[Array] = []
         zmp: list[Array] = []
         start = time.perf_counter()
-        for truth in self.run(options.seconds):
+        for truth in self.advance(spec.seconds):
             com.append(truth.com)
             zmp.append(centre_of_pressure(truth))
             if after_tick is not None:
@@ -194,8 +188,8 @@ class Stand:
         error = np.linalg.norm((np.array(com) - target)[half:, :2], axis=1)
         ticks = 1e6 * np.array(self.tick_times)
         return StandResult(
-            robot=options.robot,
-            mode=options.mode,
+            robot=spec.robot,
+            mode=spec.mode,
             upright=not self.fallen,
             com_error_mm=_rounded(1e3 * error.max()),
             zmp_noise_mm=_rounded(1e3 * np.sqrt(np.nanvar(np.array(zmp)[half:], axis=0).sum())),
@@ -203,30 +197,31 @@ class Stand:
             tick_us={"median": _rounded(np.median(ticks)), "p99": _rounded(np.percentile(ticks, 99))},
             seconds=self.plant.time,
             failures=self.control.failures,
-            noise=options.noise,
-            foot=options.foot,
-            seed=options.seed,
-            control_period=options.period,
+            noise=spec.noise,
+            foot=spec.foot,
+            seed=spec.seed,
+            control_period=spec.period,
         )
 
 
-def stand(options: StandSpec) -> StandResult:
-    """Let a robot stand.
+def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
+    """Simulate a standing robot.
+
+        result = stand(robot="talos", mode="torque", noise="realistic")
 
     Args:
-        options: Which robot, and how.
-
-    Returns:
-        How it went.
+        spec: The stand; the default one when None.
+        **values: Fields of `StandSpec` that differ from it.
 
     Raises:
-        InputError: A foot that does not fit the robot.
+        UnknownNameError: A field that the spec does not have; the nearest names are given.
+        InputError: A value out of range, or a foot that does not fit the robot.
     """
-    return Stand(options).result()
+    return StandTrial(replace(spec or StandSpec(), **values)).run()
 
 
 def centre_of_pressure(truth: GroundTruth) -> Array:
-    """Centre of pressure of all contacts; on level ground it is the zero-tilting moment point.
+    """Return the centre of pressure of all contacts; on level ground it is the zero-tilting moment point.
 
     Args:
         truth: The true state.
@@ -245,5 +240,5 @@ def centre_of_pressure(truth: GroundTruth) -> Array:
 
 
 def _rounded(value: float) -> float:
-    """Four significant digits: what is printed is not more exact than that."""
+    """Return a number with the four significant digits that are meaningful."""
     return float(f"{value:.4g}")

@@ -1,4 +1,4 @@
-"""From a robot description, a foot and a terrain to one compiled MuJoCo model, and the places of everything in it."""
+"""MuJoCo model of a robot on its feet on a terrain, and the places of its parts."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.render import AddedTerrain, add_to_spec
 
 UNLIMITED_TORQUE = 1e6
-"""Torques from here on are no limit, Nm."""
+"""Torque limits from this value on are none, Nm."""
 
-MOST_PAIRS = 240
-"""With more pairs of geoms than this between a part of a foot and a piece of ground, trees of boxes are quicker.
+MAX_PAIRS = 240
+"""Pairs of geoms, of a body of a foot and one of the ground, above which MuJoCo's trees of boxes are quicker.
 
 First half of a physics step with and without trees: 39.7 and 35.8 µs at 12 pairs (soft feet on random ground), 45.9
 and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 and 26.2 at 240 (rigid, cobble stones),
@@ -33,7 +33,7 @@ and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 an
 
 @dataclass(frozen=True, eq=False)
 class PlantModel:
-    """A compiled model and where to find things in it.
+    """A compiled model and the places of its parts.
 
     Attributes:
         model: MuJoCo's model.
@@ -44,6 +44,7 @@ class PlantModel:
         base: Body of the floating base.
         geom_sole: Index of the sole that a geom belongs to, −1 for none, shape (ngeom,).
         geom_robot: True for geoms of the robot, shape (ngeom,).
+        sole_sites: Site at each sole centre, left first.
         imu: First places in `sensordata` of the gyroscope and the accelerometer.
     """
 
@@ -55,10 +56,11 @@ class PlantModel:
     base: int
     geom_sole: Index
     geom_robot: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    sole_sites: tuple[int, ...]
     imu: tuple[int, int]
 
     def body(self, name: str, robot: Robot) -> tuple[int, pin.SE3]:
-        """Body that carries a frame, and the frame's place in it.
+        """Return the body that carries a frame, and the frame's placement in it.
 
         Args:
             name: Link or frame; "torso" and "base" stand for the robot's torso and base frames.
@@ -80,7 +82,7 @@ class PlantModel:
 
 
 def body_frame(name: str, robot: Robot) -> str:
-    """Link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
+    """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
 
     Raises:
         UnknownNameError: Neither a link nor a frame of the robot.
@@ -94,7 +96,7 @@ def body_frame(name: str, robot: Robot) -> str:
 
 
 def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
-    """The robot's own soles as the feet want them, left first.
+    """Return the robot's own soles as input for fitting feet, left first.
 
     Raises:
         ModelError: A sole on the floating base.
@@ -137,14 +139,14 @@ def build_model(
     terrain: Terrain,
     physics: PhysicsSettings,
 ) -> PlantModel:
-    """Compile the model of a robot on its feet on a terrain.
+    """Compile the MuJoCo model of a robot on its feet on a terrain.
 
     Args:
         description: The robot as data; its geometry is not used.
         robot: Made from that description.
-        foot: Put under both ankles.
+        foot: Foot under both ankles.
         terrain: The ground.
-        physics: How to integrate and solve.
+        physics: Settings of the physics.
 
     Raises:
         ModelError: MuJoCo cannot use the description, or reads other joints from it than Pinocchio.
@@ -155,7 +157,7 @@ def build_model(
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot read the description of '{robot.name}': {error}") from error
     spec.modelname = robot.name
-    # The importer would weld the feet's force sensors into the ankles and drop what only shows.
+    # The importer would weld the feet's force sensors into the ankles and drop visual geoms.
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     physics.apply(spec)
@@ -169,13 +171,13 @@ def build_model(
         model = spec.compile()
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot compile the model of '{robot.name}': {error}") from error
-    if _most_pairs(model) <= MOST_PAIRS:  # the contacts are the same, and in the same order
+    if _max_pairs(model) <= MAX_PAIRS:  # the contacts are the same, and in the same order
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-    return _places(model, robot, feet, ground, base.name)
+    return _plant_model(model, robot, feet, ground, base.name)
 
 
 def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
-    """Rotor inertia, torque clamp and servo of each joint, actuators in the order of the robot's joints."""
+    """Add rotor inertia, torque clamp and servo of each joint, actuators in the order of the robot's joints."""
     joints = {joint.name: joint for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE}
     if set(joints) != set(robot.joint_names):
         odd = sorted(set(joints) ^ set(robot.joint_names))
@@ -222,15 +224,15 @@ def _add_imu(spec: mujoco.MjSpec, robot: Robot, base: mujoco.MjsBody) -> None:
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu_site")
 
 
-def _most_pairs(model: mujoco.MjModel) -> int:
-    """Pairs of geoms that can touch between one body of the robot and one of the ground, at most."""
+def _max_pairs(model: mujoco.MjModel) -> int:
+    """Return the greatest number of pairs of geoms that can touch, of one body of the robot and one of the ground."""
     ground = model.geom_contype != 0
     feet = ~ground & (model.geom_conaffinity != 0)
     bodies = model.geom_bodyid
     return int(np.bincount(bodies[ground]).max(initial=0) * np.bincount(bodies[feet]).max(initial=0))
 
 
-def _places(
+def _plant_model(
     model: mujoco.MjModel, robot: Robot, feet: Sequence[FootParts], ground: AddedTerrain, base: str
 ) -> PlantModel:
     def find(kind: mujoco.mjtObj, name: str) -> int:
@@ -263,5 +265,6 @@ def _places(
         base=base_id,
         geom_sole=body_sole[model.geom_bodyid],
         geom_robot=model.body_rootid[model.geom_bodyid] == model.body_rootid[base_id],
+        sole_sites=tuple(find(kinds.mjOBJ_SITE, foot.wrench_site) for foot in feet),
         imu=(sensor[0], sensor[1]),
     )

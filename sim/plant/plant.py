@@ -2,10 +2,9 @@
 
     plant = Plant(load("hrp4_class"))
     while plant.time < 10.0:
-        plant.step(control(plant.measure()))
+        plant.step(control.command(plant.measure()))
 
-What goes in and out are the `Command` and `Measurement` that a real robot would take and give; what only a simulation
-knows is apart, in `truth`.
+`Command` and `Measurement` are those of a real robot; what only a simulation knows is apart, in `truth`.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import logging
 import math
 import time
 from dataclasses import replace
-from typing import Literal
+from typing import get_args
 
 import mujoco
 import numpy as np
@@ -29,7 +28,6 @@ from wbc.core.errors import (
     choose,
     finite_array,
     positive,
-    scalar,
     whole_number,
 )
 from wbc.core.robot import Robot
@@ -37,19 +35,19 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
+from wbc.sim.plant.drives import Drives, Interpolation
+from wbc.sim.plant.foot_devices import FootDevices
 from wbc.sim.plant.model import build_model
 from wbc.sim.plant.pushes import Push, Pushes
-from wbc.sim.plant.sensors import NO_NOISE, SensorChain, SensorNoise, noise_preset
+from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import PhysicsSettings, steps_per_tick
-from wbc.sim.plant.soles import Soles
+from wbc.sim.plant.signals import TrueSignals
 from wbc.sim.plant.truth import GroundTruth, TruthReader
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 
-Interpolation = Literal["hold", "linear"]
-
 INITIAL_PRESS = 1e-6
-"""How deep the soles are set into the ground at the start, m, so that all of their spheres are in contact at once."""
+"""Depth of the soles in the ground at the start, m, so that all of their spheres are in contact at once."""
 
 _log = logging.getLogger(__name__)
 
@@ -58,7 +56,7 @@ if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the 
 
 
 class DivergedError(WbcError):
-    """The simulation has diverged: its state means nothing any more."""
+    """A step of a simulation that has diverged: its state has no meaning."""
 
 
 class Plant:
@@ -68,21 +66,22 @@ class Plant:
     implicitly. Torque control: τ alone. Both are limited to the torque of the description.
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
-    over the control period that ended now, as an anti-aliasing filter gives it: hard contacts chatter within a period,
-    and one sample in five of that would tell the controller nonsense. The force sensor sits above the foot: as with
-    a real one, the weight of a foot that has mass of its own is missing from what it says of the ground.
+    over the control period that ended now, like the output of an anti-aliasing filter: hard contacts chatter within a
+    period, and single samples of that mislead the controller. The force sensor sits above the foot: as with a real
+    one, its reading lacks the weight of a foot that has mass of its own.
 
     Attributes:
         description: The robot as data.
         robot: The robot as a model, for names and sizes; its state is not kept up to date.
         foot: The feet.
         feet: Names and sizes of what was built under the ankles, left first.
+        sole_sites: MuJoCo site at each sole centre, left first.
         terrain: The ground as drawn.
         physics: Settings of the physics.
         timestep: Physics step, s.
         control_period: Time that `step` advances, s.
         steps: Physics steps in it.
-        noise: Errors of the sensors.
+        noise: Sensor errors.
         averaging: False for accelerometer and forces of the last physics step alone.
         interpolation: "hold" keeps a command for the whole control period; "linear" moves the references from the last
             command to this one, reached at the end of the period.
@@ -92,7 +91,7 @@ class Plant:
         joint_torque: What the servos applied in the physics step that ended now, shape (na,), Nm; overwritten by the
             next step.
         ticks: Control periods since the start.
-        diverged: Why the simulation cannot go on, None as long as it can.
+        diverged: Reason of a divergence of the simulation; None as a rule.
     """
 
     diverged: str | None
@@ -123,11 +122,11 @@ class Plant:
             terrain: The ground, or the name of a family with its own amplitude and seed 0.
             timestep: Physics step, s.
             control_period: Time between two commands, s; a whole multiple of the physics step.
-            noise: Errors of the sensors, or the name of a preset: "none", "realistic".
+            noise: Sensor errors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
             interpolation: "hold" or "linear".
             averaging: Accelerometer and forces are means over the control period.
-            initial_configuration: Where the robot starts, shape (nq,); half-sitting on the ground when None.
+            initial_configuration: Start of the robot, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
             physics: Further settings of the physics; `timestep` is put in place of theirs.
 
@@ -137,15 +136,14 @@ class Plant:
                 not fit.
             ModelError: A robot that cannot be simulated.
         """
-        self.interpolation: Interpolation = (
-            "linear" if choose("interpolation", interpolation, ("hold", "linear")) == "linear" else "hold"
-        )
+        choose("interpolation", interpolation, get_args(Interpolation))
+        self.interpolation = interpolation
         self.steps = steps_per_tick(control_period, timestep)
         self.averaging = bool(averaging)
         self.control_period, self.timestep = float(control_period), float(timestep)
-        self.noise = noise_preset(noise) if isinstance(noise, str) else noise
+        self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
-        self.physics = _with_timestep(physics, timestep)
+        self.physics = replace(physics or PhysicsSettings(), timestep=timestep)
         self.seed = whole_number("seed", seed, low=0)
         self.description = description
         self.robot: Robot = description.robot()
@@ -158,20 +156,19 @@ class Plant:
         )
         self.terrain = self._plant.ground.terrain
         self.feet = self._plant.feet
+        self.sole_sites = self._plant.sole_sites
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
         self._na = self.robot.na
-        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
-        self._servo_bias = np.array(self.model.actuator_biasprm)
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
-        self._soles = Soles(self._plant, self.foot, range_sensor)
+        self._devices = FootDevices(self._plant, self.foot, range_sensor)
+        self._drives = Drives(self.model, description, interpolation)
+        self._signals = TrueSignals(self._plant, self.steps if self.averaging else 1)
         self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep, self.steps)
+        self.joint_torque = np.zeros(self._na)
         self._initial = initial_configuration
-        self._prepare_signals()
         self.reset()
-
-    # ------------------------------------------------------------------------------------------------ state
 
     @property
     def time(self) -> float:
@@ -185,13 +182,13 @@ class Plant:
         *,
         velocity: ArrayLike | None = None,
     ) -> None:
-        """Start anew, servos holding the configuration, no pushes, clocks at zero.
+        """Restart at time zero, servos holding the configuration, without pushes.
 
         Args:
-            configuration: Where the robot starts, shape (nq,), used as it is; when None, the initial configuration that
-                the plant was made with, else half-sitting on the ground.
+            configuration: Start of the robot, shape (nq,), used as it is; when None, the plant's initial configuration,
+                else half-sitting on the ground.
             seed: New seed; the same as before when None.
-            velocity: How it starts, shape (nv,), base in the base frame; at rest when None.
+            velocity: Velocity at the start, shape (nv,), base in the base frame; at rest when None.
 
         Raises:
             InputError: A configuration or velocity of the wrong shape, not finite or without orientation.
@@ -218,24 +215,22 @@ class Plant:
         sensor_seed, *range_seeds = (
             np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
         )
-        self._soles.reset(range_seeds)
+        self._devices.reset(range_seeds)
         self._pushes.clear(data)
-        self._set_mode(position_control=True)
-        np.multiply(self._kp, q[7:], out=self._target)
-        self._from[:] = self._target
-        data.ctrl[:] = self._target
+        self._drives.reset(q[7:])
+        data.ctrl[:] = self._drives.target
         mujoco.mj_forward(self.model, data)
         self._truth_reader.capture(data)
-        self._window[:] = data.sensordata.take(self._force_places)
+        self._signals.window[:] = data.sensordata.take(self._signals.force_places)
         self.ticks = 0
         self.diverged = None
         self._after_step()
         if self._chain.oldest > 0:
-            self._sample()
-        self._chain.reset(self._signals, sensor_seed)
+            self._signals.sample(data)
+        self._chain.reset(self._signals.values, sensor_seed)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
-        """Move a configuration up or down until its lowest sole point touches the ground.
+        """Return a configuration moved up or down until its lowest sole point touches the ground.
 
         Args:
             configuration: Shape (nq,).
@@ -247,12 +242,11 @@ class Plant:
             InputError: A configuration of the wrong shape or not finite.
         """
         q = finite_array("configuration", configuration, (self.robot.nq,))
-        data, kinds = mujoco.MjData(self.model), mujoco.mjtObj.mjOBJ_SITE
+        data = mujoco.MjData(self.model)
         configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
         mujoco.mj_kinematics(self.model, data)
         lift = -math.inf
-        for foot in self.feet:
-            site = mujoco.mj_name2id(self.model, kinds, foot.wrench_site)
+        for foot, site in zip(self.feet, self.sole_sites, strict=True):
             x, y = np.meshgrid(
                 foot.fit.sole.length * np.linspace(-0.5, 0.5, 21),
                 foot.fit.sole.width * np.linspace(-0.5, 0.5, 9),
@@ -264,41 +258,31 @@ class Plant:
         return q
 
     def truth(self) -> GroundTruth:
-        """The true state now; the same object until the next step."""
+        """Return the true state now; the same object until the next step."""
         if self._truth is None:
             self._truth = self._truth_reader.read(self.data, self.joint_torque)
         return self._truth
 
-    # ----------------------------------------------------------------------------------------- sensors, drives
-
     def measure(self) -> Measurement:
-        """What the sensors say now; the same object until the next step.
+        """Return the readings of the sensors now; the same object until the next step.
 
         Raises:
             MeasurementError: The simulation has diverged.
         """
         if self._measurement is None:
-            reading = self._chain.read(self._signals)
+            reading = self._chain.read(self._signals.values)
             if self.diverged is not None or not math.isfinite(reading.dot(reading)):
                 raise MeasurementError(
                     f"no measurement at {self.time:.4f} s: {self.diverged or 'a sensor is not finite'}"
                 )
             reading.setflags(write=False)
-            na = self._na
-            self._measurement = Measurement(
-                self.time,
-                reading[:na],
-                reading[na : 2 * na],
-                reading[2 * na : 2 * na + 3],
-                reading[2 * na + 3 : 2 * na + 6],
-                reading[2 * na + 6 :].reshape(-1, 6),
-                self._soles.ranges(self.data),
-                self._soles.stiffness(),
+            self._measurement = self._signals.measurement(
+                reading, self.time, self._devices.ranges(self.data), self._devices.stiffness()
             )
         return self._measurement
 
     def step(self, command: Command) -> None:
-        """Give the drives a command and advance by one control period.
+        """Advance by one control period under a command.
 
         Position control without a velocity reference takes it as zero.
 
@@ -312,34 +296,40 @@ class Plant:
         """
         if self.diverged is not None:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
-        self._take(command)
         model, data, steps = self.model, self.data, self.steps
-        if self._pushes or self._chain.oldest or self._from is not self._target:
+        drives, signals, devices = self._drives, self._signals, self._devices
+        target = drives.read(command)
+        devices.check(command.sole_stiffness)
+        if devices.advance(command.sole_stiffness, self.control_period):
+            # The springs' forces belong to the half of the coming step that is done already: do it again.
+            mujoco.mj_step1(model, data)
+        drives.follow(target, position_control=command.joint_position is not None)
+        if self._pushes or self._chain.oldest or drives.start is not drives.target:
             self._advance_singly()
         else:
             # The first half of the coming step was done at the end of the last one, when the sensors were read.
-            data.ctrl[:] = self._target
+            data.ctrl[:] = drives.target
             if self.averaging:
                 step = mujoco.mj_step2
-                for row in self._window:
+                for row in signals.window:
                     step(model, data)
-                    data.sensordata.take(self._force_places, out=row, mode="clip")
+                    data.sensordata.take(signals.force_places, out=row, mode="clip")
                     step = mujoco.mj_step
             else:
                 mujoco.mj_step2(model, data)
                 if steps > 1:
                     mujoco.mj_step(model, data, steps - 1)
-                data.sensordata.take(self._force_places, out=self._window[0])
+                data.sensordata.take(signals.force_places, out=signals.window[0])
             self._truth_reader.capture(data)
             mujoco.mj_step1(model, data)
         self.ticks += 1
         self._after_step()
 
     def hold(self, configuration: ArrayLike | None = None) -> Command:
-        """A command that holds a posture with the servos.
+        """Return a command that holds a posture with the servos.
 
         Args:
-            configuration: Shape (nq,); that of the last reset when None.
+            configuration: Posture, shape (nq,); that of the last reset when None.
 
         Raises:
             InputError: A configuration of the wrong shape or not finite.
@@ -351,10 +341,10 @@ class Plant:
         return Command(zero, np.array(q[7:]), zero)
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Push a body from outside, beginning now; pushes add up.
+        """Begin to push a body; pushes add up.
 
         Args:
-            body: Link or frame of the robot; "torso" is its torso whatever the link is called.
+            body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
             force: In the world, shape (3,), N; constant.
             duration: s.
             at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
@@ -374,51 +364,13 @@ class Plant:
             )
         )
 
-    # ------------------------------------------------------------------------------------------------- inside
-
-    def _prepare_signals(self) -> None:
-        """Lay out the vector of all signals, and where each comes from."""
-        na, model = self._na, self.model
-        gyro, accelerometer = self._plant.imu
-        places = [*range(gyro, gyro + 3), *range(accelerometer, accelerometer + 3)]
-        for foot in self.feet:
-            for name in (foot.force_sensor, foot.torque_sensor):
-                first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
-                places += range(first, first + 3)
-        # All but the gyroscope measure what acts during a physics step; they are averaged over the last ones.
-        self._gyro_places = np.array(places[:3], dtype=np.intp)
-        self._force_places = np.array(places[3:], dtype=np.intp)
-        self._window = np.zeros((self.steps if self.averaging else 1, len(places) - 3))
-        self._samples = scalar(len(self._window))
-        self._signals = np.empty(2 * na + len(places))
-        self._positions, self._velocities = self._signals[:na], self._signals[na : 2 * na]
-        self._rates = self._signals[2 * na : 2 * na + 3]
-        self._forces = self._signals[2 * na + 3 :]
-        self._wrenches = self._signals[2 * na + 6 :]
-        self._target, self._servo_part = np.zeros(na), np.zeros(na)
-        self._from = np.zeros(na) if self.interpolation == "linear" else self._target
-        self.joint_torque = np.zeros(na)
-        self._position_control = True
-
-    def _sample(self) -> None:
-        """Write the true signals of now."""
-        data = self.data
-        # With the default mode NumPy writes into a buffer first.
-        data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
-        data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
-        data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
-        np.add.reduce(self._window, axis=0, out=self._forces)  # the mean, without the overhead of np.mean
-        np.divide(self._forces, self._samples, out=self._forces)
-        # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
-        np.negative(self._wrenches, out=self._wrenches)
-
     def _after_step(self) -> None:
         data = self.data
         data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque, mode="clip")
         self._truth = None
         self._measurement = None
         if self._chain.oldest == 0:
-            self._sample()
+            self._signals.sample(data)
         warned, q, v = data.warning.number, data.qpos, data.qvel
         if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
             names = [mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)]
@@ -426,67 +378,19 @@ class Plant:
                 f"simulation diverged before {self.time:.4f} s ({', '.join(names) or 'NaN in the state'})"
             )
 
-    def _take(self, command: Command) -> None:
-        """Check a command and turn it into targets of the actuators; nothing changes if it is refused."""
-        position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
-        shape = (self._na,)
-        if (
-            _shape(torque) != shape
-            or (position is not None and _shape(position) != shape)
-            or (velocity is not None and _shape(velocity) != shape)
-        ):
-            raise InputError(
-                f"joint references of a command must be arrays of shape {shape}, got torque {_shape(torque)}, "
-                f"position {_shape(position)}, velocity {_shape(velocity)}"
-            )
-        if position is None:
-            if velocity is not None:
-                raise InputError("a command with a velocity reference needs a position reference, too")
-            target = torque
-        else:
-            target = np.multiply(self._kp, position, out=self._servo_part)
-            if velocity is not None:
-                target += self._kd * velocity
-            target += torque
-        if not math.isfinite(target.dot(target)):
-            self._refuse(command)
-        self._soles.check(command.sole_stiffness)
-        if self._soles.advance(command.sole_stiffness, self.control_period):
-            # The springs' forces belong to the half of the coming step that is done already: do it again.
-            mujoco.mj_step1(self.model, self.data)
-        if (position is not None) is not self._position_control:
-            self._set_mode(position_control=position is not None)
-            self._target[:] = target
-        if self._from is not self._target:
-            self._from[:] = self._target
-        self._target[:] = target
-
-    def _refuse(self, command: Command) -> None:
-        for name in ("joint_position", "joint_velocity", "joint_torque"):
-            value = getattr(command, name)
-            if value is not None and not np.isfinite(value).all():
-                joint = self.robot.joint_names[int(np.argmin(np.isfinite(value)))]
-                raise InputError(f"command: {name} of joint '{joint}' is not finite")
-        raise InputError("command: references so large that their squares are not finite")
-
-    def _set_mode(self, *, position_control: bool) -> None:
-        """Switch the servos on or off: their gains are the bias of the actuators."""
-        self._position_control = position_control
-        self.model.actuator_biasprm[:] = self._servo_bias if position_control else 0.0
-
     def _advance_singly(self) -> None:
-        """One control period step by step: for pushes, moving references and sensors with a memory."""
-        model, data = self.model, self.data
-        ctrl, sensors, window, places = data.ctrl, data.sensordata, self._window, self._force_places
-        moving, rows = self._from is not self._target, len(self._window)
+        """Advance by one control period step by step: for pushes, moving references and sensors with a latency."""
+        model, data, drives, signals = self.model, self.data, self._drives, self._signals
+        ctrl, sensors, window, places = data.ctrl, data.sensordata, signals.window, signals.force_places
+        moving, rows = drives.start is not drives.target, len(window)
         newest, oldest = self._chain.newest, self._chain.oldest
-        ctrl[:] = self._target
+        ctrl[:] = drives.target
         begun = True  # the first half of the coming step is done
         for left in range(self.steps - 1, -1, -1):
             done = self.steps - left
             if moving:
-                part = self._target - self._from
-                ctrl[:] = self._target if left == 0 else self._from + (done / self.steps) * part
+                part = drives.target - drives.start
+                ctrl[:] = drives.target if left == 0 else drives.start + (done / self.steps) * part
             if self._pushes:
                 self._pushes.apply(data, self.timestep)
             (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
@@ -498,12 +402,12 @@ class Plant:
             if begun:
                 mujoco.mj_step1(model, data)
             if read and oldest > 0:
-                self._sample()
-                self._chain.push(self._signals)
+                signals.sample(data)
+                self._chain.push(signals.values)
 
 
 def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
-    """How many times faster than reality a plant runs while it holds its posture; its state moves on.
+    """Return simulated time over wall time of a plant that holds its posture; its state moves on.
 
     Args:
         plant: The plant.
@@ -515,12 +419,3 @@ def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
     for _ in range(ticks):
         plant.step(command)
     return ticks * plant.control_period / (time.perf_counter() - start)
-
-
-def _shape(array: Array | None) -> tuple[int, ...] | None:
-    """Shape of an array, None for anything else."""
-    return getattr(array, "shape", None)
-
-
-def _with_timestep(physics: PhysicsSettings | None, timestep: float) -> PhysicsSettings:
-    return replace(PhysicsSettings() if physics is None else physics, timestep=timestep)

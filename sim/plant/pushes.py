@@ -1,4 +1,4 @@
-"""Forces from outside on the robot's bodies."""
+"""Pushes: external forces on the robot's bodies."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import mujoco
 
 from wbc.core.errors import Array
 
-_DONE = 1e-12
-"""A push with less than this left is over, s."""
+_OVER = 1e-12
+"""Remaining time at which a push is over, s."""
 
 
 @dataclass
 class Push:
-    """A constant force on a body for a while.
+    """A constant force on a body for a limited time.
 
     Attributes:
-        body: Body that is pushed.
+        body: Index of the body.
         force: Force in the world, shape (3,), N.
         point: Point of attack in the body, shape (3,), m; None for its centre of mass.
         remaining: Time left, s.
@@ -30,30 +30,30 @@ class Push:
 
 
 class Pushes:
-    """All pushes that act at present; any number at a time, also on one body."""
+    """All pushes that act now; any number at a time, also on one body."""
 
     def __init__(self) -> None:
         self._active: list[Push] = []
-        self._pressing = False
+        self._applied = False  # forces are set in MuJoCo's data
 
     def __bool__(self) -> bool:
-        """True while `apply` has something to do: forces to set, or the last ones to take off."""
-        return self._pressing or bool(self._active)
+        """True while `apply` is needed: to set forces, or to remove the last ones."""
+        return self._applied or bool(self._active)
 
     def add(self, push: Push) -> None:
-        """Start a push with the next physics step."""
+        """Begin a push with the next physics step."""
         self._active.append(push)
 
     def clear(self, data: mujoco.MjData) -> None:
         """Stop all pushes."""
         self._active.clear()
-        self._pressing = False
+        self._applied = False
         data.xfrc_applied[:] = 0.0
 
     def apply(self, data: mujoco.MjData, timestep: float) -> None:
         """Set the forces of the coming physics step.
 
-        A push that ends within the step acts with the part of its force that gives the same impulse.
+        A push that ends within the step acts with the share of its force that gives the same impulse.
 
         Args:
             data: The simulation, its positions up to date.
@@ -61,7 +61,7 @@ class Pushes:
         """
         applied = data.xfrc_applied
         applied[:] = 0.0
-        self._pressing = bool(self._active)
+        self._applied = bool(self._active)
         for push in self._active:
             force = min(1.0, push.remaining / timestep) * push.force
             applied[push.body, :3] += force
@@ -70,10 +70,10 @@ class Pushes:
                 arm = data.xpos[push.body] + rotation @ push.point - data.xipos[push.body]
                 applied[push.body, 3:] += _cross(arm, force)
             push.remaining -= timestep
-        self._active = [push for push in self._active if push.remaining > _DONE]
+        self._active = [push for push in self._active if push.remaining > _OVER]
 
 
 def _cross(a: Array, b: Array) -> list[float]:
-    """Cross product of two vectors; numpy's own takes 20 times as long on three numbers."""
+    """Return the cross product of two vectors; NumPy's own takes 20 times as long on three numbers."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()
     return [y * w - z * v, z * u - x * w, x * v - y * u]

@@ -1,44 +1,41 @@
-"""What real sensors do to a signal: delay, bias, noise and steps of resolution.
+"""Sensor errors: latency, bias, white noise and resolution.
 
-The order is the physical one: the sensor shows what was true a latency ago, adds its bias and its noise, and
-rounds the result to its resolution. Everything is off by default and one seed repeats everything.
+They act in the physical order: a reading is the true signal a latency ago, plus bias, plus noise, rounded to the
+resolution. All are zero by default, and a seed fixes every draw.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field
 from itertools import groupby
-from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, choose, non_negative, scalar
+from wbc.core.errors import Array, scalar
+from wbc.core.registry import Registry
+from wbc.core.settings import NonNegative, settings
 
 
-@dataclass(frozen=True)
+@settings
 class SignalNoise:
-    """Errors of one signal; each channel of it draws its own.
+    """Errors of one signal, drawn independently for each of its channels.
 
     Attributes:
         std: Standard deviation of white noise, in the unit of the signal, a new draw at every reading.
         bias_std: Standard deviation of a constant bias, drawn once at reset.
-        quantum: Resolution: readings are multiples of it; 0 is none.
-        latency: Age of what is read, s, rounded up to whole physics steps. 0 is the freshest value there is.
+        quantum: Resolution: readings are multiples of it; 0 for none.
+        latency: Age of a reading, s, rounded up to whole physics steps.
     """
 
-    std: float = 0.0
-    bias_std: float = 0.0
-    quantum: float = 0.0
-    latency: float = 0.0
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            non_negative(f"{f.name} of a signal", getattr(self, f.name))
+    std: NonNegative = 0.0
+    bias_std: NonNegative = 0.0
+    quantum: NonNegative = 0.0
+    latency: Annotated[NonNegative, "s"] = 0.0
 
 
-@dataclass(frozen=True)
+@settings
 class SensorNoise:
     """Errors of every sensor of the robot; all off by default.
 
@@ -88,27 +85,18 @@ REALISTIC = SensorNoise(_ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _M
 Servos do not see any of it: they close their loops on their own encoders inside the drive.
 """
 
-NOISE_PRESETS: Mapping[str, SensorNoise] = MappingProxyType({"none": NO_NOISE, "realistic": REALISTIC})
-"""Sensor errors by name."""
-
-
-def noise_preset(name: str) -> SensorNoise:
-    """Return the sensor errors of that name.
-
-    Raises:
-        UnknownNameError: No such preset; the choices are given.
-    """
-    return NOISE_PRESETS[choose("sensor noise", name, NOISE_PRESETS)]
+NOISE_PRESETS: Registry[SensorNoise] = Registry("sensor noise", {"none": NO_NOISE, "realistic": REALISTIC})
+"""Sensor errors by name; a new preset is an entry here."""
 
 
 class SensorChain:
-    """Applies `SensorNoise` to a flat vector of all signals.
+    """The errors of `SensorNoise`, applied to a flat vector of all signals.
 
     The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole].
 
     Attributes:
-        oldest: How many physics steps the oldest signal that is read lies behind; 0 needs no history.
-        newest: How many the newest one does; what is younger need not be pushed.
+        oldest: Latency of the slowest signal, physics steps; 0 needs no history.
+        newest: Latency of the fastest signal, physics steps; later signals need not be pushed.
     """
 
     def __init__(self, noise: SensorNoise, joints: int, soles: int, timestep: float, steps: int = 1) -> None:
@@ -157,7 +145,7 @@ class SensorChain:
         self._rng = np.random.default_rng(0)
 
     def reset(self, truth: Array, seed: int) -> None:
-        """Draw new biases and forget the past, as if the robot had always been as it is now.
+        """Draw new biases and fill the history with the present signals.
 
         Args:
             truth: True signals now, shape (size,).
@@ -169,18 +157,18 @@ class SensorChain:
         self._head = 0
 
     def push(self, truth: Array) -> None:
-        """Take in the true signals, shape (size,); needed with a latency alone.
+        """Store the true signals, shape (size,), of a physics step; needed only with a latency.
 
-        To be called after each physics step that lies `newest` to `oldest` steps before the next reading.
+        Call it after each physics step that lies `newest` to `oldest` steps before the next reading.
         """
         self._head = (self._head + 1) % len(self._history)
         self._history[self._head] = truth
 
     def read(self, truth: Array) -> Array:
-        """What the sensors show.
+        """Return the readings of the sensors.
 
         Args:
-            truth: True signals now, shape (size,); with a latency, what `push` was given last.
+            truth: True signals now, shape (size,); with a latency, those last given to `push`.
 
         Returns:
             Readings, shape (size,), a new array.

@@ -1,18 +1,19 @@
-"""Settings of the physics that every simulation shares, with where each value comes from."""
+"""Settings of the physics that every simulation shares, each with the source of its value."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import mujoco
 
-from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.errors import InputError, positive
 from wbc.core.robot import GRAVITY
+from wbc.core.settings import Count, NonNegative, Positive, settings
 
 
-@dataclass(frozen=True)
+@settings
 class PhysicsSettings:
-    """How MuJoCo integrates and solves.
+    """Settings of MuJoCo's integrator and contact solver.
 
     The integrator is `discrete`: it solves the contacts in the metric in which it integrates servo and sole stiffness,
     so that soft feet are quiet at 1 ms where the other integrators chatter by hundreds of newtons. Solver Newton,
@@ -21,7 +22,7 @@ class PhysicsSettings:
 
     Attributes:
         timestep: Physics step, s. 1 ms is the reference, 2 ms the fast mode.
-        iterations: Most solver iterations in a step; 1.2–1.5 are used on average.
+        iterations: Largest number of solver iterations in a step; 1.2–1.5 are used on average.
         impratio: Friction impedance over normal impedance; 10 stops the creep of a loaded sole (4 µm/s against
             104 µm/s under 60 N of shear).
         gravity: Along −z, m/s²; 0 floats.
@@ -29,17 +30,10 @@ class PhysicsSettings:
     Source: measured on soft feet over 60 grounds and stiffnesses with mujoco 4.0 and again 3.17.
     """
 
-    timestep: float = 0.001
-    iterations: int = 20
-    impratio: float = 10.0
-    gravity: float = GRAVITY
-
-    def __post_init__(self) -> None:
-        positive("physics timestep (s)", self.timestep)
-        non_negative("gravity (m/s2)", self.gravity)
-        if int(self.iterations) != self.iterations or self.iterations < 1:
-            raise InputError(f"iterations must be an integer of at least 1, got {self.iterations}")
-        positive("impratio", self.impratio)
+    timestep: Annotated[Positive, "s"] = 0.001
+    iterations: Count = 20
+    impratio: Positive = 10.0
+    gravity: Annotated[NonNegative, "m/s²"] = GRAVITY
 
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Write the settings into a model under construction."""
@@ -59,7 +53,7 @@ class PhysicsSettings:
 
 
 def steps_per_tick(control_period: float, timestep: float) -> int:
-    """Number of physics steps in a control period.
+    """Return the number of physics steps in a control period.
 
     Args:
         control_period: s.

@@ -1,4 +1,4 @@
-"""What is really the case in the simulation: for logs, tests and pictures, never for a controller."""
+"""Ground truth: the true state of the simulation, for logs, tests and pictures, never for a controller."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ class GroundTruth:
         v: Velocity, shape (nv,), base in the base frame.
         com: Centre of mass of everything, feet included, in the world, shape (3,), m.
         com_velocity: Its velocity in the world, shape (3,), m/s.
-        joint_torque: What the servos applied in the physics step that ended now, after the torque limit, shape
-            (na,), Nm.
+        joint_torque: Torque of the servos in the physics step that ended now, after the torque limit, shape (na,), Nm.
         contact_position: Points of contact with the ground in that step, in the world, shape (n, 3), m.
         contact_force: Force of the ground on the robot at each of them, in the world, shape (n, 3), N.
         contact_sole: Index of the sole that each contact belongs to, −1 for other parts, shape (n,).
         sole_wrench: Sum of the contacts of each sole, [force; moment] in the sole frame at the sole centre,
-            shape (number of soles, 6), N and Nm; without the weight of the foot, which the sensor has in it.
+            shape (number of soles, 6), N and Nm; without the weight of the foot, which the sensor includes.
     """
 
     time: float
@@ -44,25 +43,23 @@ class GroundTruth:
 
 
 class TruthReader:
-    """Reads the ground truth out of a simulation.
+    """Reader of the ground truth of a simulation.
 
-    Forces exist only while a physics step is being taken: `capture` keeps those of the step that has just ended,
-    before the next one is begun.
+    Forces exist only during a physics step: `capture` copies those of the step that has just ended, before the next one
+    begins.
     """
 
     def __init__(self, plant: PlantModel) -> None:
-        """Look places up.
+        """Find the soles in the model.
 
         Args:
             plant: The compiled model.
         """
         self._plant = plant
-        kind = mujoco.mjtObj.mjOBJ_SITE
-        sites = [mujoco.mj_name2id(plant.model, kind, foot.wrench_site) for foot in plant.feet]
-        self._sites = np.array(sites, dtype=np.intp)
+        self._sites = np.array(plant.sole_sites, dtype=np.intp)
 
     def capture(self, data: mujoco.MjData) -> None:
-        """Keep the contacts of the physics step that has just ended.
+        """Copy the contacts of the physics step that has just ended.
 
         Args:
             data: The simulation after `mj_step`, `mj_step2` or `mj_forward`, before the next `mj_step1`.
@@ -78,11 +75,11 @@ class TruthReader:
         self._sole_rotation = data.site_xmat.take(self._sites, axis=0)
 
     def read(self, data: mujoco.MjData, joint_torque: Array) -> GroundTruth:
-        """Take everything down, in arrays of its own.
+        """Return the ground truth, in new arrays.
 
         Args:
             data: The simulation, positions and velocities up to date.
-            joint_torque: Torques that were applied in the last step, shape (na,), Nm.
+            joint_torque: Torques in the last step, shape (na,), Nm.
         """
         plant = self._plant
         q = configuration_from_mujoco(data.qpos, plant.joint_qpos)
@@ -103,7 +100,7 @@ class TruthReader:
         )
 
     def _contacts(self) -> tuple[Array, Array, Array, Index]:
-        """Positions, forces, moments (both in the world, on the robot) and soles of the contacts with force rows."""
+        """Return positions, forces, moments (both in the world, on the robot) and soles of the loaded contacts."""
         active = np.flatnonzero(self._address >= 0)
         if not active.size:
             return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp)

@@ -7,16 +7,17 @@
     >>> press(test).hold.contacts
     4
 
-This is what a designer of feet runs first: force balance, contact area, equivalent support polygon, sole
-shape, loop gap, penetration and what is absorbed at impact, each run a pure function of a frozen `FootTest`.
+For designers of feet: force balance, contact area, equivalent support polygon, sole shape, loop gap, penetration and
+absorbed impact, each a pure function of a frozen `FootTest`. A new test goes into `actions.py`, its result into
+`results.py`.
 """
 
 from __future__ import annotations
 
 from wbc.sim.rig.actions import drop, pitch, press, slide
 from wbc.sim.rig.plot import plot_curves, plot_pitch, plot_press
-from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon, to_json
-from wbc.sim.rig.spec import OWN_SOLE, FootTest
+from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon
+from wbc.sim.rig.spec import HRP4C_SOLE, FootTest
 from wbc.sim.rig.study import (
     LOADS,
     STIFFNESSES,
@@ -32,34 +33,38 @@ from wbc.sim.rig.study import (
 from wbc.sim.rig.tables import deflection_table, stability_table, stiffness_means, stiffness_table
 
 __all__ = [
-    "LOADS",
-    "OWN_SOLE",
-    "STIFFNESSES",
-    "Deflection",
+    # A test
     "FootTest",
-    "Hold",
-    "Impact",
-    "PitchResult",
+    "HRP4C_SOLE",
+    # Its actions
+    "press",
+    "drop",
+    "slide",
+    "pitch",
+    # Their results
     "PressResult",
+    "Impact",
+    "Hold",
+    "SupportPolygon",
     "SlideResult",
+    "PitchResult",
+    # Studies over stiffness, ground and physics step
+    "stability",
+    "stiffness_curves",
+    "force_deflection",
     "StabilityRow",
     "StiffnessRow",
-    "SupportPolygon",
+    "Deflection",
     "bumps",
-    "deflection_table",
-    "drop",
-    "force_deflection",
     "over_bar",
-    "pitch",
-    "plot_curves",
-    "plot_pitch",
-    "plot_press",
-    "press",
-    "slide",
-    "stability",
+    "STIFFNESSES",
+    "LOADS",
+    # Tables and pictures
     "stability_table",
-    "stiffness_curves",
-    "stiffness_means",
     "stiffness_table",
-    "to_json",
+    "stiffness_means",
+    "deflection_table",
+    "plot_press",
+    "plot_pitch",
+    "plot_curves",
 ]

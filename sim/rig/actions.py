@@ -1,4 +1,4 @@
-"""Press, drop, slide and pitch one foot: pure functions of a frozen test."""
+"""Press, drop, slide and pitch: pure functions of a foot test."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideRes
 from wbc.sim.rig.spec import FootTest
 
 REBOUND_TIME = 0.3
-"""Time after the first contact in which the rebound is looked for, s."""
+"""Time after the first contact in which the rebound is measured, s."""
 
 SUPPORT_TILT = math.radians(2.0)
 """Largest ankle tilt of the equivalent support polygon, rad: a standing robot turns its foot less."""
@@ -22,18 +22,18 @@ SUPPORT_DIRECTIONS = 8
 """Directions in which the ankle is tilted: along the axes and the diagonals, which reach the corners."""
 
 SLIP_SPEED = 0.05
-"""Forward speed from which a foot counts as sliding, m/s."""
+"""Smallest forward speed of a foot that counts as sliding, m/s."""
 
 _RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft foot by less than 1 mm
 _SAMPLE = 0.005  # s between samples of the centre of pressure
 
 
 def press(test: FootTest, *, support: bool = True) -> PressResult:
-    """Drop the foot onto the ground, let it settle under its load and look at it.
+    """Drop the foot onto the ground, let it settle under its load and measure it at rest.
 
     Args:
         test: Foot, ground and load.
-        support: True to work out the equivalent support polygon as well (needs an ankle servo).
+        support: True to measure the equivalent support polygon as well (needs an ankle servo).
     """
     rig = Rig(test)
     landing = land(rig)
@@ -50,11 +50,11 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
 
 
 def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
-    """Drop the foot from higher up: what its sole absorbs of a hard landing.
+    """Drop the foot from higher up, for the share of a hard landing that its sole absorbs.
 
     Args:
         test: Foot, ground and load.
-        height: Of the sole over the highest point under it, m.
+        height: Height of the sole over the highest point under it, m.
     """
     return press(replace(test, drop=positive("drop height (m)", height)), support=False)
 
@@ -75,9 +75,9 @@ def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> Sli
     weight = rig.mass * test.physics.gravity
     rig.set_shear_force(shear_share * weight)
     rig.step(rig.steps(test.settle))
-    place = rig.forward_place
+    place = rig.forward_position
     rig.step(rig.steps(test.hold))
-    creep = (rig.forward_place - place) / test.hold
+    creep = (rig.forward_position - place) / test.hold
     share = shear_share
     while share < 3.0 and not rig.diverged:
         rig.step()
@@ -174,7 +174,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
     if rig.diverged:
         return None
     weight = rig.mass * rig.test.physics.gravity
-    contacts = rig.contacts(rig.least_force)
+    contacts = rig.contacts(rig.min_contact_force)
     plan = rig.in_plan(contacts.points)
     return Hold(
         weight=weight,
@@ -183,7 +183,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
         balance_error=float(np.mean(forces)) / weight - 1.0,
         centre_of_pressure=tuple(rig.centre_of_pressure().tolist()),
         ankle_height=rig.ankle_height,
-        ankle_place=rig.ankle_place,
+        ankle_place=rig.ankle_position,
         ankle_tilt=rig.tilt,
         contacts=len(plan),
         contact_points=_rows(np.column_stack([plan, contacts.points[:, 2]])),
@@ -205,7 +205,7 @@ def _support(rig: Rig) -> SupportPolygon | None:
     """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
     centres = [rig.centre_of_pressure()]
     every, count = rig.steps(_SAMPLE), rig.steps(_RAMP)
-    # The servo yields under the moment of the ground, so it is asked for more than the tilt that is wanted.
+    # The servo yields under the moment of the ground, so its command goes beyond the tilt of the polygon.
     yielding = rig.mass * rig.test.physics.gravity * rig.foot.fit.sole.length / rig.test.ankle_stiffness
     for k in range(SUPPORT_DIRECTIONS):
         twin = rig.fork()
@@ -235,7 +235,7 @@ def _support(rig: Rig) -> SupportPolygon | None:
 
 
 def _depth(rig: Rig) -> float:
-    """Deepest penetration now, m."""
+    """Return the deepest penetration now, m."""
     return -float(rig.data.contact.dist.min()) if rig.data.ncon else 0.0
 
 

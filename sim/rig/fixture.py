@@ -1,4 +1,4 @@
-"""The rig itself: one foot under a loaded carriage in MuJoCo, stepped and looked at."""
+"""Rig: simulation of one foot under a loaded carriage in MuJoCo."""
 
 from __future__ import annotations
 
@@ -10,35 +10,34 @@ import numpy as np
 
 from wbc.core.errors import Array
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
-from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe, WrenchSensor
+from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.sim.rig.results import hull
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain import add_to_spec
 
 ANKLE_INERTIA = 0.1
 """Inertia of the carriage about roll and pitch, kg m²: of the order of a shin about its ankle."""
 
 GUIDE_STIFFNESS = 2000.0
-"""Of the springs that keep the carriage over its place, N/m, critically damped. A rigid guide would drag the
+"""Stiffness of the springs that keep the carriage over its place, N/m, critically damped. A rigid guide would drag the
 foot over the ground whenever it tilts, and the contacts would stick and slip."""
 
-LEAST_SHARE = 0.005
+MIN_CONTACT_SHARE = 0.005
 """Contacts that carry less than this share of the weight are not counted as support: 1 N of 200 N."""
 
-HIGHEST_GRID = 0.002
-"""Grid on which the highest point under a foot is looked for, m."""
+GROUND_GRID = 0.002
+"""Grid for the highest point of the ground under a foot, m."""
 
 
 class Rig:
-    """A foot test being run.
+    """Simulation of a foot test.
 
     Attributes:
-        test: What is being tested.
+        test: Foot, ground and load.
         model: Compiled MuJoCo model.
-        data: Its state.
+        data: Its MuJoCo state.
         foot: Names of the foot's parts.
         probe: Ground truth of the foot.
-        wrench: Its force sensor.
         mass: Mass of carriage and foot together, kg.
         touch_height: Ankle height at which the undeformed, level foot would touch the ground, m.
         centre: World x and y of the sole centre at the start, m.
@@ -48,11 +47,11 @@ class Rig:
         """Build the rig and put the foot over the ground.
 
         Args:
-            test: What is to be tested.
+            test: Foot, ground and load.
             shear: True to let the carriage slide freely along the foot's x axis, see `set_shear_force`.
         """
         self.test = test
-        fitted = test.foot.fit(test.own_sole).sole
+        fitted = test.foot.fit(test.robot_sole).sole
         cos, sin = math.cos(test.yaw), math.sin(test.yaw)
         self._heading = np.array([[cos, -sin], [sin, cos]])
         self.centre = np.array([(test.ground.start + test.ground.stop) / 2.0 + test.x, test.y])
@@ -85,13 +84,12 @@ class Rig:
             carriage.add_joint(name=name, type=hinge, axis=axis)
             if test.ankle_stiffness > 0.0:
                 _add_servo(spec, name, test.ankle_stiffness)
-        x, y, z, w = test.own_sole.rotation
-        ankle = carriage.add_body(name=test.own_sole.ankle_link, quat=quaternion_wxyz((-x, -y, -z, w)))
-        self.foot = test.foot.build(spec, ankle, "left", test.own_sole)
+        x, y, z, w = test.robot_sole.rotation
+        ankle = carriage.add_body(name=test.robot_sole.ankle_link, quat=quaternion_wxyz((-x, -y, -z, w)))
+        self.foot = test.foot.build(spec, ankle, "left", test.robot_sole)
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.probe = SoleProbe(self.model, self.foot)
-        self.wrench = WrenchSensor(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
         self._dof = {
             name: int(self.model.joint(name).dofadr[0]) for name in ("forward", "lift", "roll", "pitch")
@@ -109,11 +107,11 @@ class Rig:
         mujoco.mj_step(self.model, self.data, nstep=count)
 
     def steps(self, duration: float) -> int:
-        """Number of physics steps in a time (s), at least one."""
+        """Return the number of physics steps in a time (s), at least one."""
         return max(1, round(duration / self.test.physics.timestep))
 
     def fork(self) -> Rig:
-        """An independent rig in the same state."""
+        """Return an independent rig in the same state."""
         twin = copy.copy(self)
         twin.data = copy.copy(self.data)
         return twin
@@ -134,12 +132,12 @@ class Rig:
     @property
     def ankle_height(self) -> float:
         """World z of the ankle, m."""
-        return float(self.data.body(self.test.own_sole.ankle_link).xpos[2])
+        return float(self.data.body(self.test.robot_sole.ankle_link).xpos[2])
 
     @property
-    def ankle_place(self) -> tuple[float, float]:
+    def ankle_position(self) -> tuple[float, float]:
         """World x and y of the ankle, m."""
-        x, y, _ = self.data.body(self.test.own_sole.ankle_link).xpos.tolist()
+        x, y, _ = self.data.body(self.test.robot_sole.ankle_link).xpos.tolist()
         return x, y
 
     @property
@@ -158,7 +156,7 @@ class Rig:
         return float(self.data.qfrc_constraint[self._dof["pitch"]])
 
     @property
-    def forward_place(self) -> float:
+    def forward_position(self) -> float:
         """Forward travel of the carriage, m."""
         return float(self.data.joint("forward").qpos[0])
 
@@ -181,7 +179,7 @@ class Rig:
         return float(self.data.joint("roll").qpos[0]), float(self.data.joint("pitch").qpos[0])
 
     def set_tilt(self, roll: float, pitch: float) -> None:
-        """Ask the ankle servo for a roll and pitch, rad."""
+        """Command the roll and pitch of the ankle servo, rad."""
         self.data.ctrl[:] = (roll, pitch)
 
     @property
@@ -211,37 +209,37 @@ class Rig:
             stored += 0.5 * self.model.jnt_stiffness[self._arch] * angle**2
         return float(stored)
 
-    def contacts(self, least_force: float = 0.0) -> GroundContacts:
-        """Contacts that carry more than a normal force (N), in the world."""
-        return self.probe.contacts(self.model, self.data, least_force)
+    def contacts(self, min_force: float = 0.0) -> GroundContacts:
+        """Return the contacts that carry more than a normal force (N), in the world."""
+        return self.probe.contacts(self.model, self.data, min_force)
 
     @property
-    def least_force(self) -> float:
-        """Normal force from which a contact counts as support, N."""
-        return LEAST_SHARE * self.mass * self.test.physics.gravity
+    def min_contact_force(self) -> float:
+        """Smallest normal force of a contact that counts as support, N."""
+        return MIN_CONTACT_SHARE * self.mass * self.test.physics.gravity
 
     def contact_area(self) -> float:
-        """Area of the convex hull of the supporting contact points in plan, m²."""
-        return hull(self.in_plan(self.contacts(self.least_force).points))[1]
+        """Return the area of the convex hull of the supporting contact points in plan, m²."""
+        return hull(self.in_plan(self.contacts(self.min_contact_force).points))[1]
 
     def in_plan(self, points: Array) -> Array:
-        """World points as seen from above: forward and left of the sole centre under the ankle, shape (n, 2), m."""
-        ankle = self.data.body(self.test.own_sole.ankle_link).xpos[:2]
+        """Return world points as seen from above: forward and left of the sole centre under the ankle, (n, 2), m."""
+        ankle = self.data.body(self.test.robot_sole.ankle_link).xpos[:2]
         return np.asarray((points[:, :2] - ankle) @ self._heading + self.foot.fit.sole.ankle[:2])
 
     def centre_of_pressure(self) -> Array:
-        """Centre of pressure in plan, shape (2,), m; NaN without load."""
+        """Return the centre of pressure in plan, shape (2,), m; NaN without load."""
         return np.asarray(self.in_plan(self.contacts().centre_of_pressure[None, :])[0])
 
     def sole_line(self) -> Array:
-        """Lowest points of the contact spheres in plan and world z, row by row from the toe, shape (n, 3), m."""
+        """Return the contact spheres' lowest points in plan and world z, row by row from the toe, (n, 3), m."""
         ids = [self.model.geom(name).id for name in self.foot.contact_geoms]
         lowest = self.data.geom_xpos[ids] - np.array([0.0, 0.0, self.test.foot.contact.radius])
         return np.column_stack([self.in_plan(lowest), lowest[:, 2]])
 
     def skeleton(self) -> Array:
-        """Heel hinge, ankle and arch tip (rigid foot: sole centre and ankle) in plan and world z, shape (n, 3), m."""
-        points = [self.data.body(self.test.own_sole.ankle_link).xpos]
+        """Return heel hinge, ankle and arch tip (rigid foot: sole centre, ankle) in plan and world z, (n, 3), m."""
+        points = [self.data.body(self.test.robot_sole.ankle_link).xpos]
         if self.foot.sole_joints:
             points.insert(0, self.data.joint(self.foot.sole_joints[-1]).xanchor)
             if self.foot.loop_sites is not None:
@@ -252,9 +250,9 @@ class Rig:
         return np.column_stack([self.in_plan(place), place[:, 2]])
 
     def _highest(self, half_length: float, half_width: float) -> float:
-        """Highest point of the ground under a rectangle around the sole, m."""
-        x = np.linspace(-half_length, half_length, math.ceil(2.0 * half_length / HIGHEST_GRID) + 1)
-        y = np.linspace(-half_width, half_width, math.ceil(2.0 * half_width / HIGHEST_GRID) + 1)
+        """Return the highest point of the ground under a rectangle around the sole, m."""
+        x = np.linspace(-half_length, half_length, math.ceil(2.0 * half_length / GROUND_GRID) + 1)
+        y = np.linspace(-half_width, half_width, math.ceil(2.0 * half_width / GROUND_GRID) + 1)
         grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) @ self._heading.T + self.centre
         return float(self.test.ground.height(grid[:, 0], grid[:, 1]).max())
 

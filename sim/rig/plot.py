@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import QuadMesh
-from matplotlib.figure import Figure
 
 from wbc.core.errors import Array, InputError
 from wbc.sim.rig.results import Hold, PitchResult, PressResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.rig.study import Deflection, StiffnessRow
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+    from matplotlib.figure import Figure
 
 MARGIN = 0.03
 """Ground drawn around the foot, m."""
@@ -28,12 +30,12 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
     """Draw a pressed foot from the side and from above.
 
     Args:
-        test: What was pressed.
-        result: What came out.
+        test: Foot, ground and load.
+        result: Result of `press` or `drop`.
         path: Picture file; its ending chooses the format.
 
     Raises:
-        InputError: The result has nothing to draw because the simulation diverged.
+        InputError: The simulation diverged, so there is nothing to draw.
     """
     if result.hold is None:
         raise InputError("nothing to draw: the simulation diverged")
@@ -47,9 +49,10 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
     bar.ax.set_ylim(float(heights.min()) - 1e-3, float(heights.max()) + 1e-3)
     figure.legend(loc="lower center", ncols=6, fontsize=7)
     hold = result.hold
+    support = "" if result.support is None else f", support {1e4 * result.support.area:.0f} cm²"
     side.set_title(
         f"{_named(test)}, {hold.force_mean:.0f} N on {hold.contacts} contacts, contact area "
-        f"{1e4 * hold.contact_area:.0f} cm²" + _support_text(result.support),
+        f"{1e4 * hold.contact_area:.0f} cm²{support}",
         fontsize=9,
     )
     figure.savefig(str(path), dpi=150)
@@ -66,8 +69,7 @@ def plot_curves(
         path: Picture file.
         floor: Place of k = 0 on the logarithmic axis, Nm/rad.
     """
-    figure = _figure(9.0, 7.0)
-    figure.set_layout_engine("constrained")
+    figure = _figure(9.0, 7.0, "constrained")
     (area, support), (height, force) = figure.subplots(2, 2)
     for axes, name, label, scale in (
         (area, "contact_area", "contact area (cm²)", 1e4),
@@ -92,17 +94,16 @@ def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
     """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle.
 
     Args:
-        test: What was pitched.
-        result: What came out.
+        test: Foot, ground and load.
+        result: Result of `pitch`.
         path: Picture file; its ending chooses the format.
 
     Raises:
-        InputError: The result has nothing to draw because the simulation diverged.
+        InputError: The simulation diverged, so there is nothing to draw.
     """
     if result.diverged:
         raise InputError("nothing to draw: the simulation diverged")
-    figure = _figure(9.0, 3.4)
-    figure.set_layout_engine("constrained")
+    figure = _figure(9.0, 3.4, "constrained")
     angle = np.degrees(result.pitch)
     panels = (
         (result.centre_of_pressure, 1e3, "centre of pressure, x (mm)"),
@@ -124,19 +125,15 @@ def _named(test: FootTest) -> str:
     )
 
 
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
-    return figure
+def _figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, and walking needs no pictures
 
-
-def _support_text(support: SupportPolygon | None) -> str:
-    return "" if support is None else f", support {1e4 * support.area:.0f} cm²"
+    return Figure(figsize=(width, height), layout=layout)
 
 
 def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:
-    """Height of the ground at plan points, m."""
-    ankle = test.foot.fit(test.own_sole).sole.ankle
+    """Return the height of the ground at plan points, m."""
+    ankle = test.foot.fit(test.robot_sole).sole.ankle
     cos, sin = math.cos(test.yaw), math.sin(test.yaw)
     dx, dy = x - ankle[0], y - ankle[1]
     place = hold.ankle_place
@@ -144,7 +141,7 @@ def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:
 
 
 def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
-    fitted = test.foot.fit(test.own_sole).sole
+    fitted = test.foot.fit(test.robot_sole).sole
     x = np.arange(-fitted.length / 2.0 - MARGIN, fitted.length / 2.0 + MARGIN, _GRID)
     y = np.linspace(-fitted.width / 2.0, fitted.width / 2.0, 41)
     z = 1e3 * _ground(test, hold, x[None, :], y[:, None])
@@ -171,7 +168,7 @@ def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
 
 
 def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: SupportPolygon | None) -> QuadMesh:
-    fitted = test.foot.fit(test.own_sole).sole
+    fitted = test.foot.fit(test.robot_sole).sole
     half = (fitted.length / 2.0 + MARGIN, fitted.width / 2.0 + MARGIN)
     x, y = np.arange(-half[0], half[0], _GRID), np.arange(-half[1], half[1], _GRID)
     z = 1e3 * _ground(test, hold, x[None, :], y[:, None])

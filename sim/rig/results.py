@@ -1,10 +1,9 @@
-"""What a foot test reports."""
+"""Results of foot tests."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -22,9 +21,9 @@ class Impact:
         speed: Downward speed of the ankle at the first contact, m/s.
         peak_force: Largest vertical force, N.
         drop_energy: Potential energy given up between start and rest, J; all of it is absorbed in the end.
-        sole_energy: Part of it turned to heat in the dampers of the sole, J.
-        arch_energy: Part of it turned to heat in the damper of the frontal arch, J.
-        spring_energy: Part of it stored in the springs at rest, J.
+        sole_energy: Part of the drop energy turned to heat in the dampers of the sole, J.
+        arch_energy: Part of the drop energy turned to heat in the damper of the frontal arch, J.
+        spring_energy: Part of the drop energy stored in the springs at rest, J.
         rebound_energy: Kinetic energy of the fastest upward motion after the first contact, J.
         absorbed: Share of the drop energy that did not come back in the rebound.
     """
@@ -46,15 +45,15 @@ class Hold:
     Attributes:
         weight: Weight of load and foot, N.
         force_mean: Mean vertical contact force, N.
-        force_std: Its standard deviation, N.
+        force_std: Standard deviation of the vertical contact force, N.
         balance_error: force_mean / weight − 1.
         centre_of_pressure: In plan, m.
         ankle_height: Height of the ankle over the level z = 0 of the ground, m.
         ankle_place: World x and y of the ankle, m.
         ankle_tilt: Roll and pitch of the ankle, rad.
         contacts: Number of contact points that carry load.
-        contact_points: They in plan and world z, m.
-        contact_forces: Their vertical forces, N.
+        contact_points: These points, in plan and world z, m.
+        contact_forces: Vertical forces at these points, N.
         contact_area: Area of the convex hull of the contact points in plan, m².
         sole_angles: Angles of the sole hinges from the toe to the heel, rad.
         transverse_angles: Angles of the hinges about the longitudinal axis, rad; usually empty.
@@ -93,15 +92,15 @@ class Hold:
 
 @dataclass(frozen=True)
 class SupportPolygon:
-    """Equivalent support polygon: where the foot can put its centre of pressure.
+    """Equivalent support polygon: the area in which the foot can put its centre of pressure.
 
-    It holds every centre of pressure that was seen while the ankle was tilted a little in all directions.
+    The convex hull of all centres of pressure while the ankle was tilted a little in all directions.
 
     Attributes:
         tilt: Largest tilt of the ankle considered, rad.
         polygon: Convex hull of the centres of pressure in plan, counter-clockwise, m.
-        area: m².
-        forward: Largest x of it, m.
+        area: Area of the polygon, m².
+        forward: Largest x, m.
         backward: Smallest x, m.
         left: Largest y, m.
         right: Smallest y, m.
@@ -121,10 +120,10 @@ class PressResult:
     """A foot dropped onto a ground and pressed.
 
     Attributes:
-        diverged: True if the simulation did; then there is nothing else.
+        diverged: True if the simulation diverged; the rest is None then.
         impact: The landing.
-        hold: At rest.
-        support: What centre of pressure it can give; None if it was not asked for.
+        hold: The foot at rest.
+        support: Equivalent support polygon; None if it was not asked for.
     """
 
     diverged: bool
@@ -138,7 +137,7 @@ class SlideResult:
     """A loaded foot pushed along the ground.
 
     Attributes:
-        diverged: True if the simulation did.
+        diverged: True if the simulation diverged.
         shear_share: Shear over weight while creep is measured.
         creep: Forward speed under that shear, m/s.
         slip_share: Shear over weight at which the foot starts to slide, its effective friction coefficient.
@@ -155,11 +154,11 @@ class PitchResult:
     """A loaded foot whose ankle is pitched slowly back and forth.
 
     Attributes:
-        diverged: True if the simulation did.
+        diverged: True if the simulation diverged.
         pitch: Pitch of the ankle, toe down positive, rad.
-        centre_of_pressure: Its x in plan, m.
+        centre_of_pressure: x of the centre of pressure in plan, m.
         moment: Ankle moment of the ground's force about the transverse axis, Nm.
-        ankle_height: m.
+        ankle_height: Height of the ankle over the level z = 0 of the ground, m.
     """
 
     diverged: bool
@@ -170,7 +169,7 @@ class PitchResult:
 
 
 def hull(points: Array) -> tuple[Array, float]:
-    """Convex hull in the plane.
+    """Return the convex hull of points in the plane.
 
     Args:
         points: Shape (n, 2), m.
@@ -188,18 +187,3 @@ def hull(points: Array) -> tuple[Array, float]:
         along = unique @ np.linalg.svd(unique - unique.mean(axis=0))[2][0]
         return unique[[int(along.argmin()), int(along.argmax())]], 0.0
     return unique[found.vertices], float(found.volume)  # in the plane, "volume" is the area
-
-
-def to_json(result: Any) -> Any:
-    """Values that `json.dumps` takes: dataclasses as objects, tuples as lists, NaN and infinity as null."""
-    if is_dataclass(result) and not isinstance(result, type):
-        return {f.name: to_json(getattr(result, f.name)) for f in fields(result)}
-    if isinstance(result, dict):
-        return {str(key): to_json(value) for key, value in result.items()}
-    if isinstance(result, (tuple, list)):
-        return [to_json(value) for value in result]
-    if isinstance(result, float):
-        return result if math.isfinite(result) else None
-    if result is None or isinstance(result, (bool, int, str)):
-        return result
-    return str(result)

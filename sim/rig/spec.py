@@ -1,21 +1,21 @@
-"""What a foot test is made of."""
+"""FootTest: a foot, a ground and a load, and how long the foot is held."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import field, replace
+from typing import Annotated, Any
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive
-from wbc.feet import Foot, SoleGeometry, foot, foot_name
+from wbc.core.errors import InputError
+from wbc.core.settings import NonNegative, Positive, settings, to_json
+from wbc.feet import Foot, FootFit, SoleGeometry, foot, foot_name
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.results import to_json
 from wbc.sim.terrain import Terrain, terrain
 
-OWN_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
+HRP4C_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
 """Sole and ankle height of HRP-4C, whose contact rectangle HRP-4J shares (hrp4c_description, BSD-3)."""
 
 
-@dataclass(frozen=True)
+@settings
 class FootTest:
     """One foot under a loaded ankle, over the middle of a ground.
 
@@ -23,13 +23,13 @@ class FootTest:
 
     Attributes:
         foot: The foot.
-        ground: What it is put on.
+        ground: The ground under it.
         load: Weight of the mass on the ankle, without the foot's own, N.
         x: Position of the sole centre ahead of the middle of the rough part, m.
         y: Position of the sole centre left of the track's middle, m.
         yaw: Heading of the foot, rad.
-        ankle_stiffness: Of the servo that holds the ankle level, Nm/rad; 0 leaves roll and pitch free.
-        own_sole: Ankle and sole of the robot that the foot is fitted to.
+        ankle_stiffness: Stiffness of the servo that holds the ankle level, Nm/rad; 0 leaves roll and pitch free.
+        robot_sole: Ankle and sole of the robot that the foot is fitted to.
         drop: Height of the sole over the highest point under it at the start, m.
         settle: Time from the start until the hold is measured, s.
         hold: Time over which the hold is measured, s.
@@ -41,47 +41,34 @@ class FootTest:
 
     foot: Foot = field(default_factory=lambda: foot("soft"))
     ground: Terrain = field(default_factory=lambda: terrain("flat"))
-    load: float = 200.0
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
-    ankle_stiffness: float = 2000.0
-    own_sole: SoleGeometry = OWN_SOLE
-    drop: float = 0.01
-    settle: float = 1.4
-    hold: float = 0.5
+    load: Annotated[Positive, "N"] = 200.0
+    x: Annotated[float, "m"] = 0.0
+    y: Annotated[float, "m"] = 0.0
+    yaw: Annotated[float, "rad"] = 0.0
+    ankle_stiffness: Annotated[NonNegative, "Nm/rad"] = 2000.0
+    robot_sole: SoleGeometry = HRP4C_SOLE
+    drop: Annotated[NonNegative, "m"] = 0.01
+    settle: Annotated[Positive, "s"] = 1.4
+    hold: Annotated[Positive, "s"] = 0.5
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.foot, Foot):
-            raise InputError(f"foot must be a Foot such as foot('soft'), got {self.foot!r}")
-        positive("load (N)", self.load)
-        for name in ("x", "y", "yaw"):
-            finite_scalar(f"{name} of the foot", getattr(self, name))
-        non_negative("ankle stiffness (Nm/rad)", self.ankle_stiffness)
-        non_negative("drop height (m)", self.drop)
-        positive("settling time (s)", self.settle)
-        positive("hold time (s)", self.hold)
         if self.hold < self.physics.timestep or self.settle < self.physics.timestep:
             raise InputError(
                 f"settling and hold times must be at least one physics step of {self.physics.timestep:g} s, "
                 f"got {self.settle:g} s and {self.hold:g} s"
             )
-        self.foot.fit(self.own_sole)
+        self.foot.fit(self.robot_sole)
         # A height field has to be as fine as this sole's spheres; a coarser one is refused here.
         if self.ground.sole_radius != self.foot.contact.radius:
             object.__setattr__(self, "ground", replace(self.ground, sole_radius=self.foot.contact.radius))
 
     def describe(self) -> dict[str, Any]:
-        """Say what is tested in JSON-able values: foot with its fit, ground, load and place; names carry the units."""
-        fit = self.foot.fit(self.own_sole)
+        """Return foot with its fit, ground, load and place as JSON values; names carry the units."""
         return {
             "foot": foot_name(self.foot),
             "foot_parameters": to_json(self.foot),
-            "footprint_m": [fit.sole.length, fit.sole.width],
-            "ankle_in_sole_m": fit.sole.ankle.tolist(),
-            "added_mass_kg": fit.mass,
-            "height_change_m": fit.height_change,
+            **fit_facts(self.foot.fit(self.robot_sole)),
             "terrain": self.ground.name,
             "amplitude_m": self.ground.amplitude,
             "seed": self.ground.seed,
@@ -95,3 +82,13 @@ class FootTest:
             "hold_s": self.hold,
             "timestep_s": self.physics.timestep,
         }
+
+
+def fit_facts(fit: FootFit) -> dict[str, Any]:
+    """Return footprint, ankle, added mass and height change as JSON values; names carry the units."""
+    return {
+        "footprint_m": [fit.sole.length, fit.sole.width],
+        "ankle_in_sole_m": fit.sole.ankle.tolist(),
+        "added_mass_kg": fit.mass,
+        "height_change_m": fit.height_change,
+    }

@@ -17,7 +17,7 @@ STIFFNESSES = (0.0, 0.5, 5.0, 20.0, 42.0, 80.0)
 """Stiffnesses over the paper's range 0–80 Nm/rad (Table I); 42 is the one of its Fig. 4."""
 
 BAR_PLACE = -0.028
-"""Where a bar lies under the foot, m ahead of the sole centre: midway between the heel hinge and the loop point of the
+"""Place of a bar under the foot, m ahead of the sole centre: midway between the heel hinge and the loop point of the
 soft foot, where its sole can bend most."""
 
 LOADS = (25.0, 50.0, 100.0, 150.0, 200.0, 300.0, 400.0, 500.0, 600.0)
@@ -25,7 +25,7 @@ LOADS = (25.0, 50.0, 100.0, 150.0, 200.0, 300.0, 400.0, 500.0, 600.0)
 
 
 def bumps(seeds: Iterable[int] = range(5), amplitude: float = 0.03) -> tuple[Terrain, ...]:
-    """Grounds that vary along the track alone (random) and both ways (stones), one of each per seed.
+    """Return grounds that vary along the track alone (random) and both ways (stones), one of each per seed.
 
     Args:
         seeds: Seeds of the grounds.
@@ -35,11 +35,11 @@ def bumps(seeds: Iterable[int] = range(5), amplitude: float = 0.03) -> tuple[Ter
 
 
 def over_bar(test: FootTest, height: float = 0.03) -> FootTest:
-    """The same test over a round-topped bar across the track, under the middle of the soft foot's arch.
+    """Return the test over a round-topped bar across the track, under the middle of the soft foot's arch.
 
     Args:
         test: Foot, load and place.
-        height: Of the bar, m.
+        height: Height of the bar, m.
     """
     ground = terrain("cylinder_obstacles", height, yaw=0.0)
     peak = max((shape.peak for shape in ground.shapes), key=lambda peak: float(peak[2]))
@@ -48,7 +48,7 @@ def over_bar(test: FootTest, height: float = 0.03) -> FootTest:
 
 
 def with_stiffness(foot: Foot, stiffness: float) -> Foot:
-    """The same soft foot with another stiffness (Nm/rad).
+    """Return a soft foot with another stiffness (Nm/rad).
 
     Raises:
         InputError: The foot is rigid, or the stiffness out of range.
@@ -59,7 +59,7 @@ def with_stiffness(foot: Foot, stiffness: float) -> Foot:
 
 
 def stiffness_of(foot: Foot) -> float:
-    """Stiffness of a foot's sole, Nm/rad; infinite for a rigid one."""
+    """Return the stiffness of a foot's sole, Nm/rad; infinite for a rigid one."""
     return foot.stiffness if isinstance(foot, SoftFoot) else math.inf
 
 
@@ -69,16 +69,16 @@ class StabilityRow:
 
     Attributes:
         ground: Family of the ground.
-        seed: Its seed.
-        stiffness: Of the sole, Nm/rad.
+        seed: Seed of the ground.
+        stiffness: Stiffness of the sole, Nm/rad.
         timestep: Physics step, s.
-        diverged: True if the landing, the hold or the tilting in eight directions did.
+        diverged: True if the landing, the hold or the tilting in eight directions diverged.
         balance_error: Mean vertical force over weight − 1.
         force_std: Standard deviation of the force in the hold, N.
         loop_gap: Largest loop gap in the hold, m.
-        loop_gap_peak: From the landing on, m.
-        penetration: Largest in the hold, m.
-        penetration_peak: From the landing on, m.
+        loop_gap_peak: Largest loop gap from the landing on, m.
+        penetration: Largest penetration in the hold, m.
+        penetration_peak: Largest penetration from the landing on, m.
         jitter: Rms of the sole hinge rates in the hold, rad/s.
     """
 
@@ -106,10 +106,10 @@ def stability(
     """Press a soft foot for every stiffness, ground and physics step, and tilt it in eight directions.
 
     Args:
-        test: What stays the same.
-        stiffnesses: Nm/rad.
-        grounds: `bumps()` when None.
-        timesteps: s.
+        test: Load, ankle and everything else that the rows share.
+        stiffnesses: Stiffnesses of the sole, Nm/rad.
+        grounds: Grounds; `bumps()` when None.
+        timesteps: Physics steps, s.
 
     Raises:
         InputError: A rigid foot, or a value out of range; before anything is pressed.
@@ -140,18 +140,18 @@ def _stability_row(test: FootTest) -> StabilityRow:
 
 @dataclass(frozen=True)
 class StiffnessRow:
-    """How a foot stands on one ground at one stiffness.
+    """Stance of a foot on one ground at one stiffness.
 
     Attributes:
         ground: Family of the ground.
-        seed: Its seed.
-        stiffness: Of the sole, Nm/rad; infinite for a rigid foot.
+        seed: Seed of the ground.
+        stiffness: Stiffness of the sole, Nm/rad; infinite for a rigid foot.
         ankle_height: Height of the ankle over the level z = 0, m.
         contacts: Contact points that carry load.
-        contact_area: Area of their convex hull, m².
+        contact_area: Area of the convex hull of these points, m².
         support_area: Area of the equivalent support polygon, m².
         absorbed: Share of the drop energy that did not come back.
-        peak_force: At landing, N.
+        peak_force: Largest vertical force at landing, N.
     """
 
     ground: str
@@ -173,9 +173,9 @@ def stiffness_curves(
     Runs that diverge are left out.
 
     Args:
-        test: What stays the same, with an ankle servo.
-        stiffnesses: Nm/rad; ignored for a rigid foot.
-        grounds: `bumps()` when None.
+        test: Load, ankle (with a servo) and everything else that the rows share.
+        stiffnesses: Stiffnesses of the sole, Nm/rad; ignored for a rigid foot.
+        grounds: Grounds; `bumps()` when None.
 
     Raises:
         InputError: A value out of range; before anything is pressed.
@@ -210,11 +210,11 @@ class Deflection:
     """Force–deflection curve of a foot.
 
     Attributes:
-        stiffness: Of the sole, Nm/rad; infinite for a rigid foot.
+        stiffness: Stiffness of the sole, Nm/rad; infinite for a rigid foot.
         load: Weight of load and foot, N.
         deflection: How far the ankle lies below the height at which the undeformed, level foot would touch, m.
         contact_area: Area of the convex hull of the contact points, m².
-        diverged: True if the simulation did; then the curve ends early.
+        diverged: True if the simulation diverged; the curve ends early then.
     """
 
     stiffness: float
@@ -225,7 +225,7 @@ class Deflection:
 
 
 def rising_loads(loads: Sequence[float]) -> tuple[float, ...]:
-    """Loads of a force–deflection curve, N.
+    """Return the loads of a force–deflection curve as floats, N.
 
     Raises:
         InputError: None at all, or they do not rise.

@@ -1,4 +1,4 @@
-"""Tables of foot studies, for people."""
+"""Markdown tables of foot studies."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from wbc.sim.rig.study import Deflection, StabilityRow, StiffnessRow
 
 MEANS = ("contacts", "contact_area", "support_area", "ankle_height", "absorbed", "peak_force")
-"""What is averaged over grounds."""
+"""Fields that are averaged over grounds."""
 
 
 def stability_table(rows: Iterable[StabilityRow]) -> str:
-    """Markdown table of a stability study, one line per physics step and stiffness."""
+    """Return the Markdown table of a stability study, one line per physics step and stiffness."""
     groups: dict[tuple[float, float], list[StabilityRow]] = {}
     for row in rows:
         groups.setdefault((row.timestep, row.stiffness), []).append(row)
@@ -52,13 +52,13 @@ def stability_table(rows: Iterable[StabilityRow]) -> str:
 
 
 def stiffness_means(rows: Iterable[StiffnessRow]) -> list[dict[str, Any]]:
-    """Means over the grounds of each family.
+    """Return means over the grounds of each family.
 
     Returns:
         For each family and stiffness: `ground`, `stiffness` (infinite for a rigid foot), `grounds` (their number), and
         for each of `MEANS` a pair of mean and standard error (NaN for one ground); if a rigid foot was tried on the
-        same grounds, also `more_contact_area` and `more_support_area`: what a foot has more of than the rigid one,
-        ground by ground, m².
+        same grounds, also `more_contact_area` and `more_support_area`: differences to the rigid foot, ground by
+        ground, m².
     """
     groups: dict[tuple[str, float], dict[int, StiffnessRow]] = {}
     for row in rows:
@@ -91,7 +91,7 @@ COLUMNS = (
 
 
 def stiffness_table(rows: Iterable[StiffnessRow]) -> str:
-    """Markdown table of how a foot stands over stiffness: mean ± standard error over grounds."""
+    """Return the Markdown table of contacts, areas and heights over stiffness: mean ± standard error over grounds."""
     headings = " | ".join(heading for _, heading, _, _ in COLUMNS)
     lines = [f"| ground | k (Nm/rad) | grounds | {headings} |", "|---" * (3 + len(COLUMNS)) + "|"]
     for row in stiffness_means(rows):
@@ -103,7 +103,7 @@ def stiffness_table(rows: Iterable[StiffnessRow]) -> str:
 
 
 def deflection_table(curves: Iterable[Deflection]) -> str:
-    """Markdown table of force–deflection curves: how far the ankle has come down, one line per stiffness."""
+    """Return the Markdown table of force–deflection curves: deflection of the ankle, one line per stiffness."""
     drawn = list(curves)
     loads = max((curve.load for curve in drawn), key=len, default=())
     lines = [

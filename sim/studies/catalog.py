@@ -6,13 +6,20 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from wbc.core.errors import choose
-from wbc.sim.studies.stiffness import arches, dataset, halfway, oracle, stiffness_question, unknown_ground
+from wbc.core.registry import Registry
+from wbc.sim.studies.stiffness_studies import (
+    arches,
+    dataset,
+    halfway,
+    stiffness_question,
+    tuned_fixed,
+    unknown_ground,
+)
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
 
 
 def soles() -> dict[str, dict[str, Any]]:
-    """The soles that are compared: the robot's own, a rigid one of the soft footprint, soft ones by stiffness.
+    """Return the soles that are compared: the robot's own, a rigid one of the soft footprint, soft ones by stiffness.
 
     Stiffnesses in Nm/rad: from 0.5 to 80, which the paper takes for very compliant and for rigid (Frizza et al., 2022,
     table I), with the 5 of its fixed sole and the 42 of its figure 4 between.
@@ -23,7 +30,7 @@ def soles() -> dict[str, dict[str, Any]]:
 
 
 def flat_floor(seeds: int = 10) -> Study:
-    """Walks of 3 m on a flat floor, every sole: is every walk completed, and how exact is it?"""
+    """Return walks of 3 m on a flat floor with every sole: completed walks and tracking errors."""
     return Study(
         name="flat_floor",
         about="3 m on a flat floor with sensor noise: completed walks and errors",
@@ -49,7 +56,7 @@ ROUGH: dict[str, dict[str, Any]] = {
 
 
 def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
-    """Walks of 3 m over rough ground, every sole with the same gait and gains: how many of 22 steps?"""
+    """Return walks of 3 m over rough ground, every sole with the same gait and gains: how many of 22 steps?"""
     return Study(
         name="rough_ground" if gains == "default" else f"rough_ground_{gains}",
         about="3 m over rough ground, the same gait and gains for all soles"
@@ -67,11 +74,11 @@ def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
 
 
 PUSHED_STEP = 5
-"""Step that is pushed: an even walk by then, and as many steps after it to show what the push did."""
+"""Step that is pushed: the walk is steady by then, and as many steps follow, in which the push can show."""
 
 
 def push_recovery(seeds: int = 1) -> Study:
-    """Largest push on the torso while walking: four phases of a step, eight directions, with and without adjustment.
+    """Return push limits while walking: four phases of a step, eight directions, with and without step adjustment.
 
     The pushed step is one of the left foot, so that 90° pushes towards the swing foot's side.
     """
@@ -98,25 +105,28 @@ def push_recovery(seeds: int = 1) -> Study:
     )
 
 
-STUDIES: dict[str, Callable[[], Study]] = {
-    "flat_floor": flat_floor,
-    "rough_ground": rough_ground,
-    "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
-    "push_recovery": push_recovery,
-    "dataset": dataset,
-    "halfway": halfway,
-    "stiffness": stiffness_question,
-    "arches": arches,
-    "oracle": oracle,
-    "unknown_ground": unknown_ground,
-}
+STUDIES: Registry[Callable[[], Study]] = Registry(
+    "study",
+    {
+        "flat_floor": flat_floor,
+        "rough_ground": rough_ground,
+        "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
+        "push_recovery": push_recovery,
+        "dataset": dataset,
+        "halfway": halfway,
+        "stiffness": stiffness_question,
+        "arches": arches,
+        "tuned_fixed": tuned_fixed,
+        "unknown_ground": unknown_ground,
+    },
+)
 """Studies by name."""
 
 
 def study_by_name(name: str) -> Study:
-    """One of `STUDIES`.
+    """Return one of `STUDIES`.
 
     Raises:
         UnknownNameError: No such study.
     """
-    return STUDIES[choose("study", name, STUDIES)]()
+    return STUDIES[name]()

@@ -1,13 +1,13 @@
-"""What sweeps write down: one line of JSON for each trial that has ended, appended and never changed.
+"""Journal of a sweep: one line of JSON for each trial that has ended, appended and never changed.
 
     {"key": …, "spec": …, "version": …, "status": …, "result": …, "clock": …, "error": …, "ended": …, "sum": …}
 
-`key` is a hash of spec and version: the same trial by the same code has the same key, and a sweep that finds it has
-nothing to do. `result` is what spec and code decide; `clock` is what time was taken. `sum` is a hash of the line. A
-later line with the same key takes the place of an earlier one.
+`key` is a hash of spec and version: the same trial by the same code has the same key, and a sweep that finds it does
+not run it again. `result` depends on spec and code alone; `clock` holds wall-clock timings. `sum` is a hash of the
+line. A later line with the same key replaces an earlier one.
 
-A program that is killed in the middle of a line leaves a torn one: it is cut off when the journal is next opened for
-writing, and passed over by readers. One program at a time writes; any number reads.
+A process that is killed in the middle of a line leaves a torn one: it is cut off when the journal is next opened for
+writing, and skipped by readers. One process at a time writes; any number reads.
 """
 
 from __future__ import annotations
@@ -22,23 +22,24 @@ import math
 import os
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import field
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal, get_args
 
 from wbc.core.errors import InputError, WbcError, choose
+from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
 
-STATUSES = ("done", "diverged", "timeout", "crashed")
-"""How a trial can end: with a result; with a simulation that diverged, which is none; after its time; with an error."""
+Status = Literal["done", "diverged", "timeout", "crashed"]
+"""End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
 
-SYNCS = ("always", "second", "never")
-"""When a line must be on the disk itself, where it survives a loss of power: at once, within a second of the line
-before, or when the system likes. A killed program loses nothing in either case."""
+Sync = Literal["always", "second", "never"]
+"""When a line is forced to the disk, where it survives a loss of power: at once, if the last time was a second ago, or
+never. A killed process loses nothing in any case."""
 
 SYNC_TIME = 1.0
-"""Longest time between two writes to the disk itself with the policy "second", s."""
+"""Shortest time between two forced writes with the policy "second", s."""
 
 _log = logging.getLogger(__name__)
 
@@ -47,33 +48,31 @@ class JournalError(WbcError):
     """A journal that cannot be read or written."""
 
 
-@dataclass(frozen=True)
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+@settings
 class Entry:
-    """What is known of one trial.
+    """One row of the journal: a trial's spec, status and result.
 
     Attributes:
-        spec: What it was, as plain values.
-        status: "done", "diverged", "timeout" or "crashed".
-        result: What spec and code decide, as plain values; None without one.
-        clock: What the clock said; None without a result.
-        error: Why there is no result; None if there is one.
-        version: Which code it was.
+        spec: The spec, as plain values.
+        status: End of the trial.
+        result: Result, as plain values; None without one.
+        clock: Wall-clock timings; None without a result.
+        error: Reason why there is no result; None if there is one.
+        version: Version of the code that ran it.
         ended: Date and time (UTC).
     """
 
     spec: Mapping[str, Any]
-    status: str
+    status: Status
     result: Mapping[str, Any] | None
     clock: Mapping[str, Any] | None
     error: str | None
     version: Mapping[str, Any]
-    ended: str = ""
-
-    def __post_init__(self) -> None:
-        choose("status of a trial", self.status, STATUSES)
-        if not self.ended:
-            now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-            object.__setattr__(self, "ended", now)
+    ended: str = field(default_factory=_now)
 
     @property
     def key(self) -> str:
@@ -81,40 +80,31 @@ class Entry:
         return trial_key(self.spec, self.version)
 
     def line(self) -> bytes:
-        """The entry as a line of the journal."""
-        data = {
-            "key": self.key,
-            "spec": self.spec,
-            "version": self.version,
-            "status": self.status,
-            "result": self.result,
-            "clock": self.clock,
-            "error": self.error,
-            "ended": self.ended,
-        }
+        """Return the entry as a line of the journal."""
+        data = {"key": self.key, **to_json(self)}
         return canonical(data | {"sum": checksum(data)}).encode() + b"\n"
 
 
 def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
-    """Name of a trial: a hash of what it is and of the code that runs it, 32 hex digits.
+    """Return the key of a trial: a hash of its spec and of the code that runs it, 32 hex digits.
 
     Args:
-        spec: As plain values.
-        version: Which code; the present one when None.
+        spec: The spec, as plain values.
+        version: Version of the code; the present one when None.
     """
     content = {"spec": spec, "version": provenance() if version is None else version}
     return hashlib.sha256(canonical(content).encode()).hexdigest()[:32]
 
 
 def canonical(data: Any) -> str:
-    """JSON that is equal for equal values: keys sorted, no spaces, NaN and infinity as null."""
+    """Return JSON that is equal for equal values: keys sorted, no spaces, NaN and infinity as null."""
     return json.dumps(
         _finite(data), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False
     )
 
 
 def checksum(data: Mapping[str, Any]) -> str:
-    """Hash of a line without its sum, 16 hex digits."""
+    """Return the hash of a line without its sum, 16 hex digits."""
     return hashlib.sha256(canonical(data).encode()).hexdigest()[:16]
 
 
@@ -129,9 +119,9 @@ def _finite(value: Any) -> Any:
 
 
 def read_journal(path: Path | str) -> dict[str, Entry]:
-    """All entries of a journal, by key; the last one of each.
+    """Return all entries of a journal, by key; the last one of each.
 
-    Lines that are torn or damaged are passed over, and said how many.
+    Lines that are torn or damaged are skipped, and their number is logged.
 
     Args:
         path: The file; one that does not exist is empty.
@@ -155,7 +145,7 @@ def _entries(path: Path | str, content: bytes) -> Iterator[tuple[str, Entry]]:
     *lines, rest = content.split(b"\n")
     bad = [number for number, line in enumerate(lines, 1) if line.strip() and _parsed(line) is None]
     if bad:
-        _log.warning("journal %s: %d damaged lines passed over, the first is line %d", path, len(bad), bad[0])
+        _log.warning("journal %s: %d damaged lines skipped, the first is line %d", path, len(bad), bad[0])
     if rest:
         _log.info("journal %s: its last line is torn", path)
     for line in lines:
@@ -165,7 +155,7 @@ def _entries(path: Path | str, content: bytes) -> Iterator[tuple[str, Entry]]:
 
 
 def _parsed(line: bytes) -> Entry | None:
-    """An entry, or None of a line that is none, or is not what was written."""
+    """Return the entry of a line; None if it is no entry or was changed since it was written."""
     try:
         data = json.loads(line)
         total = data.pop("sum")
@@ -187,22 +177,22 @@ class Journal:
 
     Attributes:
         path: The file.
-        entries: All that is in it, by key.
+        entries: Its entries, by key.
     """
 
-    def __init__(self, path: Path | str, *, sync: str = "second") -> None:
+    def __init__(self, path: Path | str, *, sync: Sync = "second") -> None:
         """Open or begin a journal, lock it, and cut off a torn last line.
 
         Args:
             path: The file; folders on the way are made.
-            sync: When lines must be on the disk itself: "always", "second" or "never".
+            sync: When lines are forced to the disk.
 
         Raises:
-            UnknownNameError: Another policy.
-            JournalError: Another program writes into it, or the file is no journal or cannot be written.
+            UnknownNameError: An unknown policy.
+            JournalError: Another process writes into it, or the file is no journal or cannot be written.
         """
         self.path = Path(path)
-        self._sync = choose("sync policy", sync, SYNCS)
+        self._sync = choose("sync policy", sync, get_args(Sync))
         self._synced = -math.inf
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -242,7 +232,7 @@ class Journal:
         return len(self.entries)
 
     def add(self, entry: Entry) -> None:
-        """Write an entry down.
+        """Append an entry.
 
         Raises:
             JournalError: The disk is full, or the journal is closed; nothing of the entry is left then.
@@ -269,7 +259,7 @@ class Journal:
             self._synced = now
 
     def close(self) -> None:
-        """Have everything on the disk and let others write."""
+        """Force all lines to the disk and release the lock."""
         file, self._file = self._file, -1
         if file >= 0:
             if self._sync != "never":
@@ -287,7 +277,7 @@ class Journal:
 
 
 def check_journal_path(path: Path | str) -> Path:
-    """A path that a journal can be opened at, checked before a long run begins.
+    """Return the path of a journal, checked before a long run begins.
 
     Raises:
         InputError: A folder.

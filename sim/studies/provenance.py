@@ -1,4 +1,4 @@
-"""Which code has made a result: package, sources and the libraries whose numbers are in it."""
+"""Version of the code that made a result: package, hash of the sources, libraries that compute."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import wbc
-from wbc._version import __version__
+import wbc._version as version
 
 PARTS = ("core", "feet", "robots", "sim", "tasks", "walking")
 """Parts of the package that can change the result of a trial; the command line and the pictures cannot."""
 
-FOUND = "data"
-"""Folders of what studies have found, in feet and sim: models and tables are no code. A walk that uses one has its hash
-in the spec."""
+RESULTS = "data"
+"""Name of the folders of results in feet and sim: models and tables are no code. A walk that uses one has its hash in
+the spec."""
 
 SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
-"""Files that count."""
+"""Endings of the files that are hashed."""
 
 LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 """Libraries that compute."""
@@ -28,15 +27,15 @@ LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 
 @cache
 def code_version() -> str:
-    """Hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
-    root = Path(wbc.__file__).parent
+    """Return the hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
+    root = Path(str(version.__file__)).parent
     digest = hashlib.sha256()
     for part in PARTS:
         folder = root / part
         for path in sorted(
             p
             for p in folder.rglob("*")
-            if p.suffix in SUFFIXES and not {"__pycache__", FOUND} & set(p.relative_to(folder).parts)
+            if p.suffix in SUFFIXES and not {"__pycache__", RESULTS} & set(p.relative_to(folder).parts)
         ):
             digest.update(f"{part}/{path.relative_to(folder).as_posix()}\0".encode())
             digest.update(path.read_bytes())
@@ -46,8 +45,12 @@ def code_version() -> str:
 
 @cache
 def provenance() -> Mapping[str, Any]:
-    """Package version, code version and versions of the libraries, as plain values."""
-    return {"wbc": __version__, "code": code_version(), "libraries": {n: _version(n) for n in LIBRARIES}}
+    """Return package version, code version and versions of the libraries, as plain values."""
+    return {
+        "wbc": version.__version__,
+        "code": code_version(),
+        "libraries": {n: _version(n) for n in LIBRARIES},
+    }
 
 
 def _version(name: str) -> str:

@@ -1,7 +1,7 @@
-"""Studies: which trials answer a question.
+"""Studies: the trials that answer a question.
 
 A study has cells (grounds, say) and arms (soles, say); every arm is tried in every cell with the same seeds, so that
-arms can be compared in pairs. It is data: the ones below are made by functions, others are read from JSON::
+arms can be compared in pairs. It is data: those of the catalog are made by functions, others are read from JSON::
 
     {"name": "soles on stones", "kind": "walk", "base": {"plan": {"distance": 3.0}},
      "cells": {"stones 20 mm": {"terrain": "stones", "amplitude": 0.02}},
@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wbc.core.errors import InputError, choose, unknown_name
+from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, trial_key
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.sweep import by_spec
@@ -25,10 +26,13 @@ FRESH_SEED = 100
 """First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
 
 METRICS = {"walk": "steps_done", "push_limit": "impulse"}
-"""What a table of a kind of trial is about unless told otherwise."""
+"""Kind of trial → metric of its tables unless a study names another."""
+
+Parts = Mapping[str, Any]
+"""Parts of a spec, as plain values."""
 
 
-@dataclass(frozen=True)
+@settings
 class Cell:
     """One row of a study.
 
@@ -36,29 +40,29 @@ class Cell:
         name: Name.
         values: Parts of the specs.
         arms: Arms that are tried here; all when None.
-        own: Parts of the specs that an arm has in this cell alone: arm → parts.
+        arm_values: Parts of the specs that an arm has in this cell alone: arm → parts.
     """
 
     name: str
-    values: Mapping[str, Any]
+    values: Parts
     arms: tuple[str, ...] | None = None
-    own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    arm_values: Mapping[str, Parts] = field(default_factory=dict)
 
 
 def cell_name(ground: str, amplitude: float) -> str:
-    """Name of the cell of a ground at an amplitude (m), such as "stones, 20 mm"."""
+    """Return the name of the cell of a ground at an amplitude (m), such as "stones, 20 mm"."""
     return f"{ground}, {round(1e3 * amplitude, 1):g} mm"
 
 
 def ground_of(cell: str) -> str:
-    """The ground in the name of a cell; the whole name if it says no amplitude."""
+    """Return the ground in the name of a cell; the whole name if there is no amplitude in it."""
     ground, separator, height = cell.rpartition(", ")
     return ground if separator and height.endswith(" mm") else cell
 
 
 @dataclass(frozen=True)
 class StudyTrial:
-    """One trial of a study, and where it belongs."""
+    """One trial of a study: its spec, with the cell, arm and seed that it belongs to."""
 
     cell: str
     arm: str
@@ -66,29 +70,42 @@ class StudyTrial:
     spec: Trial
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings
+class SeedRange:
+    """Consecutive seeds, as a study in a file may give them.
+
+    Attributes:
+        first: First seed.
+        count: Number of seeds.
+    """
+
+    first: Seed
+    count: Count
+
+
+@settings(kw_only=True)
 class Study:
-    """Which trials answer a question.
+    """The trials that answer a question.
 
     Attributes:
         name: Name.
-        about: What the question is.
+        about: The question.
         kind: Kind of its trials.
         base: Parts of a spec that all trials share.
         cells: Rows.
         arms: Columns: name → parts of the specs.
         seeds: Seeds that every arm is tried with in every cell.
-        metric: What the table is about: part of a result, such as "steps_done" or "zmp_error.mean".
+        metric: Part of a result that the table is about, such as "steps_done" or "zmp_error.mean".
         reference: Arm that the others are compared with; the first one when None.
     """
 
     name: str
     about: str = ""
     kind: str = "walk"
-    base: Mapping[str, Any] = field(default_factory=dict)
+    base: Parts = field(default_factory=dict)
     cells: tuple[Cell, ...]
-    arms: Mapping[str, Mapping[str, Any]]
-    seeds: tuple[int, ...]
+    arms: Mapping[str, Parts]
+    seeds: tuple[Seed, ...]
     metric: str | None = None
     reference: str | None = None
 
@@ -100,27 +117,24 @@ class Study:
         for name in names:
             if names.count(name) > 1:
                 raise InputError(f"study '{self.name}' has the cell '{name}' twice")
+        references = () if self.reference is None else (self.reference,)
         for cell in self.cells:
-            for arm in (*(cell.arms or ()), *cell.own):
+            for arm in (*(cell.arms or ()), *cell.arm_values, *references):
                 choose(f"arm of the study '{self.name}'", arm, self.arms)
-        if self.reference is not None:
-            choose(f"arm of the study '{self.name}'", self.reference, self.arms)
 
     def trials(self) -> Iterator[StudyTrial]:
-        """All trials, seed by seed, so that a sweep that is stopped has tried all arms on the same grounds.
+        """Yield all trials, seed by seed: a sweep that is stopped has tried all arms on the same grounds.
 
         Raises:
-            InputError: A spec that cannot be run; the message says in which cell and arm.
+            InputError: A spec that cannot be run; the message names its cell and arm.
         """
         for seed in self.seeds:
+            last = {"seed": seed, "kind": self.kind}
             for cell in self.cells:
                 for arm in cell.arms or self.arms:
-                    own = cell.own.get(arm, {})
-                    data = merged(
-                        self.base, cell.values, self.arms[arm], own, {"seed": seed, "kind": self.kind}
-                    )
+                    parts = (self.base, cell.values, self.arms[arm], cell.arm_values.get(arm, {}), last)
                     try:
-                        spec = trial_from_json(data)
+                        spec = trial_from_json(merged(*parts))
                     except (InputError, TypeError) as error:
                         raise InputError(f"study '{self.name}', {cell.name}, {arm}: {error}") from error
                     yield StudyTrial(cell.name, arm, seed, spec)
@@ -128,7 +142,7 @@ class Study:
     def narrowed(
         self, cells: Iterable[str] = (), arms: Iterable[str] = (), seeds: int | None = None
     ) -> Study:
-        """A part of the study.
+        """Return a part of the study.
 
         Args:
             cells: Names of cells, or beginnings of names; all when none is given.
@@ -137,87 +151,63 @@ class Study:
 
         Raises:
             UnknownNameError: No such cell or arm.
+            InputError: A number of seeds that the study does not have.
         """
-        wanted, columns = list(cells), list(arms)
-        for name in wanted:
+        rows, columns = tuple(cells), tuple(arms)
+        for name in rows:
             if not any(cell.name.startswith(name) for cell in self.cells):
                 unknown_name(f"cell of the study '{self.name}'", name, [cell.name for cell in self.cells])
         for arm in columns:
             choose(f"arm of the study '{self.name}'", arm, self.arms)
         if seeds is not None and not 1 <= seeds <= len(self.seeds):
             raise InputError(f"seeds must be from 1 to the {len(self.seeds)} of the study, got {seeds}")
-        kept = []
-        for cell in self.cells:
-            mine = tuple(arm for arm in cell.arms or self.arms if not columns or arm in columns)
-            if mine and (not wanted or any(cell.name.startswith(name) for name in wanted)):
-                own = {arm: values for arm, values in cell.own.items() if arm in mine}
-                kept.append(replace(cell, arms=mine, own=own))
         chosen = {name: values for name, values in self.arms.items() if not columns or name in columns}
+        part = []
+        for cell in self.cells:
+            tried = tuple(arm for arm in cell.arms or self.arms if arm in chosen)
+            if tried and cell.name.startswith(rows or ""):
+                arm_values = {arm: values for arm, values in cell.arm_values.items() if arm in tried}
+                part.append(replace(cell, arms=tried, arm_values=arm_values))
         reference = self.reference if self.reference in chosen else None
-        return replace(self, cells=tuple(kept), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
+        return replace(self, cells=tuple(part), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
 
     def to_json(self) -> dict[str, Any]:
-        """The study as plain values."""
-        return {
-            "name": self.name,
-            "about": self.about,
-            "kind": self.kind,
-            "base": dict(self.base),
-            "cells": {
-                cell.name: {
-                    **cell.values,
-                    **({} if cell.arms is None else {"arms": list(cell.arms)}),
-                    **({"own": {arm: dict(values) for arm, values in cell.own.items()}} if cell.own else {}),
-                }
-                for cell in self.cells
-            },
-            "arms": {name: dict(values) for name, values in self.arms.items()},
-            "seeds": list(self.seeds),
-            "metric": self.metric,
-            "reference": self.reference,
-        }
+        """Return the study as plain values; cells are an object of names, with "arms" and "own" among their parts."""
+        cells = {}
+        for cell in self.cells:
+            arms = {} if cell.arms is None else {"arms": cell.arms}
+            own = {"own": cell.arm_values} if cell.arm_values else {}
+            cells[cell.name] = to_json({**cell.values, **arms, **own})
+        return {**to_json(self), "cells": cells}
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Study:
-        """The study that `to_json` wrote.
+        """Return the study that `to_json` wrote.
 
         Raises:
             UnknownNameError: A key that a study does not have.
             InputError: Something is missing or of another form.
         """
-        known = ("name", "about", "kind", "base", "cells", "arms", "seeds", "metric", "reference")
-        for key in data:
-            if key not in known:
-                unknown_name("part of a study", key, known)
-        missing = [key for key in ("name", "cells", "arms", "seeds") if key not in data]
-        if missing:
-            raise InputError(f"a study needs name, cells, arms and seeds; {' and '.join(missing)} missing")
-        for key in ("base", "cells", "arms"):
-            if not isinstance(data.get(key, {}), Mapping):
-                raise InputError(f"{key} of a study must be an object of names and values")
-        cells = []
-        for name, values in data["cells"].items():
-            parts = dict(values)
-            arms, own = parts.pop("arms", None), parts.pop("own", {})
-            cells.append(Cell(name, parts, None if arms is None else tuple(arms), own))
-        rest = {key: data[key] for key in ("about", "kind", "base", "metric", "reference") if key in data}
-        return Study(
-            name=data["name"], cells=tuple(cells), arms=data["arms"], seeds=_seeds(data["seeds"]), **rest
-        )
+        values = dict(data)
+        cells = values.get("cells", {})
+        if not isinstance(cells, Mapping) or not all(isinstance(parts, Mapping) for parts in cells.values()):
+            raise InputError("cells of a study must be an object: name → parts of the specs")
+        if "cells" in values:
+            values["cells"] = [_cell(name, parts) for name, parts in cells.items()]
+        if isinstance(values.get("seeds"), Mapping):
+            seeds = from_json(SeedRange, values["seeds"])
+            values["seeds"] = list(range(seeds.first, seeds.first + seeds.count))
+        return from_json(Study, values)
 
 
-def _seeds(given: Any) -> tuple[int, ...]:
-    if isinstance(given, Mapping):
-        if set(given) != {"first", "count"}:
-            raise InputError(f"seeds of a study are a list, or first and count, got {dict(given)}")
-        return tuple(range(given["first"], given["first"] + given["count"]))
-    if not isinstance(given, (list, tuple)):
-        raise InputError(f"seeds of a study are a list, or first and count, got {given!r}")
-    return tuple(given)
+def _cell(name: str, parts: Parts) -> dict[str, Any]:
+    values = dict(parts)
+    arms, arm_values = values.pop("arms", None), values.pop("own", {})
+    return {"name": name, "values": values, "arms": arms, "arm_values": arm_values}
 
 
-def merged(*parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Parts of a spec put together: later values take the place of earlier ones, objects are put together."""
+def merged(*parts: Parts) -> dict[str, Any]:
+    """Merge parts of a spec: a later value replaces an earlier one, objects are merged in turn."""
     result: dict[str, Any] = {}
     for part in parts:
         for key, value in part.items():
@@ -227,14 +217,14 @@ def merged(*parts: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def found_entries(
+def study_entries(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> Iterator[tuple[StudyTrial, Entry | None]]:
-    """All trials of a study, each with what a journal has of it; None where it has not been run.
+    """Yield all trials of a study, each with its entry in a journal; None where it has not been run.
 
     Args:
         study: The study.
-        entries: Those of a journal, by key.
+        entries: Entries of a journal, by key.
         any_code: Take results of other versions of the code, too; else only those of the present one.
     """
     others = by_spec(entries.values()) if any_code else {}

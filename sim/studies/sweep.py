@@ -1,11 +1,11 @@
-"""Sweeps: many trials through an executor, written down one by one, and none run twice.
+"""Sweeps: many trials run by an executor, each written to a journal when it ends, none run twice.
 
     with Journal("sweep.jsonl") as journal:
         summary = sweep(specs, journal, workers=2)
 
 Any executor of the protocol of `concurrent.futures` will do, such as Dask's `Client.get_executor()`. Without one,
-processes of our own run the trials: each with one thread for linear algebra, each ended if the program that has
-started it is, and started again if a trial takes it down.
+local processes run the trials, each with one thread for linear algebra. They end with the process that has started
+them, and one that a trial crashes is started again.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wbc.core.errors import InputError, WbcError, positive
+from wbc.core.settings import to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.trials import Outcome, Trial, run_trial, trial_from_json
 
 TIMEOUT = 600.0
-"""Wall time that a trial may take unless told otherwise, s: a walk of 22 steps takes some ten seconds."""
+"""Default time-out of a trial, s: a walk of 22 steps takes some ten seconds of wall time."""
 
 IN_FLIGHT = 64
-"""Trials that an executor of others is given at a time: more than a cluster of some dozen cores can run."""
+"""Number of trials that a given executor holds at a time: more than a cluster of some dozen cores can run."""
 
 THREADS = (
     "OMP_NUM_THREADS",
@@ -45,18 +46,18 @@ _log = logging.getLogger(__name__)
 
 
 class SweepError(WbcError):
-    """A sweep that cannot go on; what has ended is in the journal."""
+    """A sweep that cannot go on; trials that have ended are in the journal."""
 
 
 @dataclass
 class SweepSummary:
-    """How far a sweep is; at its end, what it did.
+    """Progress of a sweep.
 
     Attributes:
-        total: Different trials.
-        found: Of these, in the journal already.
-        run: Run now, however they ended.
-        counts: Of all that are in the journal now: status → number.
+        total: Number of different trials.
+        found: Number of trials that were in the journal before.
+        run: Number of trials run by this sweep, however they ended.
+        counts: Trials that are in the journal now: status → number.
         seconds: Wall time of the sweep, s.
     """
 
@@ -68,23 +69,16 @@ class SweepSummary:
 
     @property
     def per_hour(self) -> float | None:
-        """Trials run in an hour at this rate; None as long as none has been run."""
+        """Trials per hour of wall time; None before the first."""
         return 3600.0 * self.run / self.seconds if self.run and self.seconds > 0.0 else None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "total": self.total,
-            "found": self.found,
-            "run": self.run,
-            "counts": dict(self.counts),
-            "seconds": self.seconds,
-            "per_hour": self.per_hour,
-        }
+        """Return the summary as plain values."""
+        return {**to_json(self), "per_hour": self.per_hour}
 
 
 Progress = Callable[[SweepSummary], None]
-"""Called when a sweep begins and after each trial."""
+"""Function that is called when a sweep begins and after each trial."""
 
 
 def sweep(
@@ -102,21 +96,18 @@ def sweep(
     """Run all trials that the journal does not have.
 
     Args:
-        specs: The trials; the same one twice is run once.
-        journal: Where each is written down as soon as it has ended.
-        executor: Runs them; processes of our own when None.
-        workers: Number of these processes.
-        timeout: Wall time that a trial may take, s; endless when None.
-        retry: Run those again that crashed or took too long.
-        any_code: Take results of other versions of the code for good, too.
+        specs: The trials; equal ones are run once.
+        journal: Journal to which each trial is written as soon as it has ended.
+        executor: Executor that runs them; local processes when None.
+        workers: Number of local processes.
+        timeout: Wall time that a trial may take, s; unlimited when None.
+        retry: Run trials again that crashed or timed out.
+        any_code: Accept results of other versions of the code, too.
         in_flight: Number of trials that a given executor holds at a time.
-        progress: Told how far it is.
-
-    Returns:
-        What was done.
+        progress: Called when the sweep begins and after each trial.
 
     Raises:
-        InputError: A number of workers or a time-out that is none.
+        InputError: A number of workers below 1, or a time-out that is not positive.
         JournalError: The journal cannot be written.
         SweepError: The executor has broken down.
     """
@@ -162,10 +153,10 @@ def sweep(
 
 
 def by_spec(entries: Iterable[Entry]) -> dict[str, Entry]:
-    """Entries by their spec alone, whatever code made them.
+    """Return entries by the key of their spec alone, whatever code made them.
 
-    Specs are read anew, so that one that an earlier version wrote is that of today; those that cannot be read any more
-    are left out.
+    Specs are read and written again, so that those of earlier versions have the keys of today; specs that cannot be
+    read any more are left out.
     """
     found = {}
     for entry in entries:
@@ -181,10 +172,10 @@ Record = Callable[[dict[str, Any], Outcome], None]
 
 
 def _run_locally(pending: Pending, workers: int, timeout: float | None, record: Record) -> None:
-    """Run trials in processes of our own.
+    """Run trials in local processes.
 
-    A process that dies takes the pool with it, and nobody knows whose trial it was. Those in flight are then run one
-    by one: whoever is alone when a process dies has done it.
+    A process that dies takes the pool with it, and it is unknown which trial did it. Those in flight are then run one
+    by one, so that the next one that dies is the culprit.
     """
     suspects: Pending = []
     while pending or suspects:
@@ -202,7 +193,7 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
 
 
 def _feed_new_pool(pending: Pending, workers: int, timeout: float | None, record: Record) -> Pending:
-    """Run trials in a new pool; takes what was begun off the list, and gives back what was lost if it broke."""
+    """Run trials in a new pool; remove those begun from the list, and return those lost if the pool broke."""
     with local_executor(workers) as pool:
         try:
             pool.submit(os.getpid).result()
@@ -231,7 +222,7 @@ def _feed(
                 try:
                     future = executor.submit(run_trial, spec, timeout, exit_when_stuck=ours)
                 except BrokenExecutor:
-                    if not running:  # broken before anything was begun: trying again would go on for ever
+                    if not running:  # broken before anything was begun: trying again would never end
                         raise
                     break
                 running[future] = (spec, plain)
@@ -258,7 +249,7 @@ def _feed(
 
 @contextlib.contextmanager
 def local_executor(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of fresh processes with one thread each; they end when this program does, however it ends.
+    """Open a pool of new processes with one thread each; they end when this process does, however it ends.
 
     Args:
         workers: Number of processes.
@@ -276,7 +267,7 @@ def local_executor(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
-    """Environment for processes that are started meanwhile."""
+    """Limit the threads of processes that are started meanwhile."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -290,7 +281,7 @@ def _one_thread() -> Iterator[None]:
 
 
 def _start_worker() -> None:
-    """Prepare a process of our own."""
+    """Prepare a local process."""
     logging.getLogger().setLevel(logging.ERROR)
     parent = multiprocessing.parent_process()
     if parent is None:
@@ -306,14 +297,14 @@ def _start_worker() -> None:
 def cluster_executor(
     address: str, *, workers: int | None = None
 ) -> contextlib.AbstractContextManager[Executor]:
-    """Executor of a Dask cluster.
+    """Connect to a Dask cluster, and return its executor.
 
     Args:
-        address: Of the scheduler, such as "tcp://10.0.0.1:8786"; "local" starts a cluster on this machine.
+        address: Address of the scheduler, such as "tcp://10.0.0.1:8786"; "local" starts a cluster on this machine.
         workers: Number of processes of a local cluster; as many as cores when None.
 
     Raises:
-        InputError: Dask is not installed, or nobody answers at that address.
+        InputError: Dask is not installed, or no scheduler answers at that address.
     """
     return _dask(address, workers)
 

@@ -1,7 +1,7 @@
-"""Trials: what a sweep runs. A walk is one; the largest push that a walk survives is another.
+"""Trials: the specs that a sweep runs. A walk is one; the largest push that a walk survives is another.
 
 A trial is a frozen, picklable spec that can be written as JSON and run. Its result depends on the spec alone, so that
-it need not be run twice. Kinds of trials of one's own are made known with `register_trial`.
+it need not be run twice. Your own kinds of trials are registered with `register_trial`.
 """
 
 from __future__ import annotations
@@ -13,42 +13,43 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Annotated, Any, ClassVar, Protocol
 
-from wbc.core.errors import InputError, finite_scalar, positive, unknown_name
-from wbc.sim.walks.hooks import WalkHook, WalkTick
-from wbc.sim.walks.run import run_walk
-from wbc.sim.walks.spec import WalkSpec
+from wbc.core.errors import InputError, positive
+from wbc.core.registry import Registry
+from wbc.core.settings import Positive, settings, to_json
+from wbc.sim.studies.journal import Status
+from wbc.sim.walks import WalkHook, WalkSpec, WalkTick, walk
 
 Check = Callable[[], None]
-"""To be called now and then by a trial that runs; raises `TrialTimeout` when its time is up."""
+"""Function that a running trial calls now and then; raises `TrialTimeout` after its time-out."""
 
 
 class TrialTimeout(Exception):  # noqa: N818 - it is no error of the trial
-    """The time of a trial is up."""
+    """The time-out of a trial is over."""
 
 
 class Trial(Protocol):
-    """What can be run."""
+    """Spec that a sweep can run."""
 
     kind: ClassVar[str]
 
     def to_json(self) -> dict[str, Any]:
-        """The spec as plain values, with its kind."""
+        """Return the spec as plain values, with its kind."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a trial ended.
+    """Status and result of a trial that has ended.
 
     Attributes:
-        status: "done", "diverged", "timeout" or "crashed".
-        result: What the spec decides, as plain values.
-        clock: What the clock said.
-        error: Why there is no result.
+        status: End of the trial.
+        result: Result, which depends on the spec alone, as plain values.
+        clock: Wall-clock timings.
+        error: Reason why there is no result.
     """
 
-    status: str
+    status: Status
     result: dict[str, Any] | None = None
     clock: dict[str, Any] | None = None
     error: str | None = None
@@ -56,56 +57,51 @@ class Outcome:
 
 @dataclass(frozen=True)
 class TrialKind:
-    """How a kind of trial is read and run.
+    """Functions that read and run the trials of one kind.
 
     Attributes:
         read: Makes a spec from plain values.
-        run: Runs it; gives "done" or "diverged", record and clock.
+        run: Runs a spec; returns an outcome that is "done" or "diverged".
     """
 
     read: Callable[[Mapping[str, Any]], Any]
     run: Callable[[Any, Check], Outcome]
 
 
-_KINDS: dict[str, TrialKind] = {}
+_KINDS: Registry[TrialKind] = Registry("kind of trial")
 
 
 def register_trial(name: str, kind: TrialKind) -> None:
-    """Make a kind of trial known.
+    """Register a kind of trial.
 
     Args:
         name: The `kind` of its specs.
-        kind: How it is read and run.
+        kind: Functions that read and run them.
 
     Raises:
         InputError: The name is taken.
     """
-    if name in _KINDS:
-        raise InputError(f"a kind of trial '{name}' is registered already")
-    _KINDS[name] = kind
+    _KINDS.add(name, kind)
 
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
-    """The spec that its `to_json` wrote, of any kind; a walk when none is said.
+    """Return the spec that its `to_json` wrote, of any kind; a walk without a kind.
 
     Raises:
-        UnknownNameError: No such kind.
+        UnknownNameError: An unknown kind.
         InputError: A value that cannot be used.
     """
-    name = data.get("kind", WalkSpec.kind)
-    if name not in _KINDS:
-        unknown_name("kind of trial", name, _KINDS)
-    return _KINDS[name].read(data)
+    return _KINDS[data.get("kind", WalkSpec.kind)].read(data)
 
 
 def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
-    """Run a trial and say how it ended. Nothing is raised: an error is an outcome.
+    """Run a trial. Nothing is raised: an error is an outcome.
 
     Args:
-        spec: What to run.
-        timeout: Wall time that it may take, s; endless when None.
-        exit_when_stuck: End the process when a call into a library does not come back for twice that time and
-            half a minute: in processes of our own, which are started again.
+        spec: The trial.
+        timeout: Wall time that it may take, s; unlimited when None.
+        exit_when_stuck: End the process when a call into a library does not return for twice that time and half a
+            minute: in local processes, which are started again.
     """
     stop = math.inf if timeout is None else time.monotonic() + positive("time-out of a trial (s)", timeout)
 
@@ -129,7 +125,7 @@ def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: boo
 
 
 class CheckTime(WalkHook):
-    """Stops a walk whose time is up."""
+    """Hook that stops a walk after its time-out."""
 
     def __init__(self, check: Check) -> None:
         self._check = check
@@ -142,17 +138,17 @@ class CheckTime(WalkHook):
 
 def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
     """Run a walk as a trial."""
-    result = run_walk(spec, hooks=[CheckTime(check)])
+    result = walk(spec, hooks=[CheckTime(check)])
     assert result.clock is not None
-    status = "diverged" if result.outcome == "diverged" else "done"
-    return Outcome(status, result.record(), result.clock.to_json())
+    status: Status = "diverged" if result.outcome == "diverged" else "done"
+    return Outcome(status, result.record(), to_json(result.clock))
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class WalkPushLimitSpec:
-    """The largest push from which a walk recovers, found by bisection.
+    """Search for the largest push from which a walk recovers, by bisection.
 
-    Bisection takes recovery to be monotonic; what is found lies within `resolution` of a change.
+    Bisection takes recovery to be monotonic; the result lies within `resolution` of a change.
 
     Attributes:
         walk: The walk, with one push; its impulse is not used.
@@ -163,34 +159,32 @@ class WalkPushLimitSpec:
     kind: ClassVar[str] = "push_limit"
 
     walk: WalkSpec
-    highest: float = 1.0
-    resolution: float = 0.02
+    highest: Annotated[Positive, "Ns/kg"] = 1.0
+    resolution: Annotated[Positive, "Ns/kg"] = 0.02
 
     def __post_init__(self) -> None:
         if len(self.walk.pushes) != 1:
             raise InputError(f"a push limit needs a walk with one push, got {len(self.walk.pushes)}")
-        object.__setattr__(self, "highest", positive("highest impulse (Ns/kg)", self.highest))
-        least = finite_scalar(
-            "resolution (Ns/kg)", self.resolution, low=0.0, high=self.highest, open_low=True
-        )
-        object.__setattr__(self, "resolution", least)
-        # The push that does not matter must not make equal specs differ.
-        push = replace(self.walk.pushes[0], impulse=0.0)
-        object.__setattr__(self, "walk", replace(self.walk, pushes=(push,)))
+        if self.resolution > self.highest:
+            raise InputError(
+                f"resolution (Ns/kg) must be at most the highest impulse of {self.highest:g}, got {self.resolution:g}"
+            )
+        # The impulse is not used: specs that differ in it alone must be equal.
+        object.__setattr__(self, "walk", self.with_impulse(0.0))
 
     def with_impulse(self, impulse: float) -> WalkSpec:
-        """The walk with a push of some impulse, Ns/kg."""
+        """Return the walk with another impulse of its push, Ns/kg."""
         return replace(self.walk, pushes=(replace(self.walk.pushes[0], impulse=impulse),))
 
     def to_json(self) -> dict[str, Any]:
-        """The spec as plain values: those of the walk, and the search."""
+        """Return the spec as plain values: those of the walk and of the search."""
         walk = self.walk.to_json()
         del walk["kind"]
         return {"kind": self.kind, **walk, "highest": self.highest, "resolution": self.resolution}
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> WalkPushLimitSpec:
-        """The spec that `to_json` wrote; pushes may leave the impulse out."""
+        """Return the spec that `to_json` wrote; the push may leave its impulse out."""
         values = {key: value for key, value in data.items() if key != "kind"}
         search = {name: values.pop(name) for name in ("highest", "resolution") if name in values}
         pushes = [{"impulse": 0.0, **push} for push in values.pop("pushes", [])]
@@ -198,7 +192,7 @@ class WalkPushLimitSpec:
 
 
 def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
-    """Find the largest push from which a walk recovers; it does if the whole plan is walked."""
+    """Find the largest push from which a walk recovers, that is, completes its plan."""
     begin = time.perf_counter()
     tried: list[tuple[float, bool, int, str | None]] = []
     seconds = 0.0
@@ -206,7 +200,7 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
 
     def recovers(impulse: float) -> bool:
         nonlocal seconds, diverged
-        result = run_walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
+        result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
         seconds += result.seconds
         diverged = diverged or result.outcome == "diverged"
         done = result.outcome == "completed"
@@ -215,9 +209,9 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
 
     low, high = 0.0, spec.highest
     if not recovers(0.0):
-        found = None  # it falls without a push: there is no limit to be found
+        limit = None  # the walk falls without a push
     elif recovers(high):
-        found = high
+        limit = high
     else:
         while high - low > spec.resolution + 1e-12 and not diverged:
             middle = 0.5 * (low + high)
@@ -225,10 +219,10 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
                 low = middle
             else:
                 high = middle
-        found = low
+        limit = low
     wall = time.perf_counter() - begin
     record = {
-        "impulse": None if diverged else found,
+        "impulse": None if diverged else limit,
         "walks": len(tried),
         "seconds": seconds,
         "tried": [

@@ -4,30 +4,39 @@
     >>> float(ground.height(0.0, 0.0))
     0.0
 
-`wbc.sim.terrain.render.add_to_spec` draws a terrain into a MuJoCo model; nothing else here needs MuJoCo.
+A new kind of ground goes into `families/`; `add_to_spec` draws a terrain into a MuJoCo model.
 """
 
-from wbc.sim.terrain.checks import ClearanceWarning, check_clearance
+from wbc.sim.terrain.clearance import ClearanceWarning, check_clearance
 from wbc.sim.terrain.families import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, family, param, terrain_families
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.ground import Ground
 from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.render import AddedTerrain, GroundContact, add_to_spec
 from wbc.sim.terrain.spec import Rendering, Terrain, terrain
 
 __all__ = [
-    "ClearanceWarning",
-    "Family",
-    "FieldFamily",
-    "Ground",
-    "HeightMap",
-    "Rendering",
-    "ShapeFamily",
-    "Site",
-    "Terrain",
-    "check_clearance",
+    # Grounds by name
+    "terrain",
     "terrain_families",
+    "Terrain",
+    "Rendering",
+    # Clearance of the swing foot
+    "check_clearance",
+    "ClearanceWarning",
+    # In a MuJoCo model
+    "add_to_spec",
+    "AddedTerrain",
+    "GroundContact",
+    # A family of your own
     "family",
     "param",
-    "terrain",
+    "Family",
+    "FieldFamily",
+    "ShapeFamily",
+    "Site",
+    # The surface
+    "Ground",
+    "HeightMap",
 ]

@@ -1,4 +1,4 @@
-"""The ground as it is drawn: a floor, solids on it, perhaps a height map; one height query for all."""
+"""Ground: a floor, solids on it and perhaps a height map, with one height query for all."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from wbc.sim.terrain.shapes import Box, Shape
 Index = NDArray[np.intp]
 
 FLOOR_GAP = 0.01
-"""How far below the lowest point of a height map the endless floor lies, m: no contact is made twice."""
+"""Depth of the endless floor below the lowest point of a height map, m: no contact is made twice."""
 
 STRIP_DEPTH = 0.05
-"""How far the flat strips' boxes reach below the floor, m."""
+"""Depth of the flat strips' boxes below the floor, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Ground:
         return np.array([s.box for s in self.solids]).reshape(-1, 4)
 
     def _highest(self, x: Array, y: Array) -> tuple[Array, Index]:
-        """Height and index of the solid below each point: -1 floor, -2 height map."""
+        """Return the height and index of the solid below each point: -1 floor, -2 height map."""
         z: Array = np.full(x.shape, self.floor)
         owner: Index = np.full(x.shape, -1, dtype=np.intp)
         if self.field is not None:
@@ -76,20 +76,12 @@ class Ground:
         return z, owner
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground.
-
-        Args:
-            x: World x, m, any shape.
-            y: World y, m, any shape that broadcasts with x.
-
-        Returns:
-            World z of the surface, m, in the broadcast shape.
-        """
+        """Return the height of the ground, m, at world x and y (m), in their broadcast shape."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         return self._highest(bx.ravel(), by.ravel())[0].reshape(bx.shape)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Outward unit normal of the ground, world frame, in the broadcast shape of x and y plus (3,)."""
+        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,)."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         fx, fy = bx.ravel(), by.ravel()
         _, owner = self._highest(fx, fy)

@@ -1,4 +1,4 @@
-"""A grid of heights, interpolated exactly as MuJoCo draws a height field."""
+"""Height map: a grid of heights, interpolated exactly as MuJoCo draws a height field."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class HeightMap:
         return 4 * self.z.size
 
     def _locate(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Corner heights of the cell below each point and the position in it (0..1)."""
+        """Return the corner heights of the cell below each point and the position in it (0..1)."""
         rows, columns = self.z.shape
         step_x, step_y = self.step
         u, v = (x - self.x0) / step_x, (y - self.y0) / step_y
@@ -52,7 +52,7 @@ class HeightMap:
         return z[r, c], z[r, c + 1], z[r + 1, c], z[r + 1, c + 1], u - c, v - r
 
     def _slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Height of the low corner, rise per cell along x and y, and the position in the cell."""
+        """Return the height of the low corner, rise per cell along x and y, and the position in the cell."""
         z00, z01, z10, z11, u, v = self._locate(x, y)
         right = u >= v
         along_x = np.where(right, z01 - z00, z11 - z10)
@@ -60,13 +60,13 @@ class HeightMap:
         return z00, along_x, along_y, u, v
 
     def top(self, x: Array, y: Array) -> Array:
-        """Height of the surface, shape (n,), m; -inf outside the grid."""
+        """Return the height of the surface, shape (n,), m; -inf outside the grid."""
         z00, along_x, along_y, u, v = self._slopes(x, y)
         inside = (x >= self.x0) & (x <= self.x1) & (y >= self.y0) & (y <= self.y1)
         return np.where(inside, z00 + u * along_x + v * along_y, -np.inf)
 
     def normal(self, x: Array, y: Array) -> Array:
-        """Upward unit normal of the triangle below each point, shape (n, 3)."""
+        """Return the upward unit normal of the triangle below each point, shape (n, 3)."""
         _, along_x, along_y, _, _ = self._slopes(x, y)
         step_x, step_y = self.step
         n = np.stack([-along_x / step_x, -along_y / step_y, np.ones_like(along_x)], axis=-1)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
-from wbc.sim.terrain.checks import check_clearance
+from wbc.core.errors import Array, InputError
+from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
-from wbc.sim.terrain.spec import Rendering, Terrain
+from wbc.sim.terrain.spec import Terrain
 
 TERRAIN_GROUP = 2
 """Geom group of every terrain geom: MuJoCo's URDF importer uses 0 and 1, and viewers show 0 to 2."""
@@ -38,12 +38,12 @@ _HIGH_COLOUR = np.array([0.80, 0.75, 0.66])
 _T = mujoco.mjtGeom
 
 
-@dataclass(frozen=True)
+@settings
 class GroundContact:
-    """How the ground answers a touch, in MuJoCo's terms.
+    """Contact parameters of the ground, in MuJoCo's terms.
 
-    A sole with a higher `priority` brings its own values (friction as well), and the soft soles do; these are for
-    everything else. The defaults are the paper's sole contact: t = 0.1 ms, zeta = 1, d = 0.99 (eq. 1).
+    The values of a sole with a higher `priority`, such as the soft soles, take precedence (friction as well). The
+    defaults are the paper's sole contact: t = 0.1 ms, zeta = 1, d = 0.99 (eq. 1).
 
     Args:
         friction: Sliding coefficient.
@@ -58,41 +58,32 @@ class GroundContact:
         conaffinity: Bit mask.
     """
 
-    friction: float = 0.7
-    torsion: float = 0.005
-    rolling: float = 0.0001
-    solref: tuple[float, float] = (1e-4, 1.0)
-    solimp: tuple[float, float, float, float, float] = (0.99, 0.99, 0.001, 0.5, 2.0)
-    condim: int = 3
+    friction: NonNegative = 0.7
+    torsion: Annotated[NonNegative, "m"] = 0.005
+    rolling: Annotated[NonNegative, "m"] = 0.0001
+    solref: tuple[Positive, Positive] = (1e-4, 1.0)
+    solimp: tuple[Share, Share, float, float, float] = (0.99, 0.99, 0.001, 0.5, 2.0)
+    condim: Literal[1, 3, 4, 6] = 3
     priority: int = 0
     contype: int = 1
     conaffinity: int = 1
 
-    def __post_init__(self) -> None:
-        """Check every field."""
-        for name in ("friction", "torsion", "rolling"):
-            non_negative(f"ground {name}", getattr(self, name))
-        if len(self.solref) != 2:
-            raise InputError(f"ground solref must have 2 values, got {len(self.solref)}")
-        positive("ground solref time constant (s)", self.solref[0])
-        positive("ground solref damping ratio", self.solref[1])
-        if len(self.solimp) != 5:
-            raise InputError(f"ground solimp must have 5 values, got {len(self.solimp)}")
-        for value in self.solimp[:2]:
-            finite_scalar("ground solimp impedance", value, low=0.0, high=1.0)
-        if self.condim not in (1, 3, 4, 6):
-            raise InputError(f"ground condim must be 1, 3, 4 or 6, got {self.condim}")
+    def geom_fields(self) -> dict[str, Any]:
+        """Return the values by their names in a MuJoCo geom."""
+        values: dict[str, Any] = to_json(self)
+        return values | {"friction": [values.pop(name) for name in ("friction", "torsion", "rolling")]}
 
 
 @dataclass(frozen=True)
 class AddedTerrain:
-    """What was drawn.
+    """A terrain in a model.
 
-    Args:
-        terrain: The terrain as drawn; its `height` is what a ray finds.
+    Attributes:
+        terrain: The terrain as drawn; its `height` is that of vertical rays.
         geoms: Names of the geoms.
         height_field: Name of the height field asset, if there is one.
-        group: Geom group of them all.
+        group: Geom group of all geoms.
+        ray_groups: Mask for `mj_ray` that lets rays meet the terrain alone, shape (6,), uint8.
     """
 
     terrain: Terrain
@@ -100,12 +91,6 @@ class AddedTerrain:
     height_field: str | None
     group: int
     ray_groups: Array = field(repr=False, compare=False)
-    """Mask for `mj_ray` that lets rays meet the terrain alone, shape (6,), uint8."""
-
-    @property
-    def rendering(self) -> str:
-        """How it was drawn: "geoms" or "height_field"."""
-        return "geoms" if self.height_field is None else "height_field"
 
     @property
     def nodes(self) -> int:
@@ -118,11 +103,8 @@ def add_to_spec(
     spec: mujoco.MjSpec,
     terrain: Terrain,
     *,
-    rendering: Rendering | None = None,
-    resolution: float | None = None,
     sole_radius: float | None = None,
     contact: GroundContact | None = None,
-    clearance: float | None = None,
     group: int = TERRAIN_GROUP,
     prefix: str = "terrain",
 ) -> AddedTerrain:
@@ -132,37 +114,28 @@ def add_to_spec(
 
     Args:
         spec: The model; changed in place.
-        terrain: What to draw.
-        rendering: "geoms", "height_field" or "auto"; the terrain's own when None.
-        resolution: Greatest cell of a height field, m; the terrain's own when None.
-        sole_radius: Radius of the spheres under the soles, m; the terrain's own when None.
+        terrain: The terrain.
+        sole_radius: Radius of the spheres under the soles, m; that of the terrain when None.
         contact: Contact parameters; the defaults of `GroundContact` when None.
-        clearance: How high the sole is lifted in mid swing, m; a `ClearanceWarning` says if that is too low.
         group: Geom group of all terrain geoms.
-        prefix: Names are this plus a number.
+        prefix: Beginning of all names.
 
     Returns:
-        What was added.
+        The terrain as drawn, and the names of its geoms.
 
     Raises:
-        InputError: Rendering not possible, resolution too coarse (the message names the one needed), or the group
-            or a name is not usable.
+        InputError: The terrain's resolution is too coarse for the soles (the message names the one needed), or the
+            group or a name is not usable.
     """
     if not 0 <= group < mujoco.mjNGROUP:
         raise InputError(f"geom group must lie in 0..{mujoco.mjNGROUP - 1}, got {group}")
     if spec.geom(f"{prefix}_floor") is not None:
         raise InputError(f"the model has a terrain called '{prefix}' already")
-    terrain = replace(
-        terrain,
-        rendering=terrain.rendering if rendering is None else rendering,
-        resolution=terrain.resolution if resolution is None else resolution,
-        sole_radius=terrain.sole_radius if sole_radius is None else sole_radius,
-    )
+    if sole_radius is not None:
+        terrain = replace(terrain, sole_radius=sole_radius)
     ground = terrain.surface
-    if clearance is not None:
-        check_clearance(terrain, clearance)
     # Without density the ground adds nothing to the mass of the model.
-    common = _contact_fields(contact or GroundContact()) | {"group": group, "density": 0.0}
+    common = (contact or GroundContact()).geom_fields() | {"group": group, "density": 0.0}
     names = [f"{prefix}_floor"]
     spec.worldbody.add_geom(
         name=names[0],
@@ -195,19 +168,6 @@ def add_to_spec(
     return AddedTerrain(terrain, tuple(names), asset, group, mask)
 
 
-def _contact_fields(contact: GroundContact) -> dict[str, Any]:
-    """Return the geom fields of a contact."""
-    return {
-        "friction": [contact.friction, contact.torsion, contact.rolling],
-        "solref": list(contact.solref),
-        "solimp": list(contact.solimp),
-        "condim": contact.condim,
-        "priority": contact.priority,
-        "contype": contact.contype,
-        "conaffinity": contact.conaffinity,
-    }
-
-
 def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:
     """Shade a solid by the height of its peak."""
     share = float(np.clip((shape.peak[2] - floor) / amplitude, 0.0, 1.0))
@@ -215,7 +175,7 @@ def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:
 
 
 def _quaternion(rotation: Array) -> Array:
-    """MuJoCo quaternion (wxyz) of a rotation matrix, shape (4,)."""
+    """Return the MuJoCo quaternion (wxyz) of a rotation matrix, shape (4,)."""
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
     return quaternion
@@ -227,21 +187,11 @@ def _geom(spec: mujoco.MjSpec, name: str, shape: Shape, origin: Array) -> dict[s
         case Sphere():
             return {"type": _T.mjGEOM_SPHERE, "size": [shape.radius, 0, 0], "pos": shape.position - origin}
         case Ellipsoid():
-            quaternion = _quaternion(shape.rotation)
-            return {
-                "type": _T.mjGEOM_ELLIPSOID,
-                "size": shape.semi_axes,
-                "pos": shape.position - origin,
-                "quat": quaternion,
-            }
+            place = {"pos": shape.position - origin, "quat": _quaternion(shape.rotation)}
+            return {"type": _T.mjGEOM_ELLIPSOID, "size": shape.semi_axes, **place}
         case Box():
-            quaternion = _quaternion(shape.rotation)
-            return {
-                "type": _T.mjGEOM_BOX,
-                "size": shape.half_size,
-                "pos": shape.position - origin,
-                "quat": quaternion,
-            }
+            place = {"pos": shape.position - origin, "quat": _quaternion(shape.rotation)}
+            return {"type": _T.mjGEOM_BOX, "size": shape.half_size, **place}
         case Capsule() | Cylinder():
             kind = _T.mjGEOM_CAPSULE if isinstance(shape, Capsule) else _T.mjGEOM_CYLINDER
             return {

@@ -1,7 +1,7 @@
 """Solids that grounds are made of, and their upper surface as a height function.
 
-Each solid answers, for vertical lines through (x, y), where the line leaves the solid at the top. The union of
-solids then has the height of the highest one. The formulas are ray–quadric and ray–half-space intersections for
+The height of a solid at (x, y) is where the vertical line through that point leaves it; the height of several solids is
+that of the highest. The formulas are ray–quadric and ray–half-space intersections for
 the ray direction +z.
 """
 # ruff: noqa: D102 - overrides are documented where they are declared
@@ -34,11 +34,11 @@ class Shape(ABC):
 
     @abstractmethod
     def top(self, x: Array, y: Array) -> Array:
-        """Height of the upper surface, m; -inf beside the solid. All arrays have shape (n,)."""
+        """Return the height of the upper surface, m; -inf beside the solid. All arrays have shape (n,)."""
 
     @abstractmethod
     def normal(self, x: Array, y: Array) -> Array:
-        """Outward unit normal of the upper surface, shape (n, 3); points must lie inside the footprint."""
+        """Return the outward unit normal of the upper surface, shape (n, 3); points must lie inside the footprint."""
 
 
 class Quadric(Shape):
@@ -54,8 +54,14 @@ class Quadric(Shape):
     def form(self) -> Array:
         """Symmetric matrix A, shape (3, 3), 1/m²."""
 
+    def top(self, x: Array, y: Array) -> Array:
+        return self.upper_root(x, y)
+
+    def normal(self, x: Array, y: Array) -> Array:
+        return self.gradient(x, y, self.top(x, y))
+
     def upper_root(self, x: Array, y: Array) -> Array:
-        """Height where a vertical line leaves the quadric, m; -inf where it misses."""
+        """Return the height where a vertical line leaves the quadric, m; -inf where it misses."""
         a, dx, dy = self.form, x - self.centre[0], y - self.centre[1]
         half = a[0, 2] * dx + a[1, 2] * dy
         rest = a[0, 0] * dx * dx + 2.0 * a[0, 1] * dx * dy + a[1, 1] * dy * dy - 1.0
@@ -64,7 +70,7 @@ class Quadric(Shape):
         return np.where(discriminant >= 0.0, self.centre[2] + root, _OUTSIDE)
 
     def gradient(self, x: Array, y: Array, z: Array) -> Array:
-        """Unit normals of the quadric at points of it, shape (n, 3)."""
+        """Return the unit normals of the quadric at points of it, shape (n, 3)."""
         g = (np.stack([x, y, z], axis=-1) - self.centre) @ self.form
         return np.asarray(g / np.linalg.norm(g, axis=-1, keepdims=True))
 
@@ -92,12 +98,6 @@ class Sphere(Quadric):
     @property
     def peak(self) -> Array:
         return np.asarray(self.position + np.array([0.0, 0.0, self.radius]))
-
-    def top(self, x: Array, y: Array) -> Array:
-        return self.upper_root(x, y)
-
-    def normal(self, x: Array, y: Array) -> Array:
-        return self.gradient(x, y, self.top(x, y))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,15 +131,9 @@ class Ellipsoid(Quadric):
         column = self._spread[:, 2]
         return np.asarray(self.position + column / np.sqrt(column[2]))
 
-    def top(self, x: Array, y: Array) -> Array:
-        return self.upper_root(x, y)
-
-    def normal(self, x: Array, y: Array) -> Array:
-        return self.gradient(x, y, self.top(x, y))
-
 
 class _Rod(Quadric):
-    """What a capsule and a cylinder share: an axis from `start` to `end` and a radius."""
+    """A capsule or a cylinder: an axis from `start` to `end` and a radius."""
 
     start: Array
     end: Array
@@ -163,11 +157,11 @@ class _Rod(Quadric):
         return np.asarray((np.eye(3) - np.outer(self.axis, self.axis)) / self.radius**2)
 
     def _axial(self, x: Array, y: Array, z: Array) -> Array:
-        """Coordinate along the axis, from the centre, m."""
+        """Return the coordinate along the axis, from the centre, m."""
         return np.asarray((np.stack([x, y, z], axis=-1) - self.centre) @ self.axis)
 
     def _tube(self, x: Array, y: Array) -> Array:
-        """Top of the curved wall, m; -inf beside it or past its ends."""
+        """Return the top of the curved wall, m; -inf beside it or past its ends."""
         z = self.upper_root(x, y)
         inside = np.abs(self._axial(x, y, np.where(np.isfinite(z), z, 0.0))) <= self.half_length
         return np.where(inside, z, _OUTSIDE)
@@ -231,7 +225,7 @@ class Cylinder(_Rod):
         return np.asarray(end + self.radius * up / np.linalg.norm(up))
 
     def _disc(self, end: Array, x: Array, y: Array) -> Array:
-        """Height where vertical lines cross the flat end, m; -inf beside it or when the end is vertical."""
+        """Return the height where vertical lines cross the flat end, m; -inf beside it or when the end is vertical."""
         if abs(self.axis[2]) < 1e-9:
             return np.full(x.shape, _OUTSIDE)
         dx, dy = x - end[0], y - end[1]
@@ -276,7 +270,7 @@ class Polytope(Shape):
         return np.asarray(self.corners[np.argmax(self.corners[:, 2])])
 
     def _exits(self, x: Array, y: Array) -> Array:
-        """Heights of the upper faces' planes along vertical lines, shape (faces, n), m."""
+        """Return the heights of the upper faces' planes along vertical lines, shape (faces, n), m."""
         f = self._upper
         return np.asarray((f[:, 3:] - f[:, :1] * x - f[:, 1:2] * y) / f[:, 2:3])
 
@@ -341,13 +335,13 @@ class Pyramid(Polytope):
 
 
 def yaw_rotation(yaw: float) -> Array:
-    """Rotation about the vertical, shape (3, 3), from an angle in rad."""
+    """Return the rotation about the vertical, shape (3, 3), from an angle in rad."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def tilted_rotation(slope_x: float, slope_y: float, yaw: float = 0.0) -> Array:
-    """Axes of a plate whose face rises by `slope_x` along world x and `slope_y` along world y, shape (3, 3).
+    """Return the axes of a plate whose face rises by `slope_x` along world x and `slope_y` along world y, shape (3, 3).
 
     The first axis lies above the direction of `yaw` (rad), so that the plate's footprint keeps its heading.
     """

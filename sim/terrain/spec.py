@@ -1,43 +1,48 @@
-"""A terrain: a family with its parameters, an amplitude, a seed and a track; everything follows from these."""
+"""Terrain: a family with its parameters, an amplitude, a seed and a track; the ground follows from these."""
 
 from __future__ import annotations
 
 import hashlib
 import math
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, WbcError, choose, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
+from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
-from wbc.sim.terrain.checks import SOLE_SPHERE_RADIUS, needed_resolution, node_limit, usable_resolution
-from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make
-from wbc.sim.terrain.families.draws import Draws, check_seed
+from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make_family
+from wbc.sim.terrain.families.draws import Draws
 from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Shape
 
-if TYPE_CHECKING:
-    from wbc.sim.terrain.render import AddedTerrain
-
 Rendering = Literal["auto", "geoms", "height_field"]
-RENDERINGS: tuple[Rendering, ...] = ("auto", "geoms", "height_field")
 
-MEASURED_TOLERANCE = 1e-9
+SOLE_SPHERE_RADIUS = 0.007
+"""Radius of the soft sole's contact spheres, m (half the height of its 14 mm phalanges)."""
+
+CELLS_PER_FEATURE = 3
+"""Cells needed across the smallest feature: fewer can miss the top of a stone or the bottom of a joint."""
+
+MAX_NODES = 20_000_000
+"""Largest height field, nodes: 80 MB in single precision."""
+
+AMPLITUDE_TOLERANCE = 1e-9
 """Largest difference between the amplitude asked for and the one built, m."""
 
 
-@dataclass(frozen=True)
+@settings
 class Terrain:
     """A ground for one walk, in the world frame: x along the track, z up, the robot starting at x = 0.
 
-    Equal terrains are identical grounds on every machine; a terrain is hashable and small to send.
+    Equal terrains are identical grounds on every machine; a terrain is hashable and small when pickled.
 
     Args:
         parameters: The family and its parameters.
@@ -45,7 +50,7 @@ class Terrain:
         seed: Fixes every random draw; the layout does not depend on the amplitude.
         length: Length of the rough part, m.
         width: Extent of rough part and strips across, centred on y = 0, m.
-        start: x at which the rough part begins, m.
+        start: World x of the start of the rough part, m.
         strip: Length of the flat strip before and after the rough part, m.
         rendering: "geoms" (solids), "height_field", or "auto": solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
@@ -53,36 +58,28 @@ class Terrain:
     """
 
     parameters: Family
-    amplitude: float
-    seed: int = 0
-    length: float = 3.0
-    width: float = 1.0
-    start: float = 0.3
-    strip: float = 1.0
+    amplitude: Annotated[NonNegative, "m"]
+    seed: Seed = 0
+    length: Annotated[Positive, "m"] = 3.0
+    width: Annotated[Positive, "m"] = 1.0
+    start: Annotated[float, "m"] = 0.3
+    strip: Annotated[Positive, "m"] = 1.0
     rendering: Rendering = "auto"
-    resolution: float | None = None
-    sole_radius: float = SOLE_SPHERE_RADIUS
+    resolution: Annotated[Positive, "m"] | None = None
+    sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
 
     def __post_init__(self) -> None:
-        """Check every field."""
-        if not isinstance(self.parameters, Family):
-            raise InputError(f"parameters must be those of a terrain family, got {self.parameters!r}")
-        amplitude = non_negative(f"amplitude of {self.name} (m)", self.amplitude)
-        if amplitude > self.parameters.largest_amplitude + 1e-12:
+        """Check the amplitude and the track against the family, and the rendering."""
+        if self.amplitude > self.parameters.largest_amplitude + 1e-12:
             raise InputError(
                 f"amplitude of {self.name} must be at most {self.parameters.largest_amplitude:g} m "
-                f"with these parameters, got {amplitude:g}"
+                f"with these parameters, got {self.amplitude:g}"
             )
-        object.__setattr__(self, "amplitude", amplitude)
-        object.__setattr__(self, "seed", check_seed(self.seed))
-        for name in ("length", "width", "strip"):
-            object.__setattr__(self, name, positive(f"terrain {name} (m)", getattr(self, name)))
-        object.__setattr__(self, "start", finite_scalar("terrain start (m)", self.start))
         self.parameters.check_track(self.length, self.width)
         self._check_rendering()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Send the fields alone: what was built is built again."""
+        """Pickle the fields alone: the surface is built again."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
@@ -92,7 +89,7 @@ class Terrain:
 
     @property
     def stop(self) -> float:
-        """X at which the rough part ends, m."""
+        """World x of the end of the rough part, m."""
         return self.start + self.length
 
     @property
@@ -111,13 +108,32 @@ class Terrain:
 
     def _check_rendering(self) -> None:
         """Check rendering and resolution before anything is built."""
-        choose("terrain rendering", self.rendering, RENDERINGS)
-        if self.rendering == "geoms" and self.is_height_field:
+        if not self.is_height_field:
+            if self.resolution is not None:
+                raise InputError(f"terrain '{self.name}' is drawn as solids, which have no resolution")
+            return
+        if self.rendering == "geoms":
             raise InputError(f"terrain '{self.name}' is not made of solids; use 'auto' or 'height_field'")
-        if not self.is_height_field and self.resolution is not None:
-            raise InputError(f"terrain '{self.name}' is drawn as solids, which have no resolution")
-        if self.is_height_field:
-            node_limit(self, self.cell)
+        cell = self.cell
+        nodes = self.length / cell * (1.0 if self.parameters.unidirectional else self.width / cell)
+        if nodes > MAX_NODES:
+            raise InputError(
+                f"a height field of {self.length:g} m x {self.width:g} m in cells of {cell:.3g} m has "
+                f"{nodes:.3g} nodes; at most {MAX_NODES:.3g} are drawn: shorten the track or coarsen the family"
+            )
+
+    @property
+    def resolution_needed(self) -> float:
+        """Widest cell that a height field may have, m.
+
+        A wider one would show facets to the spheres of the sole, or miss the smallest feature.
+        """
+        return min(self.sole_radius, self._feature / CELLS_PER_FEATURE)
+
+    @property
+    def _feature(self) -> float:
+        """Smallest feature of the ground, m."""
+        return self.parameters.feature_at(self.amplitude)
 
     @property
     def cell(self) -> float:
@@ -126,8 +142,20 @@ class Terrain:
         Raises:
             InputError: The resolution asked for is too coarse; the message names the one needed.
         """
-        own = self.parameters.grid if isinstance(self.parameters, FieldFamily) else math.inf
-        return usable_resolution(self, self.resolution, self.sole_radius, own)
+        needed = self.resolution_needed
+        if self.resolution is None:
+            if not isinstance(self.parameters, FieldFamily):
+                return needed
+            # A whole number of cells per cell of the family keeps its samples where they are.
+            grid = self.parameters.grid
+            return grid / max(1, math.ceil(grid / needed - 1e-9))
+        if self.resolution > needed * (1.0 + 1e-9):
+            raise InputError(
+                f"resolution {self.resolution:g} m is too coarse for terrain '{self.name}': at most {needed:.3g} m is "
+                f"needed (sole spheres of {self.sole_radius:g} m, smallest feature {self._feature:.3g} m in "
+                f"{CELLS_PER_FEATURE} cells)"
+            )
+        return self.resolution
 
     @cached_property
     def surface(self) -> Ground:
@@ -144,7 +172,7 @@ class Terrain:
         return self.surface.shapes
 
     def _strips(self, start: float, stop: float, floor: float) -> tuple[Box, ...]:
-        """Flat start and stop, wherever the floor is not at their level."""
+        """Return the boxes of the flat start and stop, where the floor is not at their level."""
         x = self.extent
         spans = ((x[0], self.start, start), (self.stop, x[1], stop))
         return tuple(strip(a, b, self.width, level, floor) for a, b, level in spans if level != floor)
@@ -155,7 +183,7 @@ class Terrain:
             return Ground(0.0)
         shapes, floor = tuple(family.shapes(site)), family.floor(site)
         built = max((float(s.peak[2]) for s in shapes), default=floor) - floor
-        if abs(built - self.amplitude) > MEASURED_TOLERANCE:
+        if abs(built - self.amplitude) > AMPLITUDE_TOLERANCE:
             raise WbcError(
                 f"terrain family '{self.name}' built {built:g} m for an amplitude of {self.amplitude:g} m"
             )
@@ -192,26 +220,12 @@ class Terrain:
         field = HeightMap(self.start, self.stop, -half, half, z)
         return Ground(floor, (), self._strips(0.0, stop, floor), field)
 
-    def add_to_spec(self, spec: Any, **options: Any) -> AddedTerrain:
-        """Draw the terrain into a MuJoCo model; see `wbc.sim.terrain.render.add_to_spec`."""
-        from wbc.sim.terrain.render import add_to_spec  # noqa: PLC0415 - the one place that needs MuJoCo
-
-        return add_to_spec(spec, self, **options)
-
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground as it is drawn.
-
-        Args:
-            x: World x, m, any shape.
-            y: World y, m, any shape that broadcasts with x.
-
-        Returns:
-            World z, m, in the broadcast shape.
-        """
+        """Return the height of the ground as it is drawn, m, at world x and y (m), in their broadcast shape."""
         return self.surface.height(x, y)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Outward unit normal of the ground, world frame, in the broadcast shape of x and y plus (3,)."""
+        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,)."""
         return self.surface.normal(x, y)
 
     def profile(
@@ -238,10 +252,10 @@ class Terrain:
         return x, self.height(x, finite_scalar("profile y (m)", y))
 
     def roughness(self, settings: RoughnessSettings | None = None) -> Roughness:
-        """Roughness of the rough part along y = 0.
+        """Return the roughness of the rough part along y = 0.
 
         Args:
-            settings: How it is computed; without any filter when None: the ground itself, not what a foot feels of it.
+            settings: Settings of the computation; when None without any filter: the roughness of the ground itself.
         """
         step = min(PROFILE_STEP, self.length / LEAST_SAMPLES)
         return roughness(
@@ -260,17 +274,16 @@ class Terrain:
         return hashlib.sha256(z.tobytes()).hexdigest()[:16]
 
     def describe(self) -> dict[str, Any]:
-        """Say everything about the terrain in JSON-able values; names carry the units."""
+        """Return all facts about the terrain as JSON values; names carry the units."""
         ground = self.surface
         map_ = ground.field
-        feature = self.parameters.feature_at(self.amplitude)
         return {
             "terrain": self.name,
             "summary": self.parameters.summary(),
             "amplitude_m": self.amplitude,
             "seed": self.seed,
             "parameters": {
-                f.name: jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)
+                f.name: _jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)
             },
             "start_m": self.start,
             "length_m": self.length,
@@ -283,14 +296,14 @@ class Terrain:
             "nodes": None if map_ is None else list(map_.z.shape),
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else map_.nbytes,
-            "smallest_feature_m": jsonable(feature),
-            "resolution_needed_m": needed_resolution(feature, self.sole_radius),
+            "smallest_feature_m": _jsonable(self._feature),
+            "resolution_needed_m": self.resolution_needed,
             **({} if self.amplitude == 0.0 else self.parameters.facts(self._site())),
             "fingerprint": self.fingerprint(),
         }
 
 
-def jsonable(value: Any) -> Any:
+def _jsonable(value: Any) -> Any:
     """Return finite numbers, text and truth values as they are, an infinite number as None, the rest as text."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
@@ -298,7 +311,7 @@ def jsonable(value: Any) -> Any:
 
 
 def terrain(
-    name: str,
+    name: str | Family,
     amplitude: float | None = None,
     seed: int = 0,
     *,
@@ -311,10 +324,10 @@ def terrain(
     sole_radius: float = SOLE_SPHERE_RADIUS,
     **params: Any,
 ) -> Terrain:
-    """Make a terrain from the name of its family.
+    """Return a terrain by the name of its family.
 
     Args:
-        name: One of `terrain_families()`.
+        name: One of `terrain_families()`, or a family's parameters.
         amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
         seed: Fixes every random draw.
         length: Length of the rough part, m; 3 m (or the image's) when None.
@@ -324,16 +337,22 @@ def terrain(
         rendering: "geoms", "height_field" or "auto"; see `Terrain`.
         resolution: Greatest cell of a height field, m.
         sole_radius: Radius of the spheres under the sole, m.
-        **params: Parameters of the family.
+        **params: Parameters of the family that differ.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.
         InputError: A value is out of range.
     """
-    parameters = make(name, params)
-    asked = {"length": length, "width": width, "start": start, "strip": strip}
-    track = parameters.track() | {key: value for key, value in asked.items() if value is not None}
+    parameters = make_family(name, params) if isinstance(name, str) else replace(name, **params)
+    given = {"length": length, "width": width, "start": start, "strip": strip}
+    track = parameters.track() | {key: value for key, value in given.items() if value is not None}
     height = parameters.default_amplitude if amplitude is None else amplitude
     return Terrain(
-        parameters, height, seed, rendering=rendering, resolution=resolution, sole_radius=sole_radius, **track
+        parameters=parameters,
+        amplitude=height,
+        seed=seed,
+        rendering=rendering,
+        resolution=resolution,
+        sole_radius=sole_radius,
+        **track,
     )

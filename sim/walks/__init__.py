@@ -1,25 +1,33 @@
-"""Simulated walks: spec in, result out."""
+"""Simulated walks: spec in, result out.
 
-from wbc.sim.walks.hooks import WalkHook, WalkTick
+What a walk is asked to do is a field of the spec; a new figure goes to `meter` and `result`.
+"""
+
 from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.prepare import PreparedWalk
 from wbc.sim.walks.push import WalkPush
-from wbc.sim.walks.result import Fall, Spread, Touchdowns, WalkResult, WallClock
-from wbc.sim.walks.run import WalkTrial, run_walk
+from wbc.sim.walks.result import Fall, Spread, Touchdowns, WalkResult, WallClock, objective
 from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
 
 __all__ = [
+    # Spec
+    "PreparedWalk",
+    "TrialSettings",
+    "WalkPlan",
+    "WalkPush",
+    "WalkSpec",
+    # Walk
+    "WalkHook",
+    "WalkTick",
+    "WalkTrial",
+    "walk",
+    # Result
     "Fall",
     "Spread",
     "Touchdowns",
-    "TrialSettings",
-    "WalkHook",
-    "WalkPlan",
-    "WalkPush",
     "WalkResult",
-    "WalkSpec",
-    "WalkTick",
-    "WalkTrial",
     "WallClock",
-    "run_walk",
+    "objective",
 ]

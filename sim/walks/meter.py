@@ -1,4 +1,4 @@
-"""Takes a walk's measure, tick by tick."""
+"""Figures of a walk, recorded tick by tick: errors, torques, touch-downs, soles, and the onset of a fall."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections import Counter, deque
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 
 from wbc.core.robot import GRAVITY
@@ -20,23 +19,23 @@ from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.walk import WalkReference
 
 EXCURSION = 0.06
-"""DCM error at which a fall is taken to begin, m: the threshold of a first study of 108 falls."""
+"""DCM error at the onset of a fall, m: the threshold of a first study of 108 falls."""
 
 IMPACT_TIME = 0.1
-"""How long after a touch-down its impact is looked for, s."""
+"""Time after a touch-down in which its greatest force is the impact, s."""
 
 NOTICE_TIME = 0.05
-"""How long before its touch-down is noticed a foot may have touched, s: the load is filtered and waited for."""
+"""Greatest delay between a contact and the detection of its touch-down, s: the load is filtered and thresholded."""
 
 MEMORY_TIME = 5.0
-"""How far back the onset of a fall is looked for, s."""
+"""Time before a fall in which its onset is searched, s."""
 
-LEAST_FORCE = 1.0
-"""Contacts with less than this carry nothing, N."""
+MIN_FORCE = 1.0
+"""Normal force below which a contact does not count, N."""
 
 
 class _Moment(NamedTuple):
-    """What the onset of a fall may need, kept for a while as it was found."""
+    """State of one tick, for the onset of a fall."""
 
     time: float
     step: int
@@ -49,12 +48,12 @@ class _Moment(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Part of the phase that is over."""
+        """Share of the phase that is over."""
         return min(1.0, self.elapsed / self.duration) if self.duration > 0.0 else 0.0
 
     @property
     def dcm(self) -> tuple[float, float]:
-        """How far the DCM is from where it should be, forward and outward seen from the stance foot, m."""
+        """DCM measured minus reference, forward and outward seen from the stance foot, m."""
         yaw = math.atan2(self.rotation[3], self.rotation[0])
         c, s = math.cos(yaw), math.sin(yaw)
         x, y = -self.dcm_error[0], -self.dcm_error[1]
@@ -72,7 +71,7 @@ class WalkMeter:
     """The figures of one walk."""
 
     def __init__(self, plant: Plant, walking: WalkingControl) -> None:
-        """Begin with nothing.
+        """Begin without any tick.
 
         Args:
             plant: The plant.
@@ -94,36 +93,34 @@ class WalkMeter:
         self._impact_until = -math.inf
         self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
         self._landed = 0
-        self._middle = -1  # step whose middle has been looked at
-        self._reference: WalkReference | None = None  # that was taken in last
-        kind = mujoco.mjtObj.mjOBJ_SITE
-        self._sites = [mujoco.mj_name2id(plant.model, kind, foot.wrench_site) for foot in plant.feet]
+        self._middle = -1  # last step whose middle has been recorded
+        self._reference: WalkReference | None = None  # of the last recorded tick
 
     def update(self, measurement: Measurement) -> None:
-        """Take in a tick, before the plant moves on."""
+        """Record a tick, before the plant moves on."""
         reference, output = self._walking.reference, self._walking.output
         if reference is None or output is None or reference is self._reference:
             return  # the controller has had no good measurement, yet or this time
         self._reference = reference
-        (x, y, _), (wanted_x, wanted_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
-        distance = math.hypot(wanted_x - x, wanted_y - y)
+        (x, y, _), (desired_x, desired_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
+        distance = math.hypot(desired_x - x, desired_y - y)
         if math.isfinite(distance):  # there is none in the air
             self._zmp.append(distance)
         x, y, _ = output.errors.com.tolist()
         self._com.append(math.hypot(x, y))
         dcm_error = output.errors.dcm.tolist()
         self._dcm.append(math.hypot(*dcm_error))
-        self._notice_events(reference.events, measurement)
-        self._look_at_stance(dcm_error)
+        self._record_events(reference.events, measurement)
+        self._record_stance(dcm_error)
 
     def after_step(self) -> None:
-        """Take in what the plant did with the command."""
+        """Record the joint torques, after the plant has moved on."""
         torque, ratio = np.abs(self._plant.joint_torque, out=self._torque), self._ratio
         np.maximum(self._peak, torque, out=self._peak)
         np.divide(torque, self._limits, out=ratio)
         self._effort.append(float(ratio[ratio.argmax()]))
 
-    def _notice_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
+    def _record_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
         phases, now = self._walking.walk.phases, measurement.time
         self._forces.append(measurement.sole_wrench[:, 2].tolist())
         for event in events:
@@ -136,15 +133,15 @@ class WalkMeter:
             self._hit(self._forces[-1][self._landed])
 
     def _hit(self, force: float) -> None:
-        """Keep the greatest force of a landing, N."""
+        """Update the greatest force of the landings, N."""
         self._impact = force if self._impact is None else max(force, self._impact)
 
-    def _look_at_stance(self, dcm_error: list[float]) -> None:
-        """Tilt of the stance sole and the DCM seen from it; its contacts once a step."""
+    def _record_stance(self, dcm_error: list[float]) -> None:
+        """Record the tilt of the stance sole and the DCM error; its contact area once a step."""
         phases, plant = self._walking.walk.phases, self._plant
         phase, step, steps = phases.phase, phases.step, phases.plan.steps
         stance = 1 - SIDES.index(steps[min(step, len(steps) - 1)].side) if steps else 0
-        rotation = plant.data.site_xmat[self._sites[stance]].tolist()
+        rotation = plant.data.site_xmat[plant.sole_sites[stance]].tolist()
         moment = _Moment(
             plant.time, step + 1, phase, phases.elapsed, phases.duration, stance, rotation, dcm_error
         )
@@ -159,14 +156,14 @@ class WalkMeter:
             self._area.append(self._contact_area(stance))
 
     def _contact_area(self, stance: int) -> float:
-        """Area of the hull of the contacts of a sole, m²."""
-        truth, data, site = self._plant.truth(), self._plant.data, self._sites[stance]
-        mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > LEAST_FORCE)
+        """Return the area of the hull of the contacts of a sole, m²."""
+        truth, data, site = self._plant.truth(), self._plant.data, self._plant.sole_sites[stance]
+        mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > MIN_FORCE)
         points = (truth.contact_position[mine] - data.site_xpos[site]) @ data.site_xmat[site].reshape(3, 3)
         return hull(points[:, :2])[1]
 
     def fall(self, reason: str) -> Fall:
-        """How a fall that has just been noticed began."""
+        """Return a fall that has just been detected, with its onset."""
         phases = self._walking.walk.phases
         level = np.eye(3).ravel().tolist()
         now = _Moment(self._plant.time, phases.step + 1, phases.phase, 0.0, 0.0, 0, level, [0.0, 0.0])
@@ -196,7 +193,7 @@ class WalkMeter:
         )
 
     def figures(self) -> dict[str, Any]:
-        """The fields of a `WalkResult` that are measured here."""
+        """Return the fields of a `WalkResult` that are measured here."""
         ratios = self._peak / self._limits
         worst = int(np.argmax(ratios))
         count = self._events
@@ -223,11 +220,11 @@ class WalkMeter:
 
 
 TOUCHED = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN)
-"""Events after which a foot carries; a foot that found no ground has no impact."""
+"""Events that end in contact; a foot that found no ground has no impact."""
 
 
 def spread(values: list[float]) -> Spread:
-    """Mean and standard deviation."""
+    """Return mean and standard deviation."""
     if not values:
         return Spread(None, None)
     array = np.array(values)

@@ -1,33 +1,33 @@
-"""What a walk is asked to do: go a distance, keep a velocity, turn, climb the stairs, or take given steps."""
+"""Plan of a walk: a distance, a velocity, a turn, stairs, or given footsteps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import replace
+from typing import Annotated, Literal
 
-from wbc.core.errors import InputError, choose, finite_array, finite_scalar, unknown_name
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading
-from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 
 DISTANCE = 3.0
-"""How far a walk goes that is told nothing else, m: the length of the paper's tracks; 22 steps of 0.145 m."""
+"""Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
 
 STRAIGHT = 0.02
 """Greatest heading against stairs, rad: over three treads the feet come off the middle by millimetres."""
 
 STEPS = 22
-"""Number of steps of a walk with a velocity unless told otherwise; as many as those of a walk of 3 m."""
+"""Default number of steps of a walk with a velocity; as many as those of a walk of 3 m."""
 
 KINDS = ("distance", "velocity", "turn", "stairs", "footsteps")
-"""What one of has to be given."""
+"""Kinds of plans, of which a walk has one."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class WalkPlan:
-    """What to do; one of distance, velocity, turn, stairs and footsteps, and 3 m straight on when none is given.
+    """One of distance, velocity, turn, stairs and footsteps; 3 m straight on when none is given.
 
     Attributes:
         distance: Straight on, m; backwards when negative.
@@ -37,16 +37,16 @@ class WalkPlan:
         stairs: Climb (or descend) the stairs of the terrain: "together" brings both feet onto each stair,
             "alternate" one foot.
         footsteps: Landings in the world.
-        first: Side that steps first; the usual one when None.
+        first: Side that steps first; that of the motion, else the left one, when None.
     """
 
-    distance: float | None = None
-    velocity: tuple[float, float, float] | None = None
-    steps: int | None = None
-    turn: float | None = None
-    stairs: str | None = None
+    distance: Annotated[float, "m"] | None = None
+    velocity: Annotated[tuple[float, float, float], "m/s, m/s, rad/s"] | None = None
+    steps: Count | None = None
+    turn: Annotated[float, "rad"] | None = None
+    stairs: Literal["together", "alternate"] | None = None
     footsteps: tuple[Footstep, ...] | None = None
-    first: str | None = None
+    first: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
         given = [name for name in KINDS if getattr(self, name) is not None]
@@ -56,31 +56,15 @@ class WalkPlan:
             )
         if not given:
             object.__setattr__(self, "distance", DISTANCE)
-        for name in ("distance", "turn"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, finite_scalar(name, getattr(self, name)))
-        if self.velocity is not None:
-            values = finite_array("velocity (m/s, m/s, rad/s)", self.velocity, (3,)).tolist()
-            object.__setattr__(self, "velocity", tuple(values))
-            if self.steps is None:
-                object.__setattr__(self, "steps", STEPS)
-            if isinstance(self.steps, bool) or not isinstance(self.steps, int) or self.steps < 1:
-                raise InputError(f"steps must be an integer of at least 1, got {self.steps!r}")
-        elif self.steps is not None:
-            raise InputError("steps belong to a walk with a velocity; a distance decides their number itself")
-        if self.stairs is not None:
-            choose("way to climb stairs", self.stairs, ("together", "alternate"))
-        if self.first is not None:
-            choose("first side", self.first, SIDES)
-        if self.footsteps is not None:
-            if self.first is not None:
-                raise InputError("footsteps say themselves which side steps first")
-            if not isinstance(self.footsteps, (list, tuple)):
-                raise InputError(f"footsteps must be a list of footsteps, got {self.footsteps!r}")
-            object.__setattr__(self, "footsteps", tuple(_footstep(step) for step in self.footsteps))
+        if self.velocity is None and self.steps is not None:
+            raise InputError("steps belong to a walk with a velocity; a distance fixes their number itself")
+        if self.velocity is not None and self.steps is None:
+            object.__setattr__(self, "steps", STEPS)
+        if self.footsteps is not None and self.first is not None:
+            raise InputError("footsteps have their sides; leave the first side out")
 
     def build(self, start: FootstepPlan, terrain: Terrain) -> FootstepPlan:
-        """The footsteps, from two feet that stand.
+        """Return the footsteps, from two feet that stand.
 
         Args:
             start: Feet and gait.
@@ -122,46 +106,9 @@ class WalkPlan:
             raise InputError("a walk needs at least one footstep")
         return replace(start, steps=self.footsteps)
 
-    def to_json(self) -> dict[str, Any]:
-        """What was given, as plain values."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        if self.footsteps is not None:
-            values["footsteps"] = [asdict(step) for step in self.footsteps]
-        return {name: value for name, value in values.items() if value is not None}
-
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> WalkPlan:
-        """The plan that `to_json` wrote.
-
-        Raises:
-            UnknownNameError: A key that a plan does not have.
-        """
-        known = [f.name for f in fields(WalkPlan)]
-        for name in data:
-            if name not in known:
-                unknown_name("part of a plan", name, known)
-        return WalkPlan(**data)
-
-
-def _footstep(step: Any) -> Footstep:
-    if isinstance(step, Footstep):
-        return step
-    if not isinstance(step, Mapping):
-        raise InputError(f"a footstep must have side, x and y, got {step!r}")
-    known = [f.name for f in fields(Footstep)]
-    for name in step:
-        if name not in known:
-            unknown_name("part of a footstep", name, known)
-    missing = [name for name in ("side", "x", "y") if name not in step]
-    if missing:
-        raise InputError(
-            f"a footstep must have side, x and y; {' and '.join(missing)} missing in {dict(step)}"
-        )
-    return Footstep(**step)
-
 
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:
-    """Rise (m), tread (m), number of stairs and x of the first edge (m) of a ground of the family `steps`.
+    """Return rise (m), tread (m), number of stairs and x of the first edge (m) of a ground of the family `steps`.
 
     Raises:
         InputError: Another ground, or stairs that lead both up and down.

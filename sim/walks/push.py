@@ -1,70 +1,84 @@
-"""A push while walking: when, where to and how hard."""
+"""Pushes on a walk: at a time, or at a phase of a step."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import Annotated
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive, unknown_name
+import numpy as np
+
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, NonNegative, Positive, Share, settings
 from wbc.sim.balance.push_recovery import PUSH_DURATION
+from wbc.sim.plant.plant import Plant
+from wbc.walking.control import WalkingControl
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.phases import Event
+
+LIFT_OFFS = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
+"""Events that begin a step."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class WalkPush:
-    """A constant horizontal force on a body for a while; at a time, or at a phase of a step.
+    """A constant horizontal force on a body; it begins at a time, or at a phase of a step.
 
     Attributes:
         impulse: Force times duration over the robot's mass, Ns/kg.
-        direction: Where to, rad, in the world: 0 along x, π/2 along y.
+        direction: Direction of the force in the world, rad: 0 along x, π/2 along y.
         duration: s.
-        body: Body that is pushed, at its centre of mass.
-        time: When, s; None for a phase of a step.
+        body: Link or frame that is pushed, at the centre of mass of its link.
+        time: Time at which the push begins, s; None for a phase of a step.
         step: Number of the step, from 1; None for a time.
         phase: Share of the step at which the push begins: 0 when its foot lifts off, 1 when the next one would.
     """
 
-    impulse: float
-    direction: float = 0.0
-    duration: float = PUSH_DURATION
+    impulse: Annotated[NonNegative, "Ns/kg"]
+    direction: Annotated[float, "rad"] = 0.0
+    duration: Annotated[Positive, "s"] = PUSH_DURATION
     body: str = "torso"
-    time: float | None = None
-    step: int | None = None
-    phase: float = 0.0
+    time: Annotated[NonNegative, "s"] | None = None
+    step: Count | None = None
+    phase: Share = 0.0
 
     def __post_init__(self) -> None:
-        def store(name: str, value: float) -> None:
-            object.__setattr__(self, name, value)
-
-        if not isinstance(self.body, str):
-            raise InputError(f"body of a push must be the name of a link or frame, got {self.body!r}")
-        store("impulse", non_negative("impulse of a push (Ns/kg)", self.impulse))
-        store("direction", finite_scalar("direction of a push (rad)", self.direction))
-        store("duration", positive("duration of a push (s)", self.duration))
-        store("phase", finite_scalar("phase of a push", self.phase, low=0.0, high=1.0))
         if (self.time is None) is (self.step is None):
-            raise InputError("a push comes either at a time or at a step; give one of them")
-        if self.time is not None:
-            store("time", non_negative("time of a push (s)", self.time))
-        elif isinstance(self.step, bool) or not isinstance(self.step, int) or self.step < 1:
-            raise InputError(f"step of a push must be an integer of at least 1, got {self.step!r}")
+            raise InputError("a push begins either at a time or at a step; give one of them")
 
-    def to_json(self) -> dict[str, Any]:
-        """The push as plain values."""
-        return asdict(self)
 
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> WalkPush:
-        """The push that `to_json` wrote.
+class PushSchedule:
+    """The pushes of a walk that have not begun yet."""
 
-        Raises:
-            UnknownNameError: A key that a push does not have.
-            InputError: No impulse, or a value out of range.
+    def __init__(self, pushes: Sequence[WalkPush], plant: Plant, walking: WalkingControl, gait: Gait) -> None:
+        """Keep all pushes for later.
+
+        Args:
+            pushes: The pushes.
+            plant: Plant that is pushed.
+            walking: Controller, for the lift-offs.
+            gait: Gait of the plan, for the duration of a step.
         """
-        known = [f.name for f in fields(WalkPush)]
-        for name in data:
-            if name not in known:
-                unknown_name("part of a push", name, known)
-        if "impulse" not in data:
-            raise InputError("a push needs an impulse (Ns/kg)")
-        return WalkPush(**data)
+        self._pending, self._plant, self._walking = list(pushes), plant, walking
+        self._cycle = gait.single_support + gait.double_support
+        self._lift_off: dict[int, float] = {}  # step, from 1 → time, s
+
+    def update(self) -> None:
+        """Begin the pushes that are due; to be called in each tick, before the plant moves on."""
+        if not self._pending:
+            return
+        reference, now = self._walking.reference, self._plant.time
+        if reference is not None and any(event in LIFT_OFFS for event in reference.events):
+            self._lift_off.setdefault(reference.step + 1, now)
+        for push in [push for push in self._pending if now >= self._due(push) - 1e-9]:
+            self._pending.remove(push)
+            force = push.impulse * self._plant.robot.mass / push.duration
+            along = np.array([math.cos(push.direction), math.sin(push.direction), 0.0])
+            self._plant.push(push.body, force * along, push.duration)
+
+    def _due(self, push: WalkPush) -> float:
+        """Return the time at which a push begins, s; infinite if its step has not begun."""
+        if push.time is not None:
+            return push.time
+        assert push.step is not None, "a push has a time or a step"
+        return self._lift_off.get(push.step, math.inf) + push.phase * self._cycle

@@ -1,20 +1,17 @@
-"""What became of a walk: a record that the spec decides, and beside it what the clock said."""
+"""Result of a walk: the record, which follows from the spec, and the wall-clock timings beside it."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
+from wbc.core.settings import to_json
 from wbc.sim.walks.spec import WalkSpec
-
-OUTCOMES = ("completed", "fell", "diverged", "unfinished")
-"""How a walk can end. A simulation that diverged says nothing about the robot: it is no fall and no success. An
-unfinished one neither ended nor fell within its time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Mean and standard deviation of a quantity over the ticks of a walk; None where it was never measured."""
+    """Mean and standard deviation of a quantity over the ticks of a walk; None if it was never measured."""
 
     mean: float | None
     std: float | None
@@ -22,14 +19,14 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Touchdowns:
-    """How swing feet met the ground.
+    """Numbers of touch-downs of the swing feet.
 
     Attributes:
-        early: Before their time.
-        on_time: In time.
-        late: Reaching down after their time.
-        missed: Not at all; the foot was then taken to stand where it was.
-        forced_lift_offs: Feet that lifted though they still carried load.
+        early: Before the planned time.
+        on_time: At the planned time.
+        late: After it, while reaching down.
+        missed: No ground found; the foot was then taken to stand where it was.
+        forced_lift_offs: Lift-offs of feet that still carried load.
     """
 
     early: int
@@ -41,15 +38,15 @@ class Touchdowns:
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """How a fall began: at its onset, the last time that the DCM left its reference by 60 mm.
+    """A fall and its onset: the last time that the DCM left its reference by 60 mm.
 
     Attributes:
         reason: Height, tilt, DCM or solver: see `wbc.walking.falls.FallReason`.
-        time: When the robot counted as fallen, s.
-        onset: When it began, s.
-        step: Number of the step that was being taken then, from 1; one more than all when the walk was at its end.
+        time: Time at which the robot counted as fallen, s.
+        onset: Time of the onset, s.
+        step: Number of the step at the onset, from 1; one more than the last at the end of the walk.
         phase: "single support", "double support" or "standing".
-        share: Part of that phase that was over.
+        share: Share of that phase that was over.
         dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference.
         dcm_outward: Excursion over the stance foot to the outside, m.
         direction: The larger of both: forward, backward, outward or inward.
@@ -72,14 +69,14 @@ class Fall:
 
 @dataclass(frozen=True, slots=True)
 class WallClock:
-    """What the clock said; it differs from run to run.
+    """Wall-clock timings; they differ from run to run.
 
     Attributes:
         wall_s: The whole run: building the model, walking, summing up.
         real_time_factor: Simulated time over wall time of the closed loop.
         tick_us: From measurement to command, median and 99th percentile.
-        physics_share: Part of the loop's time in the simulator.
-        decision_us: From a whole scan to the stiffness that is commanded, median and most; None without a decision.
+        physics_share: Share of the loop's time in the simulator.
+        decision_us: From a complete scan to the stiffness command, median and maximum; None without a decision.
     """
 
     wall_s: float
@@ -88,14 +85,10 @@ class WallClock:
     physics_share: float
     decision_us: dict[str, float] | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class WalkResult:
-    """What became of one walk. SI units throughout; all but `clock` follows from the spec, bit for bit.
+    """Result of one walk. SI units throughout; all but `clock` follows from the spec, bit for bit.
 
     Errors are horizontal distances |reference − measured|, both axes together, in every tick until the walk ended,
     fell or diverged; the ZMP is the one that the unfiltered foot sensors give, CoM and DCM are estimated, without
@@ -104,42 +97,43 @@ class WalkResult:
     Attributes:
         robot: Name.
         foot: Name.
-        sole_stiffness: Of the sole hinges at the start, Nm/rad; None of rigid soles.
-        policy: Who set soles of variable stiffness; None of others.
-        terrain: Family.
-        amplitude: Of the ground, m.
-        seed: Of ground and sensors.
-        outcome: completed, fell, diverged or unfinished.
-        steps_planned: Number of steps.
+        sole_stiffness: Stiffness of the sole hinges at the start, Nm/rad; None for rigid soles.
+        policy: Stiffness policy of variable soles; None for others.
+        terrain: Family of the ground.
+        amplitude: Amplitude of the ground, m.
+        seed: Seed of ground and sensors.
+        outcome: completed, fell, diverged or unfinished. A simulation that diverged is no fall and no success; an
+            unfinished walk neither ended nor fell within its time limit.
+        steps_planned: Number of steps of the plan.
         steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
-        J: What the paper maximises, see `objective`.
+        J: Objective of the paper's optimisation, see `objective`.
         fell: True if it fell.
         fall_reason: height, tilt, dcm or solver; None if it did not fall.
-        fall: How the fall began; None if it did not fall.
-        diverged: Why the simulation could not go on; None as a rule.
+        fall: The fall; None if it did not fall.
+        diverged: Reason of a divergence of the simulation; None as a rule.
         seconds: Simulated time, s.
-        distance: How far the feet came along their first heading, m.
-        drift: How far they came to the left, m.
-        yaw_error: Heading of the pelvis minus the one that the walk asked for, rad.
+        distance: Displacement of the feet along their first heading, m.
+        drift: Displacement of the feet to the left, m.
+        yaw_error: Heading of the pelvis minus that of the reference, rad.
         zmp_error: m.
-        com_error: m; of the CoM as the stabilizer takes it, less the bias that it has found.
+        com_error: m; of the stabilizer's CoM, less the bias that it has estimated.
         dcm_error: The same of the DCM, m.
         dcm_error_max: m.
         peak_torque_ratio: Greatest joint torque over its limit, at the ends of the control periods.
-        peak_torque_joint: Which joint.
+        peak_torque_joint: Joint of that torque.
         torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
-        touchdowns: How feet met the ground.
-        impact: Greatest normal force on a foot from 0.05 s before its touch-down was noticed until 0.1 s after, over
+        touchdowns: Numbers of touch-downs.
+        impact: Greatest normal force on a foot from 0.05 s before its touch-down was detected until 0.1 s after, over
             the robot's weight; None without a touch-down. Forces are means over a control period.
         sole_roll: |roll| of the stance sole in single support, mean and standard deviation, rad.
         sole_pitch: |pitch| likewise, rad.
         contact_area: Hull of the contacts of the stance sole in the middle of single supports, m².
-        stiffness: What happened to the stiffness of the sole in each swing, in order: side, stiffness commanded and
-            actual at the landing, decision with its features and how long before the landing it was made, error of
-            the scanned profile (`wbc.tasks.StepStiffness`, `wbc.sim.walks.soles`); None of soles without an actuator.
+        stiffness: Record of each swing, in order: side, stiffness commanded and actual at the landing, decision with
+            its features and its time before the landing, error of the scanned profile (`wbc.tasks.StepStiffness`,
+            `wbc.sim.walks.stiffness_meter`); None for soles without an actuator.
         failures: Ticks without a solution or with an unusable measurement.
-        notes: What was changed to make the plan walkable.
-        clock: What the clock said; None in a record that was read back without it.
+        notes: Changes that made the plan walkable.
+        clock: Wall-clock timings; None in a record that was read back without them.
     """
 
     robot: str
@@ -179,26 +173,24 @@ class WalkResult:
     clock: WallClock | None = None
 
     def record(self) -> dict[str, Any]:
-        """What the spec decides, as plain values."""
-        values = asdict(replace(self, clock=None))
+        """Return all that follows from the spec, as plain values."""
+        values: dict[str, Any] = to_json(self)
         del values["clock"]
-        values["notes"] = list(self.notes)
-        values["stiffness"] = None if self.stiffness is None else list(values["stiffness"])
         return values
 
     def to_json(self) -> dict[str, Any]:
-        """Record and clock, as plain values."""
-        return self.record() | (self.clock.to_json() if self.clock is not None else {})
+        """Return record and timings, as plain values."""
+        return self.record() | (to_json(self.clock) if self.clock is not None else {})
 
 
 def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:
-    """What the paper's optimisation maximises: steps, and the errors of ZMP and CoM to tell equal numbers apart.
+    """Return the objective of the paper's optimisation: remaining steps, and the errors of ZMP and CoM.
 
-    J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com) with the n steps that remained to be done, and mean and
-    standard deviation of the errors in m. 0 is perfect; a missed step costs more than any error.
+    J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com) with n remaining steps, and mean and standard deviation of
+    the errors in m. 0 is perfect; a missed step costs more than any error.
 
     Args:
-        remaining: Steps that were planned and not done.
+        remaining: Planned steps that were not done.
         zmp_error: m.
         com_error: m.
 
@@ -210,7 +202,7 @@ def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:
 
 
 def identity(spec: WalkSpec) -> dict[str, Any]:
-    """The fields of a result that say what walked where."""
+    """Return the fields of a result that identify the walk."""
     stiffness = getattr(spec.foot_design(), "stiffness", None)
     return {
         "robot": spec.robot,

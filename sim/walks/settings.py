@@ -1,12 +1,13 @@
-"""Everything about a simulated walk that has a default: the walk's own settings, the observer's, the physics'."""
+"""Settings of a simulated walk: those of the walking controller, the observer, the physics and the range sensor."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from wbc.core.changes import Changes, changed, normal_changes
 from wbc.core.errors import InputError, choose
 from wbc.core.estimation.observer import ObserverSettings
+from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
@@ -18,25 +19,25 @@ from wbc.walking.stabilizer.gains import StabilizerGains
 from wbc.walking.walk import WalkSettings
 
 PRESETS = ("default", "legacy")
-"""Names of settings: what walks best on all soles, and mc_rtc's plain law."""
+"""Names of presets: the best settings on all soles, and mc_rtc's plain law."""
 
-ELSEWHERE = {
+DERIVED = {
     "mode": "the option 'mode'",
     "physics.timestep": "the option 'timestep'",
     "stiffness.sensor_rate": "'range_sensor.rate'",
 }
-"""Settings that follow from others: name of the setting → what to change instead."""
+"""Settings that follow from others: name of the setting → the one to change instead."""
 
 
-@dataclass(frozen=True)
+@settings
 class TrialSettings(WalkingControlSettings):
-    """Settings of a walk in the simulator: those of `WalkingControlSettings`, and what is around the controller.
+    """Settings of a simulated walk: those of the controller, and those of what surrounds it.
 
     Attributes:
-        observer: Of the base estimator.
-        physics: Of the simulator.
-        stiffness: When soles of variable stiffness are scanned for, decided on and set.
-        range_sensor: Range sensor under each toe of such soles; with the sensor noise "none" it is a perfect one.
+        observer: Settings of the base estimator.
+        physics: Settings of the simulator.
+        stiffness: Timing of the stiffness policy of variable soles: scan, decision, command.
+        range_sensor: Range sensor under each toe of such soles; perfect with the sensor noise "none".
     """
 
     observer: ObserverSettings = field(default_factory=ObserverSettings)
@@ -46,11 +47,11 @@ class TrialSettings(WalkingControlSettings):
 
     @staticmethod
     def preset(name: str) -> TrialSettings:
-        """Settings by name.
+        """Return settings by name.
 
-        "legacy" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift
-        when their time has come whatever they carry, no step adjustment, an upright trunk, no bias estimated. Early and
-        late touch-downs are noticed as in "default": a walk over unknown ground has to know when it stands.
+        "legacy" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift on
+        time whatever their load, no step adjustment, an upright trunk, no bias estimated. Touch-downs are
+        detected as in "default": a walk over unknown ground needs it.
 
         Raises:
             UnknownNameError: No such preset.
@@ -72,20 +73,13 @@ class TrialSettings(WalkingControlSettings):
 
 
 def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> TrialSettings:
-    """A preset with changes.
-
-    Raises:
-        UnknownNameError: No such preset or setting.
-        InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
-    """
-    base = TrialSettings.preset(preset)
-    settings = changed(base, checked_changes(preset, changes))
-    physics = replace(settings.physics, timestep=timestep)
-    return replace(settings, mode=mode, physics=physics)
+    """Return a preset with changes that `checked_changes` returned."""
+    trial = changed(TrialSettings.preset(preset), changes)
+    return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
 
 
 def checked_changes(preset: str, changes: Changes) -> Changes:
-    """Changes in their normal form.
+    """Return changes in their normal form.
 
     Raises:
         UnknownNameError: No such preset or setting.
@@ -93,6 +87,6 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
     """
     normal = normal_changes(TrialSettings.preset(preset), changes)
     for path, _ in normal:
-        if path in ELSEWHERE:
-            raise InputError(f"'{path}' is not a setting to be changed, it follows from {ELSEWHERE[path]}")
+        if path in DERIVED:
+            raise InputError(f"'{path}' is not a setting to be changed, it follows from {DERIVED[path]}")
     return normal

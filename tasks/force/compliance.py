@@ -1,13 +1,13 @@
-"""What wrench-driven motion tasks have in common: a frame that yields to the wrench it feels.
+"""Base of wrench-driven motion tasks: a frame that yields to the measured wrench.
 
-    wrench error  e = low-pass(measured wrench − target wrench)              what is pushed too much
-    compliance    velocity and acceleration out of e, the law of each task
+    wrench error  e = low-pass(measured wrench − target wrench)
+    compliance    velocity and acceleration from e, the law of each task
     offset        the integral of that velocity, kept by the task
     reference     target pose ∘ offset, with compliance velocity and acceleration as feed-forward
 
-Wrenches are what the surroundings do to the robot, [force; moment] in the task's frame at its origin; too much of one
-moves the frame along it, away from what pushes. In position control, where the controlled robot integrates its own
-accelerations and never sees the measured state, the offset is what remembers how far the frame has yielded.
+Wrenches are what the surroundings do to the robot, [force; moment] in the task's frame at its origin; a wrench error
+moves the frame along itself, away from what pushes. In position control, where the controlled robot integrates its own
+accelerations and never sees the measured state, the offset stores how far the frame has yielded.
 
 All laws are differential equations: their constants are times and rates, so that the control period does not matter.
 """
@@ -16,24 +16,40 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
+from wbc.core.errors import (
+    Array,
+    InputError,
+    MeasurementError,
+    check_options,
+    finite_array,
+    non_negative,
+    positive,
+)
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
+from wbc.tasks.options import MotionOptions, OffsetOptions
+
+VELOCITY_BOUND = (0.1, 0.3)
+"""Clamp of the compliance velocity, m/s and rad/s: the bounds of mc_rtc's walking stabilizer on CoP tasks."""
+
+SMOOTHING = 0.02
+"""Time constant of the low-pass on the wrench error, s: mc_rtc's admittance keeps 0.8 of the last value each 5 ms."""
 
 
 class ComplianceTask(FrameTask):
     """Base of the wrench-driven motion tasks; subclass it with a law of your own in `comply`.
 
     Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
-    `PoseTask` whose rows are turned into the frame.
+    `PoseTask` whose rows are turned into the frame. Weight 10, stiffness 100 1/s², time constant 0.02 s and velocity
+    bound 0.1 m/s and 0.3 rad/s by default.
 
     Attributes:
         integrates: True if the compliance velocity moves the reference pose; False if it is a feed-forward only.
@@ -41,26 +57,24 @@ class ComplianceTask(FrameTask):
 
     unit = "m|rad"
     integrates = True
+    _kind = "compliance"
 
-    def __init__(
-        self,
-        frame: str,
-        target: pin.SE3 | None,
-        target_wrench: ArrayLike | None,
-        *,
-        time_constant: float,
-        velocity_bound: ArrayLike,
-        offset_bound: ArrayLike | None,
-        axes: Sequence[str],
-        joints: Sequence[str] | None,
-        name: str,
-        weight: ArrayLike,
-        stiffness: ArrayLike,
-        damping: ArrayLike | None,
-        hard: bool,
-    ) -> None:
-        super().__init__(frame, POSE_AXES, axes, joints, name, weight, stiffness, damping, hard)
-        self._time_constant = non_negative(f"time constant of task '{name}' (s)", time_constant)
+    def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[OffsetOptions]) -> None:
+        """Describe the task.
+
+        Args:
+            frame: Frame of the robot, or the name of a sole.
+            target: Pose in the world at zero offset; the present one when None.
+            **options: See `OffsetOptions`.
+        """
+        check_options(self, OffsetOptions, options)
+        time_constant = options.pop("time_constant", SMOOTHING)
+        velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
+        target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
+        motion: MotionOptions = options
+        motion = {"weight": 10.0, "stiffness": 100.0, **motion}
+        super().__init__(frame, f"{frame} {self._kind}", POSE_AXES, motion)
+        self._time_constant = non_negative(f"time constant of task '{self.name}' (s)", time_constant)
         self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
         self._frozen[np.arange(6) if self._keep is None else self._keep] = False
         self.velocity_bound = velocity_bound
@@ -71,18 +85,18 @@ class ComplianceTask(FrameTask):
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
         if target_wrench is not None:
             self.target_wrench = target_wrench
-        self._wanted_velocity, self._wanted_acceleration = np.zeros(self.dim), np.zeros(self.dim)
+        self._target_velocity, self._target_acceleration = np.zeros(self.dim), np.zeros(self.dim)
         self._sole: int | None = None
         self._period, self._gain_of_period = 0.0, 1.0
         self._motion = np.zeros(6)
         self._full_error = np.zeros(6)
         self.reset()
 
-    # ---- what the user sets and reads ---------------------------------------------------------------------------
+    # ---- targets and bounds ---------------------------------------------------------------------------------------
 
     @property
     def target(self) -> pin.SE3:
-        """Pose in the world when nothing pushes."""
+        """Pose in the world at zero offset."""
         return self.robot.placement(self.frame).copy() if self._target is None else self._target.copy()
 
     @target.setter
@@ -91,7 +105,7 @@ class ComplianceTask(FrameTask):
 
     @property
     def target_wrench(self) -> Array:
-        """Wrench that leaves the frame alone, [force; moment] in the frame, shape (6,), N and Nm."""
+        """Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm."""
         return self._target_wrench
 
     @target_wrench.setter
@@ -100,9 +114,9 @@ class ComplianceTask(FrameTask):
 
     @property
     def measured_wrench(self) -> Array:
-        """Wrench felt last, [force; moment] in the frame, shape (6,), N and Nm.
+        """Last measured wrench, [force; moment] in the frame, shape (6,), N and Nm.
 
-        A frame that is a sole reads it from each measurement. For all others assign it before each tick.
+        A task on a sole reads it from each measurement; for all other frames assign it before each tick.
         """
         return self._measured_wrench
 
@@ -132,20 +146,20 @@ class ComplianceTask(FrameTask):
     @property
     def feedforward_velocity(self) -> Array:
         """Velocity of the target along the chosen axes of the frame, shape (dim,), m/s and rad/s."""
-        return self._wanted_velocity
+        return self._target_velocity
 
     @feedforward_velocity.setter
     def feedforward_velocity(self, value: ArrayLike) -> None:
-        self._wanted_velocity = self._vector("feed-forward velocity", value)
+        self._target_velocity = self._vector("feed-forward velocity", value)
 
     @property
     def feedforward_acceleration(self) -> Array:
         """Acceleration of the target along the chosen axes of the frame, shape (dim,), m/s² and rad/s²."""
-        return self._wanted_acceleration
+        return self._target_acceleration
 
     @feedforward_acceleration.setter
     def feedforward_acceleration(self, value: ArrayLike) -> None:
-        self._wanted_acceleration = self._vector("feed-forward acceleration", value)
+        self._target_acceleration = self._vector("feed-forward acceleration", value)
 
     @property
     def wrench_error(self) -> Array:
@@ -154,21 +168,21 @@ class ComplianceTask(FrameTask):
 
     @property
     def compliance_velocity(self) -> Array:
-        """How fast the frame yields, [linear; angular] along its axes, shape (6,), m/s and rad/s; a copy."""
+        """Velocity with which the frame yields, [linear; angular] along its axes, shape (6,), m/s and rad/s; a copy."""
         return np.array(self._velocity)
 
     @property
     def offset(self) -> pin.SE3:
-        """How far the frame has yielded: the reference pose in the target's frame."""
+        """Reference pose in the frame of the target: how far the frame has yielded."""
         return pin.SE3(self._offset_rotation, self._offset_position)
 
     @property
     def reference(self) -> pin.SE3:
-        """Pose in the world that the frame is brought to: the target, with the offset on top."""
+        """Pose in the world that the frame is brought to: target ∘ offset."""
         return self.target * self.offset
 
     def reset(self) -> None:
-        """Forget the offset, the compliance velocity and what the low-pass holds."""
+        """Set offset, compliance velocity and low-pass to zero."""
         self._wrench_error, self._wrench_rate = np.zeros(6), np.zeros(6)
         self._velocity, self._acceleration = np.zeros(6), np.zeros(6)
         self._offset_position, self._offset_rotation = np.zeros(3), np.eye(3)
@@ -189,19 +203,19 @@ class ComplianceTask(FrameTask):
             The velocity is clamped afterwards, and along axes that the task does not follow it becomes zero.
         """
 
-    def wanted_wrench(self) -> Array:
-        """Target wrench of this tick, shape (6,), N and Nm; override it when it depends on the measured one."""
+    def desired_wrench(self) -> Array:
+        """Return the target wrench of this tick, shape (6,), N and Nm; override it if that varies."""
         return self._target_wrench
 
     def offset_vector(self) -> Array:
-        """Offset as [translation; rotation vector] along the axes of the reference, shape (6,), m and rad."""
+        """Return the offset as [translation; rotation vector] along the reference's axes, shape (6,), m and rad."""
         vector = np.empty(6)
         np.dot(self._offset_position, self._offset_rotation, out=vector[:3])
         vector[3:] = pin.log3(self._offset_rotation)
         return vector
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; a frame that is a sole listens to that sole's wrench.
+        """Resolve names; a task on a sole reads the wrench of that sole.
 
         Raises:
             UnknownNameError: The robot has no such frame, sole or joint.
@@ -215,10 +229,10 @@ class ComplianceTask(FrameTask):
             self._target = pin.SE3(self._placement)
 
     def observe(self, measurement: Measurement, dt: float) -> None:
-        """Take the wrench of the sole, if the frame is one, and yield for one control period.
+        """Read the wrench of the sole, if the frame is one, and yield for one control period.
 
         Raises:
-            MeasurementError: The wrench holds NaN or infinity; nothing has changed then.
+            MeasurementError: The wrench holds NaN or infinity; the task is left unchanged.
         """
         if self._sole is not None:
             wrench = measurement.sole_wrench[self._sole]
@@ -239,7 +253,7 @@ class ComplianceTask(FrameTask):
         if dt != self._period:
             self._start(dt)
         error, rate = self._wrench_error, self._wrench_rate
-        np.subtract(self._measured_wrench, self.wanted_wrench(), out=rate)
+        np.subtract(self._measured_wrench, self.desired_wrench(), out=rate)
         if self._time_constant > 0.0:
             rate -= error
             error += self._gain_of_period * rate
@@ -276,7 +290,6 @@ class ComplianceTask(FrameTask):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
         model, data, frame = self._model, self._data, self._id
-        self._write_jacobian(jacobian, pin.getFrameJacobian(model, data, frame, self._local))
         target = self._target
         assert target is not None
         rotation = self._rotation
@@ -288,26 +301,26 @@ class ComplianceTask(FrameTask):
         full = self._full_error
         np.dot(difference, rotation, out=full[:3])
         full[3:] = pin.log3(turn)
-        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, self._local).vector
+        full_jacobian = pin.getFrameJacobian(model, data, frame, self._local)
+        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, self._local)
+        self._write((jacobian, error, drift), (full_jacobian, full, acceleration.vector))
         keep, motion, rows = self._keep, self._motion, self._rows
-        error[:] = full if keep is None else full[keep]
-        drift[:] = acceleration if keep is None else acceleration[keep]
 
         # From the axes of the reference, in which the frame yields, to those of the frame as it stands now.
         np.dot(turn, self._velocity[:3], out=motion[:3])
         np.dot(turn, self._velocity[3:], out=motion[3:])
-        np.add(self._wanted_velocity, motion if keep is None else motion[keep], out=rows.velocity)
+        np.add(self._target_velocity, motion if keep is None else motion[keep], out=rows.velocity)
         np.dot(turn, self._acceleration[:3], out=motion[:3])
         np.dot(turn, self._acceleration[3:], out=motion[3:])
-        np.add(self._wanted_acceleration, motion if keep is None else motion[keep], out=rows.acceleration)
+        np.add(self._target_acceleration, motion if keep is None else motion[keep], out=rows.acceleration)
 
 
 def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> Array:
-    """Return a gain for each axis of a frame, [linear; angular].
+    """Return a value for each axis of a frame, [linear; angular].
 
     Args:
         task: Name of the task, for the message.
-        what: Name of the gain with its unit, for the message.
+        what: Name of the value with its unit, for the message.
         value: Shape (6,), or a pair (linear, angular).
         above_zero: True if zero is not allowed either.
 

@@ -1,8 +1,8 @@
-"""The centre of pressure of a foot, tracked by turning the foot about its ankle."""
+"""Task on the centre of pressure of a foot, tracked by turning the foot about its ankle."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import Robot
-from wbc.tasks.force.admittance import SMOOTHING, VELOCITY_BOUND, DampingTask
-from wbc.tasks.motion.axes import POSE_AXES
+from wbc.tasks.force.admittance import DampingTask
+from wbc.tasks.options import ComplianceOptions
 
 MIN_FORCE = 1.0
 """Normal force below which a centre of pressure has no meaning, N."""
@@ -32,8 +32,10 @@ class CoPTask(DampingTask):
     A contact that holds the foot in all axes leaves this task nothing to move: give it
     `SoleContact(…, free_axes=("roll", "pitch"), free_force=True)`, so that the foot may turn and bear ankle torque.
 
+    Defaults are those of `DampingTask` but for weight 1000: 100 times that of the centre of mass, as in mc_rtc.
+
     Source: foot damping control of Kajita et al., "Biped walking stabilization based on linear inverted pendulum
-    tracking", IROS 2010, as in mc_rtc's CoPTask; with p measured instead of wanted as an option.
+    tracking", IROS 2010, as in mc_rtc's CoPTask; with p measured instead of given as an option.
     """
 
     _kind = "CoP"
@@ -47,15 +49,7 @@ class CoPTask(DampingTask):
         target_force: ArrayLike = (0.0, 0.0, 0.0),
         admittance: ArrayLike = (0.0, 0.0, 0.0, 0.01, 0.01, 0.0),
         use_measured_pressure: bool = False,
-        time_constant: float = SMOOTHING,
-        velocity_bound: ArrayLike = VELOCITY_BOUND,
-        axes: Sequence[str] = POSE_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 1000.0,
-        stiffness: ArrayLike = 1.0,
-        damping: ArrayLike | None = 300.0,
-        hard: bool = False,
+        **options: Unpack[ComplianceOptions],
     ) -> None:
         """Describe the task.
 
@@ -67,36 +61,13 @@ class CoPTask(DampingTask):
             admittance: Velocity per wrench error in the sole frame, shape (6,) or a pair (linear, angular), m/(N s)
                 and rad/(Nm s). A CoP error along x turns the foot in pitch, one along y in roll. The default,
                 0.01 rad/(Nm s), is what mc_rtc users take for rigid soles; 1e-4 m/(N s) along z is usual for the force.
-            use_measured_pressure: Take p from the measured normal force instead of the wanted one.
-            time_constant: Of the low-pass on the wrench error, s; none when 0.
-            velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair, m/s and rad/s.
-            axes: Axes of the sole frame that matter, out of x, y, z, roll, pitch, yaw.
-            joints: Joints that may be used, "base" for the floating base; all of them when None.
-            name: Name of the task; made from the sole when None.
-            weight: Cost per (m/s²)² and (rad/s²)²; by default 100 times that of the centre of mass, as in mc_rtc.
-            stiffness: 1/s².
-            damping: Bandwidth of the velocity loop, 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a value out of range.
+            use_measured_pressure: Take p from the measured normal force instead of the target one.
+            **options: See `ComplianceOptions`.
         """
         self._cop, self._force = np.zeros(2), np.zeros(3)
         self._use_measured_pressure = bool(use_measured_pressure)
-        super().__init__(
-            sole,
-            target,
-            admittance=admittance,
-            time_constant=time_constant,
-            velocity_bound=velocity_bound,
-            axes=axes,
-            joints=joints,
-            name=name,
-            weight=weight,
-            stiffness=stiffness,
-            damping=damping,
-            hard=hard,
-        )
+        options = {"weight": 1000.0, **options}
+        super().__init__(sole, target, admittance=admittance, **options)
         self.target_cop = target_cop
         self.target_force = target_force
 
@@ -125,7 +96,7 @@ class CoPTask(DampingTask):
         Raises:
             InputError: On assignment.
         """
-        return np.array(self.wanted_wrench())
+        return np.array(self.desired_wrench())
 
     @target_wrench.setter
     def target_wrench(self, value: ArrayLike) -> None:
@@ -142,16 +113,12 @@ class CoPTask(DampingTask):
         return np.array([-wrench[4] / wrench[2], wrench[3] / wrench[2]])
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`.
-
-        Raises:
-            UnknownNameError: The robot has no such sole or joint.
-        """
+        """Resolve names; see `Task.bind`."""
         self.frame = robot.sole(self.frame).frame
         super().bind(robot)
 
-    def wanted_wrench(self) -> Array:
-        """Target wrench of this tick; see `ComplianceTask.wanted_wrench`."""
+    def desired_wrench(self) -> Array:
+        """Return the target wrench of this tick; see `ComplianceTask.desired_wrench`."""
         wrench, cop, force = self._target_wrench, self._cop, self._force
         pressure = max(0.0, float(self._measured_wrench[2] if self._use_measured_pressure else force[2]))
         wrench[:3] = force

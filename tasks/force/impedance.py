@@ -1,8 +1,8 @@
-"""Impedance: a frame that yields to the wrench error like a mass on a spring and a damper."""
+"""Impedance: tasks on a frame that yields to the wrench error like a mass on a spring and a damper."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array
 from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.motion.axes import POSE_AXES
+from wbc.tasks.options import OffsetOptions
 
 SMOOTHING = 0.05
 """Time constant of the low-pass on the wrench error, s: cut-off period of mc_rtc's ImpedanceTask."""
@@ -33,8 +33,8 @@ class FirstOrderImpedanceTask(ComplianceTask):
 
         damper ∘ velocity + spring ∘ offset = wrench gain ∘ (measured − target wrench)
 
-    The offset settles at wrench error · gain / spring, with the time constant damper / spring, and goes back to
-    zero when nothing pushes any more.
+    The offset settles at wrench error · gain / spring, with the time constant damper / spring, and decays to zero with
+    the wrench error. Time constant of the low-pass 0.05 s, velocity bound 1 m/s and 3 rad/s by default.
 
     Source: the law is that of mc_rtc's FirstOrderImpedanceTask (jrl-umi3218/mc_rtc), integrated implicitly, so that
     no choice of damper and control period is unstable by itself.
@@ -50,61 +50,21 @@ class FirstOrderImpedanceTask(ComplianceTask):
         spring: ArrayLike = SPRING,
         damper: ArrayLike = DAMPER,
         wrench_gain: ArrayLike = (1.0, 1.0),
-        target_wrench: ArrayLike | None = None,
-        time_constant: float = SMOOTHING,
-        velocity_bound: ArrayLike = VELOCITY_BOUND,
-        offset_bound: ArrayLike | None = None,
-        axes: Sequence[str] = POSE_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 10.0,
-        stiffness: ArrayLike = 100.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
+        **options: Unpack[OffsetOptions],
     ) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot, or the name of a sole.
-            target: Pose in the world when nothing pushes; the present one when None.
+            target: Pose in the world at zero offset; the present one when None.
             spring: Along the axes of the frame, shape (6,) or a pair (linear, angular), N/m and Nm/rad, ≥ 0.
-            damper: Same, Ns/m and Nms/rad, above zero.
-            wrench_gain: Share of the wrench error that is felt, shape (6,) or a pair, ≥ 0.
-            target_wrench: What the surroundings shall do to the robot, [force; moment] in the frame, shape (6,), N and
-                Nm; zero when None.
-            time_constant: Of the low-pass on the wrench error, s; none when 0.
-            velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair, m/s and rad/s.
-            offset_bound: Greatest offset of the reference, shape (6,) or a pair, m and rad; none when None.
-            axes: Axes of the frame that matter, out of x, y, z, roll, pitch, yaw.
-            joints: Joints that may be used, "base" for the floating base; all of them when None.
-            name: Name of the task; made from the frame when None.
-            weight: Cost per (m/s²)² and (rad/s²)².
-            stiffness: Of the way the frame follows its reference, 1/s².
-            damping: Same, 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a value out of range.
+            damper: Along the same axes, Ns/m and Nms/rad, above zero.
+            wrench_gain: Factor on the wrench error, shape (6,) or a pair, ≥ 0.
+            **options: See `OffsetOptions`.
         """
-        name = name or f"{frame} {self._kind}"
-        self._spring = six(name, "spring (N/m, Nm/rad)", spring)
-        self._damper = six(name, "damper (Ns/m, Nms/rad)", damper, above_zero=True)
-        self._wrench_gain = six(name, "wrench gain", wrench_gain)
-        super().__init__(
-            frame,
-            target,
-            target_wrench,
-            time_constant=time_constant,
-            velocity_bound=velocity_bound,
-            offset_bound=offset_bound,
-            axes=axes,
-            joints=joints,
-            name=name,
-            weight=weight,
-            stiffness=stiffness,
-            damping=damping,
-            hard=hard,
-        )
+        options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
+        super().__init__(frame, target, **options)
+        self.spring, self.damper, self.wrench_gain = spring, damper, wrench_gain
 
     @property
     def spring(self) -> Array:
@@ -126,7 +86,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
 
     @property
     def wrench_gain(self) -> Array:
-        """Share of the wrench error that is felt, shape (6,); assign that or a pair (linear, angular)."""
+        """Factor on the wrench error, shape (6,); assign that or a pair (linear, angular)."""
         return self._wrench_gain
 
     @wrench_gain.setter
@@ -164,64 +124,29 @@ class ImpedanceTask(FirstOrderImpedanceTask):
         spring: ArrayLike = SPRING,
         damper: ArrayLike | None = None,
         wrench_gain: ArrayLike = (1.0, 1.0),
-        target_wrench: ArrayLike | None = None,
-        time_constant: float = SMOOTHING,
-        velocity_bound: ArrayLike = VELOCITY_BOUND,
-        offset_bound: ArrayLike | None = None,
-        axes: Sequence[str] = POSE_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 10.0,
-        stiffness: ArrayLike = 100.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
+        **options: Unpack[OffsetOptions],
     ) -> None:
-        """Describe the task; the arguments are those of `FirstOrderImpedanceTask`, and these.
+        """Describe the task.
 
         Args:
             frame: Frame of the robot, or the name of a sole.
-            target: Pose in the world when nothing pushes; the present one when None.
+            target: Pose in the world at zero offset; the present one when None.
             mass: Along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², above zero.
-            spring: Same, N/m and Nm/rad, ≥ 0.
-            damper: Same, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
-            wrench_gain: Share of the wrench error that is felt.
-            target_wrench: Wrench at which nothing yields.
-            time_constant: Of the low-pass on the wrench error, s.
-            velocity_bound: Clamp of the compliance velocity.
-            offset_bound: Greatest offset of the reference.
-            axes: Axes of the frame that matter.
-            joints: Joints that may be used.
-            name: Name of the task.
-            weight: Cost per (m/s²)² and (rad/s²)².
-            stiffness: Of the way the frame follows its reference, 1/s².
-            damping: Same, 1/s; critical when None.
-            hard: Make it a constraint.
+            spring: Along the same axes, N/m and Nm/rad, ≥ 0.
+            damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
+            wrench_gain: Factor on the wrench error.
+            **options: See `OffsetOptions`.
 
         Raises:
-            InputError: An unknown axis, or a value out of range; a spring of zero without a damper.
+            UnknownNameError: An unknown option or axis.
+            InputError: A value out of range; a spring of zero without a damper.
         """
-        label = name or f"{frame} {self._kind}"
-        self._mass = six(label, "mass (kg, kg m²)", mass, above_zero=True)
         if damper is None:
-            damper = 2.0 * np.sqrt(self._mass * six(label, "spring (N/m, Nm/rad)", spring))
-        super().__init__(
-            frame,
-            target,
-            spring=spring,
-            damper=damper,
-            wrench_gain=wrench_gain,
-            target_wrench=target_wrench,
-            time_constant=time_constant,
-            velocity_bound=velocity_bound,
-            offset_bound=offset_bound,
-            axes=axes,
-            joints=joints,
-            name=name,
-            weight=weight,
-            stiffness=stiffness,
-            damping=damping,
-            hard=hard,
-        )
+            name = options.get("name") or f"{frame} {self._kind}"
+            stiffness = six(name, "spring (N/m, Nm/rad)", spring)
+            damper = 2.0 * np.sqrt(six(name, "mass (kg, kg m²)", mass, above_zero=True) * stiffness)
+        super().__init__(frame, target, spring=spring, damper=damper, wrench_gain=wrench_gain, **options)
+        self.mass = mass
 
     @property
     def mass(self) -> Array:

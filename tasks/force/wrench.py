@@ -1,25 +1,27 @@
-"""Contact wrenches near given ones, for control at the level of dynamics."""
+"""Task on the wrench of a contact, for control at the level of dynamics."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, unknown_name
+from wbc.core.errors import Array, InputError, check_options, finite_array, unknown_name
 from wbc.core.qp.contact import AXES, Contact
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
 from wbc.tasks.motion.axes import axis_mask
+from wbc.tasks.options import TaskOptions
 
 
 class WrenchTask(VariableTask):
     """Bring the wrench of one contact to a target.
 
-    Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and
-    (Nm)². The wrench is what the ground does to the robot. It is instantaneous: there is no stiffness, and no damping.
-    A contact that is off has no wrench, and the task then asks for nothing that can be had.
+    Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and (Nm)²,
+    10⁻³ by default. The wrench is what the ground does to the robot. It is instantaneous: there is no stiffness, and no
+    damping. A contact that is off has zero wrench, whatever the target.
     """
 
     unit = "N|Nm"
@@ -30,9 +32,7 @@ class WrenchTask(VariableTask):
         target: ArrayLike | None = None,
         *,
         axes: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 1e-3,
-        hard: bool = False,
+        **options: Unpack[TaskOptions],
     ) -> None:
         """Describe the task.
 
@@ -40,21 +40,18 @@ class WrenchTask(VariableTask):
             contact: The contact, or its name, which then must be a sole's.
             target: All force variables of the contact, [force; moment] in the sole frame at the sole centre, shape
                 (6,), or the force of a point contact, shape (3,), N and Nm; zero when None.
-            axes: Axes of the contact frame that matter: x, y, z of the force, roll, pitch, yaw of the moment; all
-                that the contact has when None.
-            name: Name of the task; made from the contact when None.
-            weight: Cost per N² and (Nm)², scalar or one for each chosen axis.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a target that is not finite.
+            axes: Axes of the contact frame to control: x, y, z of the force, roll, pitch, yaw of the moment; all that
+                the contact has when None.
+            **options: See `TaskOptions`.
         """
+        check_options(self, TaskOptions, options)
         self._contact = contact
         size = contact.dim if isinstance(contact, Contact) else len(AXES)
-        name = name or f"{self.contact} wrench"
+        rest: dict[str, Any] = {"weight": 1e-3, **options}
+        name = rest.pop("name", None) or f"{self.contact} wrench"
         mask = axis_mask(name, AXES[:size] if axes is None else axes, AXES[:size])
         self._axes = np.flatnonzero(mask)
-        super().__init__(name, self._axes.size, weight=weight, hard=hard)
+        super().__init__(name, self._axes.size, **rest)
         self._size = size
         self.target = np.zeros(size) if target is None else target
 

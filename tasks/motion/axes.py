@@ -3,19 +3,65 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import Array, InputError, check_options, unknown_name
+from wbc.core.qp.task import MotionTask
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.tasks.options import MotionOptions
 
 POSITION_AXES = ("x", "y", "z")
 ROTATION_AXES = ("roll", "pitch", "yaw")
 POSE_AXES = (*POSITION_AXES, *ROTATION_AXES)
 
 BASE = "base"
-"""Stands for the six coordinates of the floating base where joints are selected."""
+"""Name of the six coordinates of the floating base in a choice of joints."""
+
+
+class AxesTask(MotionTask):
+    """Base of motion tasks with a choice of axes and joints."""
+
+    def __init__(self, name: str, choices: Sequence[str], options: MotionOptions) -> None:
+        """Describe the task.
+
+        Args:
+            name: Name of the task where the options give none.
+            choices: Axes to choose from, in the order of the rows.
+            options: Options, with the defaults of the task filled in.
+
+        Raises:
+            UnknownNameError: An unknown option or axis.
+            InputError: An axis twice, or a gain out of range.
+        """
+        check_options(self, MotionOptions, options)
+        gains: dict[str, Any] = {**options}
+        name = gains.pop("name", None) or name
+        mask = axis_mask(name, gains.pop("axes", choices), choices)
+        self._keep = None if mask.all() else np.flatnonzero(mask)
+        self._only_joints: Sequence[str] | None = gains.pop("joints", None)
+        super().__init__(name, int(mask.sum()), **gains)
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the joints.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+        """
+        super().bind(robot)
+        self._unused = other_columns(robot, self._only_joints)
+
+    def _write(self, rows: tuple[Array, Array, Array], values: tuple[Array, Array, Array]) -> None:
+        """Write Jacobian, error and drift of all axes into the rows of the chosen ones."""
+        (jacobian, error, drift), (full_jacobian, full_error, full_drift), keep = rows, values, self._keep
+        if keep is None:
+            jacobian[:], error[:], drift[:] = full_jacobian, full_error, full_drift
+        else:
+            jacobian[:], error[:], drift[:] = full_jacobian[keep], full_error[keep], full_drift[keep]
+        if self._unused is not None:
+            jacobian[:, self._unused] = 0.0
 
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:

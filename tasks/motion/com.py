@@ -1,59 +1,35 @@
-"""The centre of mass."""
+"""Task on the centre of mass."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, finite_array
-from wbc.core.qp.task import MotionTask
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import POSITION_AXES, axis_mask, other_columns
+from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
+from wbc.tasks.options import MotionOptions
 
 
-class CoMTask(MotionTask):
+class CoMTask(AxesTask):
     """Bring the centre of mass to a point of the world.
 
-    Error and residual are along the chosen world axes, in m and m/s²; the weight is a cost per (m/s²)².
+    Error and residual are along the chosen world axes, in m and m/s²; the weight is a cost per (m/s²)². Weight 100 and
+    stiffness 30 1/s² by default.
     """
 
     unit = "m"
 
-    def __init__(
-        self,
-        target: ArrayLike | None = None,
-        *,
-        axes: Sequence[str] = POSITION_AXES,
-        joints: Sequence[str] | None = None,
-        name: str = "com",
-        weight: ArrayLike = 100.0,
-        stiffness: ArrayLike = 30.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
-    ) -> None:
+    def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
         Args:
             target: Point in the world, shape (3,), m; the present one when None.
-            axes: World axes that matter, out of x, y, z.
-            joints: Joints that may be used, "base" for the floating base; all of them when None.
-            name: Name of the task.
-            weight: Cost per (m/s²)².
-            stiffness: 1/s².
-            damping: 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a target that is not a finite point.
+            **options: See `MotionOptions`.
         """
-        mask = axis_mask(name, axes, POSITION_AXES)
-        self._keep = None if mask.all() else np.flatnonzero(mask)
-        self._only_joints = joints
-        super().__init__(
-            name, int(mask.sum()), weight=weight, stiffness=stiffness, damping=damping, hard=hard
-        )
+        super().__init__("com", POSITION_AXES, {"weight": 100.0, "stiffness": 30.0, **options})
         self._target: Array | None = None
         if target is not None:
             self.target = target
@@ -86,7 +62,6 @@ class CoMTask(MotionTask):
             UnknownNameError: The robot has no such joint.
         """
         super().bind(robot)
-        self._unused = other_columns(robot, self._only_joints)
         self._base_rotation = robot.data.oMi[1].rotation
         self._gravity = np.array(robot.model.gravity.linear)
         if self._target is None:
@@ -104,9 +79,4 @@ class CoMTask(MotionTask):
         acceleration = self._base_rotation.dot(robot.bias[:3])
         acceleration /= robot.mass
         acceleration += self._gravity
-        keep = self._keep
-        jacobian[:] = robot.com_jacobian if keep is None else robot.com_jacobian[keep]
-        error[:] = difference if keep is None else difference[keep]
-        drift[:] = acceleration if keep is None else acceleration[keep]
-        if self._unused is not None:
-            jacobian[:, self._unused] = 0.0
+        self._write((jacobian, error, drift), (robot.com_jacobian, difference, acceleration))

@@ -1,24 +1,25 @@
-"""Pose, position and orientation of a frame."""
+"""Tasks on the position, orientation and pose of a frame."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.qp.task import MotionTask
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES, axis_mask, other_columns
+from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES, AxesTask
+from wbc.tasks.options import MotionOptions
 
 
 def rotation_matrix(what: str, value: ArrayLike) -> Array:
-    """Validate a rotation matrix.
+    """Return a rotation matrix after a check, as a copy.
 
     Args:
-        what: How the message calls it.
+        what: Name of the matrix in the message.
         value: Matrix of shape (3, 3).
 
     Raises:
@@ -41,14 +42,14 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
 
 
 def pose(what: str, value: pin.SE3) -> pin.SE3:
-    """Validate a pose and copy it.
+    """Return a pose after a check, as a copy.
 
     Args:
-        what: How the message calls it.
+        what: Name of the pose in the message.
         value: The pose.
 
     Raises:
-        InputError: Not a `pinocchio.SE3`, or one that is not finite or whose rotation is none.
+        InputError: Not a `pinocchio.SE3`, or one that is not finite or whose rotation is not one.
     """
     if not isinstance(value, pin.SE3):
         raise InputError(f"{what} must be a pinocchio.SE3, got {value!r}")
@@ -58,28 +59,24 @@ def pose(what: str, value: pin.SE3) -> pin.SE3:
     )
 
 
-class FrameTask(MotionTask):
-    """What tasks on a frame have in common: the frame, the axes, and the joints that may be used; subclass it."""
+class FrameTask(AxesTask):
+    """Base of tasks on a frame.
 
-    def __init__(
-        self,
-        frame: str,
-        choices: Sequence[str],
-        axes: Sequence[str],
-        joints: Sequence[str] | None,
-        name: str,
-        weight: ArrayLike,
-        stiffness: ArrayLike,
-        damping: ArrayLike | None,
-        hard: bool,
-    ) -> None:
+    Attributes:
+        frame: Frame of the robot.
+    """
+
+    def __init__(self, frame: str, name: str, choices: Sequence[str], options: MotionOptions) -> None:
+        """Describe the task.
+
+        Args:
+            frame: Frame of the robot.
+            name: Name of the task where the options give none.
+            choices: Axes to choose from, in the order of the rows.
+            options: Options of the task; stiffness 30 1/s² by default.
+        """
         self.frame = frame
-        mask = axis_mask(name, axes, choices)
-        self._keep = None if mask.all() else np.flatnonzero(mask)
-        self._only_joints = joints
-        super().__init__(
-            name, int(mask.sum()), weight=weight, stiffness=stiffness, damping=damping, hard=hard
-        )
+        super().__init__(name, choices, {"stiffness": 30.0, **options})
 
     def bind(self, robot: Robot) -> None:
         """Resolve frame and joints.
@@ -92,53 +89,26 @@ class FrameTask(MotionTask):
         self._placement = robot.data.oMf[self._id]
         self._rotation, self._translation = self._placement.rotation, self._placement.translation
         self._model, self._data, self._world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
-        self._unused = other_columns(robot, self._only_joints)
-
-    def _write_jacobian(self, jacobian: Array, full: Array) -> None:
-        jacobian[:] = full if self._keep is None else full[self._keep]
-        if self._unused is not None:
-            jacobian[:, self._unused] = 0.0
 
 
 class PositionTask(FrameTask):
     """Bring the origin of a frame to a point of the world.
 
-    Error and residual are along the chosen world axes, m and m/s²; the weight is a cost per (m/s²)².
+    Error and residual are along the chosen world axes, m and m/s²; the weight is a cost per (m/s²)². Weight 1 and
+    stiffness 30 1/s² by default.
     """
 
     unit = "m"
 
-    def __init__(
-        self,
-        frame: str,
-        target: ArrayLike | None = None,
-        *,
-        axes: Sequence[str] = POSITION_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 1.0,
-        stiffness: ArrayLike = 30.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
-    ) -> None:
+    def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot.
             target: Point in the world, shape (3,), m; the present one when None.
-            axes: World axes that matter, out of x, y, z.
-            joints: Joints that may be used, "base" for the floating base; all of them when None.
-            name: Name of the task; made from the frame when None.
-            weight: Cost per (m/s²)².
-            stiffness: 1/s².
-            damping: 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a target that is not a finite point.
+            **options: See `MotionOptions`.
         """
-        name = name or f"{frame} position"
-        super().__init__(frame, POSITION_AXES, axes, joints, name, weight, stiffness, damping, hard)
+        super().__init__(frame, f"{frame} position", POSITION_AXES, options)
         self._target: Array | None = None
         if target is not None:
             self.target = target
@@ -162,58 +132,31 @@ class PositionTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
-        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
-        self._write_jacobian(jacobian, full[:3])
         assert self._target is not None
+        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
+        acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
         difference = self._target - self._translation
-        acceleration = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._id, self._world
-        ).linear
-        keep = self._keep
-        error[:] = difference if keep is None else difference[keep]
-        drift[:] = acceleration if keep is None else acceleration[keep]
+        self._write((jacobian, error, drift), (full[:3], difference, acceleration.linear))
 
 
 class OrientationTask(FrameTask):
     """Turn a frame, such as the pelvis or the torso, to an orientation in the world.
 
-    The error is the rotation vector from the present to the wanted orientation, along the chosen world axes, rad;
-    the weight is a cost per (rad/s²)².
+    The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad; the
+    weight is a cost per (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
     """
 
     unit = "rad"
 
-    def __init__(
-        self,
-        frame: str,
-        target: ArrayLike | None = None,
-        *,
-        axes: Sequence[str] = ROTATION_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 1.0,
-        stiffness: ArrayLike = 30.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
-    ) -> None:
+    def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot.
             target: Rotation from the frame to the world, shape (3, 3); the present one when None.
-            axes: World axes that matter, out of roll (about x), pitch (about y), yaw (about z).
-            joints: Joints that may be used, "base" for the floating base; all of them when None.
-            name: Name of the task; made from the frame when None.
-            weight: Cost per (rad/s²)².
-            stiffness: 1/s².
-            damping: 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a target that is not a rotation matrix.
+            **options: See `MotionOptions`.
         """
-        name = name or f"{frame} orientation"
-        super().__init__(frame, ROTATION_AXES, axes, joints, name, weight, stiffness, damping, hard)
+        super().__init__(frame, f"{frame} orientation", ROTATION_AXES, options)
         self._target: Array | None = None
         if target is not None:
             self.target = target
@@ -249,61 +192,34 @@ class OrientationTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
-        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
-        self._write_jacobian(jacobian, full[3:])
         assert self._target is not None
+        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
+        acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
         rotation = pin.log3(np.dot(self._target, self._rotation.T))
-        acceleration = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._id, self._world
-        ).angular
-        keep = self._keep
-        error[:] = rotation if keep is None else rotation[keep]
-        drift[:] = acceleration if keep is None else acceleration[keep]
+        self._write((jacobian, error, drift), (full[3:], rotation, acceleration.angular))
 
 
 class PoseTask(FrameTask):
     """Bring a frame to a pose in the world.
 
     Rows are along the chosen world axes: position, m, then rotation, rad; the weight is a cost per (m/s²)² and
-    (rad/s²)².
+    (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
     """
 
     unit = "m|rad"
 
-    def __init__(
-        self,
-        frame: str,
-        target: pin.SE3 | None = None,
-        *,
-        axes: Sequence[str] = POSE_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 1.0,
-        stiffness: ArrayLike = 30.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
-    ) -> None:
+    def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot.
             target: Pose in the world; the present one when None.
-            axes: World axes that matter, out of x, y, z, roll, pitch, yaw.
-            joints: Joints that may be used, "base" for the floating base; all of them when None.
-            name: Name of the task; made from the frame when None.
-            weight: Cost per (m/s²)² and (rad/s²)².
-            stiffness: 1/s².
-            damping: 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: An unknown axis, or a target that is not a pose.
+            **options: See `MotionOptions`.
         """
-        name = name or f"{frame} pose"
-        super().__init__(frame, POSE_AXES, axes, joints, name, weight, stiffness, damping, hard)
+        super().__init__(frame, f"{frame} pose", POSE_AXES, options)
         self._position: Array | None = None
         self._orientation: Array | None = None
-        self._error = np.zeros(6)
+        self._difference = np.zeros(6)
         if target is not None:
             self.target = target
 
@@ -339,14 +255,10 @@ class PoseTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
-        self._write_jacobian(jacobian, pin.getFrameJacobian(self._model, self._data, self._id, self._world))
         assert self._orientation is not None and self._position is not None
-        full = self._error
-        np.subtract(self._position, self._translation, out=full[:3])
-        full[3:] = pin.log3(np.dot(self._orientation, self._rotation.T))
-        acceleration = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._id, self._world
-        ).vector
-        keep = self._keep
-        error[:] = full if keep is None else full[keep]
-        drift[:] = acceleration if keep is None else acceleration[keep]
+        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
+        acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
+        difference = self._difference
+        np.subtract(self._position, self._translation, out=difference[:3])
+        difference[3:] = pin.log3(np.dot(self._orientation, self._rotation.T))
+        self._write((jacobian, error, drift), (full, difference, acceleration.vector))

@@ -1,17 +1,17 @@
-"""A frame seen from another frame of the robot."""
+"""Task on the pose of a frame relative to another frame of the robot."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
+from wbc.tasks.options import MotionOptions
 
 
 class RelativeFrameTask(FrameTask):
@@ -19,49 +19,28 @@ class RelativeFrameTask(FrameTask):
 
     Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad; the weight is
     a cost per (m/s²)² and (rad/s²)². With axes x, y, z it is a task on the position alone, with roll, pitch, yaw on
-    the orientation. Moving both frames together costs nothing.
+    the orientation. Moving both frames together costs nothing. Weight 1 and stiffness 30 1/s² by default.
     """
 
     unit = "m|rad"
 
     def __init__(
-        self,
-        frame: str,
-        reference: str,
-        target: pin.SE3 | None = None,
-        *,
-        axes: Sequence[str] = POSE_AXES,
-        joints: Sequence[str] | None = None,
-        name: str | None = None,
-        weight: ArrayLike = 1.0,
-        stiffness: ArrayLike = 30.0,
-        damping: ArrayLike | None = None,
-        hard: bool = False,
+        self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
     ) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot.
-            reference: Frame of the robot from which it is seen.
+            reference: Frame of the robot that the pose is relative to.
             target: Pose of `frame` in `reference`; the present one when None.
-            axes: Axes of the reference frame that matter, out of x, y, z, roll, pitch, yaw.
-            joints: Joints that may be used; all of them when None.
-            name: Name of the task; made from the frames when None.
-            weight: Cost per (m/s²)² and (rad/s²)².
-            stiffness: 1/s².
-            damping: 1/s; critical when None.
-            hard: Make it a constraint.
-
-        Raises:
-            InputError: Twice the same frame, an unknown axis, or a target that is not a pose.
+            **options: See `MotionOptions`.
         """
         if frame == reference:
             raise InputError(f"a relative task needs two frames, got '{frame}' twice")
         self.reference = reference
-        name = name or f"{frame} in {reference}"
-        super().__init__(frame, POSE_AXES, axes, joints, name, weight, stiffness, damping, hard)
+        super().__init__(frame, f"{frame} in {reference}", POSE_AXES, options)
         self._target: pin.SE3 | None = None
-        self._error, self._drift = np.zeros(6), np.zeros(6)
+        self._difference, self._drift = np.zeros(6), np.zeros(6)
         if target is not None:
             self.target = target
 
@@ -77,11 +56,7 @@ class RelativeFrameTask(FrameTask):
         self._target = pose(f"target of task '{self.name}'", value)
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`.
-
-        Raises:
-            UnknownNameError: The robot has no such frame or joint.
-        """
+        """Resolve names; see `Task.bind`."""
         super().bind(robot)
         self._reference_id = robot.frame_id(self.reference)
         self._reference_placement = robot.data.oMf[self._reference_id]
@@ -103,16 +78,13 @@ class RelativeFrameTask(FrameTask):
         back = rotation.T
         offset = self._translation - self._reference_placement.translation
 
-        mine, theirs = (
-            pin.getFrameJacobian(model, data, own, world),
-            pin.getFrameJacobian(model, data, other, world),
-        )
+        mine = pin.getFrameJacobian(model, data, own, world)
+        theirs = pin.getFrameJacobian(model, data, other, world)
         mine -= theirs
         mine[:3] += np.dot(pin.skew(offset), theirs[3:])
         full = self._full
         np.dot(back, mine[:3], out=full[:3])
         np.dot(back, mine[3:], out=full[3:])
-        self._write_jacobian(jacobian, full)
 
         velocity = pin.getFrameVelocity(model, data, other, world)
         moving = pin.getFrameVelocity(model, data, own, world)
@@ -129,8 +101,6 @@ class RelativeFrameTask(FrameTask):
 
         target = self._target
         assert target is not None
-        np.subtract(target.translation, np.dot(back, offset), out=self._error[:3])
-        self._error[3:] = pin.log3(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))
-        keep = self._keep
-        error[:] = self._error if keep is None else self._error[keep]
-        drift[:] = self._drift if keep is None else self._drift[keep]
+        np.subtract(target.translation, np.dot(back, offset), out=self._difference[:3])
+        self._difference[3:] = pin.log3(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))
+        self._write((jacobian, error, drift), (full, self._difference, self._drift))

@@ -1,1 +1,4 @@
-"""Scheduling of sole stiffness: the stiffness-scheduling task and its policies. A new policy goes to `policies`."""
+"""Stiffness scheduling: sets the stiffness of soles before they land.
+
+A new stiffness policy is a class in `policies`, with a line in its register.
+"""

@@ -1,4 +1,4 @@
-"""Who decides the stiffness of a sole: a policy looks at what the swing foot has seen and says a number."""
+"""Stiffness policies: decide the stiffness of a sole from the ground that the swing foot has scanned."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, choose, finite_scalar, non_negative
+from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.registry import Registry, call_checked
+from wbc.core.settings import NonNegative, settings
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.feet.stiffness.model import StiffnessModel, default_model
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, profile_roughness, roughness
@@ -19,7 +21,7 @@ from wbc.feet.stiffness.roughness import LEAST_SAMPLES, profile_roughness, rough
 
 @dataclass(frozen=True, eq=False)
 class SwingScan:
-    """What is known when a stiffness has to be decided.
+    """Input of a stiffness policy: one swing at the time of the decision.
 
     Attributes:
         side: The foot that swings, "left" or "right".
@@ -27,8 +29,8 @@ class SwingScan:
         time: Now, s.
         time_left: Until the foot lands as planned, s.
         position: Estimated centre of the swinging sole in the world, shape (3,), m.
-        landing: Where that is planned to be at the landing, shape (3,), m; `position` if nobody said.
-        actual: Stiffness that the sole has now, Nm/rad.
+        landing: Planned centre of the sole at the landing in the world, shape (3,), m; `position` if there is no plan.
+        actual: Present stiffness of the sole, Nm/rad.
         profile: Ground that the toe has passed over; None if too little was seen for one.
     """
 
@@ -47,11 +49,11 @@ class StiffnessDecision:
     """A policy's answer.
 
     Attributes:
-        stiffness: Wanted, Nm/rad.
-        cluster: Cluster that it stands for, from 1; None without clusters.
-        familiar: False if the ground is unlike anything that the policy knows: the task then falls back.
-        distance: To the nearest known ground, in deviations of the features; None without such a thing.
-        features: What the decision rests on, name → value.
+        stiffness: Stiffness to set, Nm/rad.
+        cluster: Cluster of the ground, from 1; None without clusters.
+        familiar: False if the ground is unlike all grounds that the policy knows: the scheduler then falls back.
+        distance: Distance to the nearest known ground, in deviations of the features; None if unknown.
+        features: Features that the decision is based on, name → value.
     """
 
     stiffness: float
@@ -65,43 +67,45 @@ class StiffnessDecision:
 
 
 class StiffnessPolicy(ABC):
-    """A way to decide the stiffness; derive from it, or give a plain function of a `SwingScan` to the task.
+    """Base of stiffness policies; derive from it, or give a plain function of a `SwingScan` to the scheduler.
 
         class SofterWhereItIsRough(StiffnessPolicy):
             def decide(self, swing):
                 return 40.0 if np.ptp(swing.profile.z) < 0.01 else 5.0
 
     Attributes:
-        needs_scan: True if `decide` must only be asked with a profile that is long enough; otherwise the task falls
-            back.
+        needs_scan: True if `decide` needs a profile that is long enough; without one the scheduler falls back.
     """
 
     needs_scan: ClassVar[bool] = True
 
     def prepare(self, scan: ScanSettings) -> None:  # noqa: B027 - optional
-        """Check that it can work with such profiles, and do whatever is slow the first time.
+        """Check that the policy can work with such profiles, and do what is slow the first time.
+
+        Args:
+            scan: Settings of the profiles.
 
         Raises:
-            InputError: It cannot.
+            InputError: Profiles that the policy cannot work with.
         """
 
     @abstractmethod
     def decide(self, swing: SwingScan) -> StiffnessDecision | float | None:
-        """Decide, in a small part of a control period.
+        """Decide the stiffness, in a small part of a control period.
 
         Args:
-            swing: What is known.
+            swing: The swing at this time.
 
         Returns:
-            Stiffness, Nm/rad, alone or with what it rests on; None if the policy has no opinion.
+            Stiffness, Nm/rad, or a whole decision; None if the policy has no answer.
         """
 
 
 PolicyLike: TypeAlias = StiffnessPolicy | Callable[[SwingScan], StiffnessDecision | float | None]
-"""What can decide: a policy, or a plain function."""
+"""A policy, or a plain function."""
 
 
-@dataclass(frozen=True)
+@settings
 class FixedPolicy(StiffnessPolicy):
     """Always the same stiffness.
 
@@ -109,20 +113,17 @@ class FixedPolicy(StiffnessPolicy):
         stiffness: Nm/rad.
     """
 
-    stiffness: float = 5.0
+    stiffness: Annotated[NonNegative, "Nm/rad"] = 5.0
     needs_scan: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        non_negative("fixed stiffness (Nm/rad)", self.stiffness)
-
     def decide(self, swing: SwingScan) -> float:
-        """The same stiffness as ever."""
+        """Return the fixed stiffness."""
         return self.stiffness
 
 
 @dataclass(frozen=True)
 class GroundPolicy(StiffnessPolicy):
-    """An oracle: stiffness as a function of the place, for one who knows the ground. No scan is used.
+    """Stiffness as a function of the place, for an oracle that knows the ground; no scan is used.
 
     Attributes:
         function: World x and y of the planned centre of the sole (m) → stiffness, Nm/rad.
@@ -132,7 +133,7 @@ class GroundPolicy(StiffnessPolicy):
     needs_scan: ClassVar[bool] = False
 
     def decide(self, swing: SwingScan) -> float:
-        """The stiffness for the place where the sole should land."""
+        """Return the stiffness for the planned place of the landing."""
         return float(self.function(float(swing.landing[0]), float(swing.landing[1])))
 
 
@@ -141,19 +142,19 @@ class FunctionPolicy(StiffnessPolicy):
     """A plain function as a policy.
 
     Attributes:
-        function: What `StiffnessPolicy.decide` is.
+        function: The function, called as `StiffnessPolicy.decide`.
     """
 
     function: Callable[[SwingScan], StiffnessDecision | float | None]
 
     def decide(self, swing: SwingScan) -> StiffnessDecision | float | None:
-        """What the function says."""
+        """Return the answer of the function."""
         return self.function(swing)
 
 
 @dataclass(frozen=True, eq=False)
 class ModelPolicy(StiffnessPolicy):
-    """Ask a stiffness model about the end of the profile, as far as it is longer than those that it was trained on.
+    """Prediction of a stiffness model for the end of the profile, cut to the length that it was trained on.
 
     Attributes:
         model: The model.
@@ -183,26 +184,28 @@ class ModelPolicy(StiffnessPolicy):
             return None
         recipe = self.model.recipe
         profile = swing.profile if recipe.window is None else swing.profile.last(recipe.window)
-        said = self.model.predict(profile_roughness(profile, recipe.roughness).values)
+        prediction = self.model.predict(profile_roughness(profile, recipe.roughness).values)
         return StiffnessDecision(
-            stiffness=said.stiffness,
-            cluster=said.cluster,
-            familiar=said.familiar,
-            distance=said.distance,
-            features=dict(zip(self.model.settings.features, said.features.tolist(), strict=True)),
+            stiffness=prediction.stiffness,
+            cluster=prediction.cluster,
+            familiar=prediction.familiar,
+            distance=prediction.distance,
+            features=dict(zip(self.model.settings.features, prediction.features.tolist(), strict=True)),
         )
 
 
-_POLICIES: dict[str, Callable[..., StiffnessPolicy]] = {"fixed": FixedPolicy, "model": ModelPolicy.load}
+_POLICIES: Registry[Callable[..., StiffnessPolicy]] = Registry(
+    "stiffness policy", {"fixed": FixedPolicy, "model": ModelPolicy.load}
+)
 
 
 def stiffness_policy_names() -> tuple[str, ...]:
-    """Names that `stiffness_policy` accepts."""
+    """Return the names that `stiffness_policy` accepts."""
     return tuple(_POLICIES)
 
 
 def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
-    """A policy by name: `stiffness_policy("fixed", stiffness=5.0)`, `stiffness_policy("model", path="model.json")`.
+    """Make a policy: `stiffness_policy("fixed", stiffness=5.0)`, `stiffness_policy("model", path="model.json")`.
 
     Args:
         name: One of `stiffness_policy_names()`.
@@ -212,22 +215,15 @@ def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
         UnknownNameError: No such policy, or no such parameter of it.
         InputError: A parameter is missing or out of range.
     """
-    make = _POLICIES[choose("stiffness policy", name, _POLICIES)]
-    known = inspect.signature(make).parameters
-    for parameter in parameters:
-        choose(f"parameter of the stiffness policy '{name}'", parameter, known)
-    for needed in known.values():
-        if needed.default is needed.empty and needed.name not in parameters:
-            raise InputError(f"the stiffness policy '{name}' needs a value for '{needed.name}'")
-    return make(**parameters)
+    return call_checked(f"stiffness policy '{name}'", _POLICIES[name], parameters)
 
 
 def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -> None:
-    """Make a policy of your own available by name, replacing one of the same name.
+    """Make a policy available by name, in place of one of the same name.
 
     Args:
-        name: Name for `stiffness_policy`, and for walks. A sweep runs them in processes of their own: register it in a
-            module that these import, too. What a name stands for is no part of a journal's keys.
+        name: Name for `stiffness_policy`, and for walks. A sweep runs walks in processes of their own: register it in a
+            module that these import, too. The policy behind a name is not part of a journal's keys.
         make: Its class, or a function of named parameters that returns one.
     """
     _POLICIES[name] = make

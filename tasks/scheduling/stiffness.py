@@ -1,7 +1,4 @@
-"""Set the sole before it lands: scan while the foot swings, decide, command, and see what came of it.
-
-Not a task of the quadratic program: it shares nothing with it but the tick.
-"""
+"""The stiffness scheduler: sets the stiffness of a sole before it lands, from a scan of the ground ahead."""
 
 from __future__ import annotations
 
@@ -15,31 +12,33 @@ import numpy as np
 from wbc.core.errors import Array, InputError, WbcError, choose
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
-from wbc.feet.sensing.scan import GroundScan, Profile, toe_sensor
+from wbc.feet.sensing.scan import GroundScan, Profile
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
-from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.soles.sole import SIDES
 from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 
 
 class StiffnessScheduler:
-    """Owns the timing of the variable sole: scan, decide, set, look back.
+    """Scheduler of variable soles: scans the ground while a foot swings, decides, commands, records the outcome.
 
-        task = StiffnessScheduler(robot, foot, ModelPolicy.load("model.json"))
+        scheduler = StiffnessScheduler(robot, foot, ModelPolicy.load("model.json"))
         ...
-        stiffness = task.update("left", progress, time_left, robot, measurement)    # every tick
+        stiffness = scheduler.update("left", progress, time_left, robot, measurement)    # every tick
         plant.step(replace(command, sole_stiffness=stiffness))
+
+    This is the stiffness-scheduling task of the paper; it has no rows in the QP and is not a `Task`.
 
     While a foot swings, its range readings and estimated pose make a profile of the ground. At `decide_at` of the
     single support the policy is asked, and from then on its answer is commanded, as far as the actuator can get by the
-    landing. The other foot keeps what it has. If there is nothing to decide on, the fallback is commanded.
+    landing. The other foot keeps its stiffness. Without a usable profile or decision the fallback is commanded.
 
     Attributes:
-        policy: Who decides.
-        timing: When.
-        actuator: What the sole's actuator can do.
-        steps: What happened in the last swings, the latest last; each is added when its foot lands.
+        policy: Policy that decides the stiffness.
+        timing: Settings.
+        actuator: Limits of the sole's actuator.
+        steps: Records of the last swings, the latest last; each is added when its foot lands.
     """
 
     def __init__(
@@ -49,13 +48,13 @@ class StiffnessScheduler:
         policy: PolicyLike,
         timing: StiffnessTiming | None = None,
     ) -> None:
-        """Prepare everything, so that the first decision is as fast as all others.
+        """Prepare the policy, so that the first decision is as fast as all others.
 
         Args:
-            robot: Names the soles, left first; its state is not used.
+            robot: Robot with the soles, left first; its state is not used.
             foot: The feet: place of the range sensor, actuator and stiffness at the start.
-            policy: Who decides; a plain function of a `SwingScan` will do.
-            timing: When; the defaults when None.
+            policy: Policy that decides, or a plain function of a `SwingScan`.
+            timing: Settings; the defaults when None.
 
         Raises:
             InputError: A foot without a stiffness to set, a robot without two soles, a policy that cannot work with
@@ -79,7 +78,7 @@ class StiffnessScheduler:
         self.reset()
 
     def reset(self, stiffness: float | None = None) -> None:
-        """Forget everything that happened, and command the stiffness of the start.
+        """Clear records and scan, and command the stiffness of the start.
 
         Args:
             stiffness: Command for both soles, Nm/rad; that of the foot's description when None.
@@ -99,12 +98,12 @@ class StiffnessScheduler:
 
     @property
     def command(self) -> Array:
-        """Stiffness commanded now, left first, shape (2,), Nm/rad."""
+        """Present stiffness command, left first, shape (2,), Nm/rad."""
         return self._command.copy()
 
     @property
     def decided(self) -> StepStiffness | None:
-        """What was decided in the swing that goes on; None before it was."""
+        """Decision of the present swing; None before there is one."""
         return self._record if self._side is not None else None
 
     def update(
@@ -116,7 +115,7 @@ class StiffnessScheduler:
         measurement: Measurement,
         landing: Array | None = None,
     ) -> Array:
-        """One tick.
+        """Run one tick.
 
         Args:
             swing: The foot that swings, "left" or "right"; None while both are on the ground.
@@ -124,8 +123,8 @@ class StiffnessScheduler:
             time_left: Time until the swinging foot lands as planned, s; not used without a swing.
             robot: Estimated state, updated.
             measurement: Range and stiffness of the soles.
-            landing: Where the centre of the swinging sole should land in the world, shape (3,), m; for policies that
-                look at the place.
+            landing: Planned centre of the swinging sole at its landing in the world, shape (3,), m; for policies that
+                depend on the place.
 
         Returns:
             Stiffness to command, left first, shape (2,), Nm/rad.
@@ -156,13 +155,13 @@ class StiffnessScheduler:
         return self._command.copy()
 
     def _lift_off(self, side: int, robot: Robot) -> None:
-        """Start a scan along the way that the swinging foot points."""
+        """Start a scan along the heading of the swinging foot."""
         self._scan.start(robot.placement(self._frames[side]).rotation[:2, 0])
         self._record = None
         self._progress = 0.0
 
     def _look(self, side: int, robot: Robot, measurement: Measurement) -> None:
-        """Take in the reading of this tick, unless it is an old one that the sensor holds."""
+        """Add the reading of this tick, unless it is an old one that the sensor holds."""
         reading = float(measurement.sole_range[side])
         if self.timing.sensor_rate > 0.0:
             held = reading == self._last_reading or (math.isnan(reading) and math.isnan(self._last_reading))
@@ -176,7 +175,7 @@ class StiffnessScheduler:
     def _decide(
         self, side: int, time_left: float, robot: Robot, measurement: Measurement, landing: Array | None
     ) -> None:
-        """Ask the policy, or fall back, and command what can be reached."""
+        """Ask the policy, or fall back, and command the stiffness that can be reached."""
         started = time.perf_counter()
         profile, problem = self._profile()
         measured = float(measurement.sole_stiffness[side])
@@ -196,13 +195,13 @@ class StiffnessScheduler:
             )
             decision, problem = self._ask(swing)
         if problem is None and decision is not None:
-            wanted = decision.stiffness
+            stiffness = decision.stiffness
         elif late or self.timing.fallback is None:
-            wanted = float(self._command[side])
+            stiffness = float(self._command[side])
         else:
-            wanted = self.timing.fallback
-        # What is wanted may lie beyond the actuator, or too far to get there before the landing.
-        target = min(max(wanted, self.actuator.low), self.actuator.high)
+            stiffness = self.timing.fallback
+        # The stiffness may be beyond the actuator's range, or too far away to be reached before the landing.
+        target = min(max(stiffness, self.actuator.low), self.actuator.high)
         if target != self._command[side]:
             sure = max(time_left - self.timing.early_landing, 0.0)
             self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
@@ -211,7 +210,7 @@ class StiffnessScheduler:
             side=SIDES[side],
             step=self._count,
             commanded=float(self._command[side]),
-            wanted=wanted,
+            requested=stiffness,
             fallback=problem,
             decision=decision,
             profile=profile,
@@ -220,7 +219,7 @@ class StiffnessScheduler:
         )
 
     def _profile(self) -> tuple[Profile | None, str | None]:
-        """The profile of this swing, and what is wrong with it."""
+        """Return the profile of this swing, and what is wrong with it."""
         try:
             profile = self._scan.profile()
         except InputError as error:
@@ -235,12 +234,12 @@ class StiffnessScheduler:
         return profile, None
 
     def _ask(self, swing: SwingScan) -> tuple[StiffnessDecision | None, str | None]:
-        """What the policy says, and why that cannot be used."""
+        """Return the answer of the policy, and the reason why it cannot be used."""
         try:
-            said = self.policy.decide(swing)
-            if said is None:
+            answer = self.policy.decide(swing)
+            if answer is None:
                 return None, "the policy has no opinion"
-            decision = said if isinstance(said, StiffnessDecision) else StiffnessDecision(said)
+            decision = answer if isinstance(answer, StiffnessDecision) else StiffnessDecision(answer)
         except WbcError as error:
             return None, f"the policy failed: {error}"
         if not decision.familiar:
@@ -249,7 +248,7 @@ class StiffnessScheduler:
         return decision, None
 
     def _land(self, measurement: Measurement) -> None:
-        """Write down what the sole of the last swing has come to."""
+        """Record the stiffness that the sole of the last swing has reached."""
         assert self._side is not None
         record = self._record
         if record is None:
@@ -266,19 +265,19 @@ class StiffnessScheduler:
 
 
 def reachable(
-    actuator: StiffnessActuator, actual: float, wanted: float, duration: float, tolerance: float = 0.5
+    actuator: StiffnessActuator, actual: float, target: float, duration: float, tolerance: float = 0.5
 ) -> float:
-    """Stiffness nearest to the wanted one that an actuator at rest settles to in time.
+    """Return the stiffness nearest to a target that an actuator at rest settles to in time.
 
     Args:
-        actuator: Its rate and lag.
-        actual: Where it is, Nm/rad.
-        wanted: Nm/rad, within its range.
-        duration: Time that there is, s.
-        tolerance: How near it must have come, Nm/rad.
+        actuator: The actuator.
+        actual: Its present stiffness, Nm/rad.
+        target: Target, Nm/rad, within its range.
+        duration: Time left, s.
+        tolerance: Largest difference that counts as settled, Nm/rad.
 
     Returns:
-        Nm/rad, between `actual` and `wanted`.
+        Stiffness between `actual` and `target`, Nm/rad.
 
     Raises:
         InputError: Outside the range of the actuator, or a negative duration.
@@ -288,9 +287,9 @@ def reachable(
     def settles(command: float) -> bool:
         return abs(actuator.advance(state, command, duration).actual - command) <= tolerance
 
-    if settles(wanted):
-        return wanted
-    near, far = actual, wanted
+    if settles(target):
+        return target
+    near, far = actual, target
     while abs(far - near) > 0.1 * tolerance:
         middle = (near + far) / 2.0
         near, far = (middle, far) if settles(middle) else (near, middle)

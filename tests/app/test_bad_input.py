@@ -109,7 +109,7 @@ CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
     "something that was never added": (lambda: controller().remove(CoMTask()), InputError, "not part"),
     "torque ratio above one": (lambda: wbc.TorqueLimits(ratio=1.5), InputError, "ratio"),
     "solver setting of zero": (lambda: SolverSettings(tolerance=0.0), InputError, "tolerance"),
-    "failure policy": (lambda: FailurePolicy(damping_time=-1.0), InputError, "damping time"),
+    "failure policy": (lambda: FailurePolicy(damping_time=-1.0), InputError, r"damping_time \(s\)"),
     "negative gain": (lambda: BalanceGains(com_weight=-1.0), InputError, "com_weight"),
     "no time": (lambda: StandSpec(seconds=0.0), InputError, "seconds"),
     "unknown foot": (lambda: StandSpec(foot="sotf"), UnknownNameError, "soft"),

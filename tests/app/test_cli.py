@@ -9,14 +9,18 @@ import subprocess
 import sys
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 import pytest
+from cyclopts import App, Parameter
 
 import wbc
 from wbc.app import cli, live
+from wbc.app.arguments import plain_options
 from wbc.app.commands import COMMANDS, GROUPS
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Flat, Output, Report, reports
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, Positive, settings
 from wbc.robots import names
 
 Captured = pytest.CaptureFixture[str]
@@ -30,11 +34,11 @@ ELSEWHERE = {
     "study plot": "app/test_walks_command.py",
     "study export": "app/test_walks_command.py",
     "study swings": "app/test_walks_command.py",
-    "study best": "sim/test_labels.py",
-    "study heights": "sim/test_labels.py",
-    "study dataset": "sim/test_labels.py",
-    "stiffness train": "sim/test_labels.py",
-    "stiffness judge": "sim/test_labels.py",
+    "study best": "sim/test_best_stiffness.py",
+    "study heights": "sim/test_best_stiffness.py",
+    "study dataset": "sim/test_best_stiffness.py",
+    "stiffness train": "sim/test_best_stiffness.py",
+    "stiffness judge": "sim/test_best_stiffness.py",
     "plot": "app/test_plots.py",
     "view": "app/test_log_replay.py",
 }
@@ -229,15 +233,75 @@ def test_a_run_can_be_watched(capfd: Captured, monkeypatch: pytest.MonkeyPatch) 
     assert json.loads(out)["real_time_factor"] < 1.2  # held back to real time
 
 
+@settings
+class Inner:
+    """Inner settings.
+
+    Attributes:
+        depth: Depth, m.
+    """
+
+    depth: Annotated[Positive, "m"] = 2.0
+
+
+@settings(kw_only=True)
+class Outer(Inner):
+    """Settings.
+
+    Attributes:
+        count: Number.
+        side: Side.
+        out: File.
+        size: Pixels.
+        inner: More.
+    """
+
+    count: Count = 3
+    side: Literal["left", "right"] = "left"
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+    size: tuple[int, int] = (4, 3)
+    inner: Inner = Inner()
+
+
+def options_of(*words: str) -> Outer:
+    """Return what a command gets when its options are validated settings."""
+    default = Outer()
+    app = App(default_parameter=Parameter(negative=()))
+    got: list[Outer] = []
+
+    @app.default
+    @plain_options
+    def command(options: Flat[Outer] = default) -> None:
+        got.append(options)
+
+    app(words, exit_on_error=False, print_error=False, result_action="return_value")
+    return got[0]
+
+
+def test_validated_settings_are_options() -> None:
+    assert options_of() == Outer()
+    words = "--depth 1 --count 2 --side right -o a.txt --size 1 2 --inner.depth 0.5"
+    assert options_of(*words.split()) == Outer(
+        depth=1.0, count=2, side="right", out=Path("a.txt"), size=(1, 2), inner=Inner(0.5)
+    )
+    for words, message in (
+        ("--depth -1", r"depth \(m\) must be a finite number above 0, got -1"),
+        ("--inner.depth nan", r"depth \(m\) must be a finite number above 0, got nan"),
+        ("--count 0", "count must be an integer of at least 1, got 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            options_of(*words.split())
+
+
 def test_an_internal_failure_is_told_apart_from_bad_input(
     capfd: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(options: Any) -> None:
         raise ZeroDivisionError("something of ours")
 
-    from wbc.app.commands import stand  # noqa: PLC0415 - patched here
+    from wbc.app.commands import balance  # noqa: PLC0415 - patched here
 
-    monkeypatch.setattr(stand, "Stand", broken)
+    monkeypatch.setattr(balance, "StandTrial", broken)
     code, out, err = wbc_command(capfd, "stand", "--json")
     assert code == cli.FAILED and out == ""
     assert "Traceback" in err and "something of ours" in err

@@ -19,6 +19,7 @@ from log_writing import HEADER, columns, values, write
 from pyarrow import ipc
 
 import wbc.app.log as package
+from wbc import app
 from wbc.app.log import Log
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.writer import ROWS, LogWriter
@@ -249,3 +250,10 @@ def test_documented_ways_to_open_a_log_work(log_file: Path, monkeypatch: pytest.
     exec(stream.group(0), made)
     made["file"].close()  # type: ignore[attr-defined]
     assert made["reader"].schema.names[0] == "time"  # type: ignore[attr-defined]
+
+
+def test_the_parts_of_the_command_are_named_in_one_place() -> None:
+    for name in app.__all__:
+        assert getattr(app, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'Logg'"):
+        _ = app.Logg

@@ -18,6 +18,7 @@ from wbc.app.plot import draw
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot, foot_names
+from wbc.sim import PhysicsSettings, SensorNoise
 from wbc.sim.balance.controller import balance_controller
 from wbc.sim.terrain import terrain, terrain_families
 from wbc.walking.control import WalkingControl
@@ -415,11 +416,94 @@ def test_plain_values_come_back() -> None:
         assert (again.kp == robot.kp).all() and again.soles == robot.soles
 
 
+def test_classes_are_written_without_their_modules() -> None:
+    plain = to_plain(foot("soft"))
+    assert plain["$class"] == "wbc:SoftFoot" and plain["contact"]["$class"] == "wbc:ContactSpheres"
+    assert to_plain(Event.STARTED) == {"$enum": "wbc:Event", "name": "STARTED"}
+
+
+EARLIER = {
+    "description": {
+        "$class": "wbc.robots.frames:SoleDescription",
+        "frame": "left_sole",
+        "link": "left_foot",
+        "translation": {"$tuple": [0.02, 0.0, -0.093]},
+        "rpy": {"$tuple": [0.0, 0.0, 0.0]},
+        "name": "left_foot",
+        "length": 0.16,
+        "width": 0.076,
+    },
+    "foot": {
+        "$class": "wbc.feet.soft:VariableStiffnessFoot",
+        "contact": {
+            "$class": "wbc.feet.contact:SoleContact",
+            "law": {
+                "$class": "wbc.feet.contact:ConstraintLaw",
+                "time_constant": 0.002,
+                "damping_ratio": 1.0,
+                "impedance": {"$tuple": [0.99, 0.99]},
+                "width": 0.001,
+            },
+            "friction": 0.8,
+            "condim": 3,
+            "spin_friction": 0.005,
+            "rolling_friction": 0.0001,
+            "radius": 0.007,
+            "columns": 3,
+            "rows_per_phalanx": 2,
+            "row_spacing": 0.015,
+            "inset": 0.0,
+        },
+        "stiffness": 5.0,
+        "damping": 2.0,
+        "phalanges": 10,
+        "length": 0.27782,
+        "width": 0.1045,
+        "arch_hinge": {"$tuple": [0.0, 0.0]},
+        "actuator": {
+            "$class": "wbc.feet.actuator:StiffnessActuator",
+            "rate_limit": 800.0,
+            "time_constant": 0.02,
+            "low": 0.0,
+            "high": 80.0,
+        },
+    },
+    "terrain": {
+        "$class": "wbc.sim.terrain.spec:Terrain",
+        "parameters": {"$class": "wbc.sim.terrain.stones:Stones", "density": 90.0, "lowest": 0.5},
+        "amplitude": 0.02,
+        "seed": 0,
+        "length": 3.0,
+        "start": 0.3,
+        "rendering": "auto",
+        "resolution": None,
+        "sole_radius": 0.007,
+    },
+    "servo": {"$class": "wbc.robots.servo:ServoRule", "frequency": 8.0, "damping_ratio": 1.0},
+    "physics": {"$class": "wbc.sim.settings:PhysicsSettings", "timestep": 0.001, "impratio": 10.0},
+    "noise": {
+        "$class": "wbc.sim.sensors:SensorNoise",
+        "joint_position": {"$class": "wbc.sim.sensors:SignalNoise"},
+    },
+}
+"""Parts of the header of a log of version 0.1.0, whose modules had other names; one class had another name, too."""
+
+
+def test_logs_from_before_the_move_of_modules_are_read() -> None:
+    parts = from_plain(EARLIER)
+    assert parts["foot"] == foot("variable")
+    assert parts["terrain"] == terrain("stones", 0.02, seed=0, length=3.0, start=0.3)
+    assert parts["description"] == wbc.load_robot("hrp4_class").soles[0]
+    assert parts["physics"] == PhysicsSettings() and parts["noise"] == SensorNoise()
+    assert parts["servo"].frequency == 8.0
+
+
 @pytest.mark.parametrize(
     ("plain", "words"),
     [
         ({"$class": "somewhere.else:Thing"}, "import somewhere.else first"),
-        ({"$class": "wbc.feet.soles.soft:Nothing"}, "cannot be made"),
+        ({"$class": "wbc:SoftFeet"}, "no class of wbc .*did you mean 'SoftFoot'"),
+        ({"$class": "wbc:Plant"}, "no class of wbc"),
         ({"$class": "subprocess:Popen", "args": "true"}, "cannot be made|only the text"),
         ({"$class": "wbc.feet.soles.soft:SoftFoot", "stiffness": -1.0}, "stiffness"),
         ({"$text": "<object>"}, "only the text"),

@@ -28,12 +28,12 @@ from wbc.app.commands import COMMANDS
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import RenderError, Replay, check_film, render_video, replay_page
 from wbc.app.replay.film import _drawing_context, find_ffmpeg
-from wbc.app.replay.serve import Server
-from wbc.app.replay.stage import Stage
-from wbc.app.view.layers import stiffness_colour
-from wbc.app.view.shapes import Surface
-from wbc.app.view.source import PlantSource
-from wbc.app.view.view import PortError
+from wbc.app.replay.mujoco_scene import MujocoScene
+from wbc.app.replay.page_server import PageServer
+from wbc.app.scene import PlantSource
+from wbc.app.scene.colours import stiffness_colour
+from wbc.app.scene.shapes import Surface
+from wbc.app.view import PortError
 from wbc.core.errors import InputError
 from wbc.sim.balance.controller import balance_controller
 
@@ -48,6 +48,10 @@ def replay() -> Replay:
 @pytest.fixture(scope="module")
 def page(replay: Replay) -> str:
     return replay_page(replay, rate=10.0)
+
+
+def mujoco_scene(replay: Replay) -> MujocoScene:
+    return MujocoScene(replay.scene, replay.plant.terrain, *SIZE, replay.sole_paths)
 
 
 @pytest.fixture(autouse=True)
@@ -157,7 +161,9 @@ def test_page_holds_robot_terrain_labels_and_every_frame(replay: Replay, page: s
     found = re.search(r'atob\("([^"]+)"\)', page)
     assert found
     frames = np.frombuffer(base64.b64decode(found.group(1)), "<f4").reshape(len(ticks), -1, 4, 3)
-    assert constant(page, "paths") == list(replay.moving) and frames.shape[1] == len(replay.moving)
+    assert constant(page, "paths") == list(replay.scene.moving) and frames.shape[1] == len(
+        replay.scene.moving
+    )
     for i in (0, 7, len(ticks) - 1):
         expected = replay.frame(ticks[i])[:, :3, :].transpose(0, 2, 1)
         np.testing.assert_allclose(frames[i], expected, rtol=1e-6, atol=1e-6)
@@ -204,7 +210,7 @@ def test_soles_and_scans_are_shown_as_they_were() -> None:
     for k, tick in enumerate(known):
         there = [replay.overlays.frame(t)[scans, 0, 0] == 1.0 for t in (tick - 1, tick)]
         assert [int(each.sum()) for each in there] == [k, k + 1]
-    drawn = {drawing.path: drawing.shape for drawing in replay.scene.drawings}
+    drawn = {drawing.path: drawing.shape for drawing in replay.scene.objects}
     profiles = [step.profile for step in steps if step.profile is not None]
     for k, profile in enumerate(profiles):
         shape = drawn[f"/wbc/scans/{k}/shape"]
@@ -214,18 +220,18 @@ def test_soles_and_scans_are_shown_as_they_were() -> None:
         np.testing.assert_allclose(middle[:, :2], profile.points[:, :2], atol=1e-5)
     page = replay_page(replay, rate=2.0)
     assert constant(page, "soles") == [list(paths) for paths in replay.sole_paths]
-    stage = Stage(replay, *SIZE)
+    stage = mujoco_scene(replay)
     stage.set(replay.frame(0), replay.sole_colours(0))
     rgba = stage.model.geom_rgba[stage.model.geom_bodyid == stage.model.body(replay.sole_paths[1][0]).id]
     assert len(rgba) and np.allclose(rgba, replay.sole_colours(0)[1])
 
 
 def test_stage_puts_everything_where_the_replay_has_it(replay: Replay) -> None:
-    stage = Stage(replay, *SIZE)
+    stage = mujoco_scene(replay)
     frame = replay.frame(250)
     stage.set(frame)
     for path in stage.shown:
-        matrix = frame[replay.moving.index(path)]
+        matrix = frame[replay.scene.moving.index(path)]
         body = stage.model.body(path).id
         if np.linalg.norm(matrix[:3, 0]) < 0.5:
             assert stage.data.xpos[body][2] < -10.0
@@ -316,7 +322,7 @@ def test_logs_that_cannot_be_replayed_say_why(tmp_path: Path) -> None:
 
 def test_run_without_a_walk_is_replayed_without_overlays(tmp_path: Path) -> None:
     replay = Replay(record_standing(tmp_path / "stand.arrow", "hrp4_class"))
-    assert replay.overlays.moving == () and replay.frame(0).shape == (len(replay.moving), 4, 4)
+    assert replay.overlays.moving == [] and replay.frame(0).shape == (len(replay.scene.moving), 4, 4)
     assert "const captions" in replay_page(replay)
 
 
@@ -326,7 +332,7 @@ def test_run_without_a_walk_is_replayed_without_overlays(tmp_path: Path) -> None
 def test_robots_made_of_meshes_can_be_filmed(tmp_path: Path, robot: str) -> None:
     replay = Replay(record_standing(tmp_path / "stand.arrow", robot, ticks=30))
     render_video(replay, tmp_path / "stand.gif", rate=10.0, size=SIZE)
-    stage = Stage(replay, *SIZE)
+    stage = mujoco_scene(replay)
     assert stage.model.nmesh >= 30
 
 
@@ -359,7 +365,7 @@ def test_command_writes_a_page_and_a_film(
 def test_command_names_what_is_wrong(
     words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    taken = Server(port=0)
+    taken = PageServer(port=0)
     try:
         port = taken.url.rpartition(":")[2].strip("/")
         filled = [w.replace("{log}", str(recorded_walk())).replace("{port}", port) for w in words]
@@ -370,10 +376,10 @@ def test_command_names_what_is_wrong(
 
 
 def test_page_is_served_to_this_machine_alone(page: str, capsys: pytest.CaptureFixture[str]) -> None:
-    server = Server(port=0)
+    server = PageServer(port=0)
     assert server.url.startswith("http://127.0.0.1:")
     with pytest.raises(PortError, match="choose another port"):
-        Server(port=int(server.url.rpartition(":")[2].strip("/")))
+        PageServer(port=int(server.url.rpartition(":")[2].strip("/")))
     thread = threading.Thread(target=server.serve, args=(page, 1.5))
     thread.start()
     try:
@@ -401,8 +407,8 @@ def test_exported_page_works_in_a_browser_without_network(replay: Replay, page: 
     html = tmp_path / "walk.html"
     html.write_text(page, encoding="utf-8")
     last = len(replay.ticks(10.0)) - 1
-    base = next(i for i, path in enumerate(replay.moving) if path.startswith("/wbc/robot/"))
-    path = replay.moving[base].strip("/").split("/")
+    base = next(i for i, path in enumerate(replay.scene.moving) if path.startswith("/wbc/robot/"))
+    path = replay.scene.moving[base].strip("/").split("/")
     position = f"viewer.scene_tree.find({json.dumps(path)}).object.position.toArray()"
     meshes = (
         "(() => { const count = {}; for (const part of ['robot', 'ground', 'footsteps', 'markers']) {"
@@ -428,7 +434,7 @@ def test_exported_page_works_in_a_browser_without_network(replay: Replay, page: 
         shot.write_bytes(browser.screenshot())
         assert not browser.errors
         assert [address for address in browser.requests if not address.startswith(("file:", "data:"))] == []
-    drawn = [d.path for d in replay.scene.drawings]
+    drawn = [d.path for d in replay.scene.objects]
     assert counts["robot"] >= sum(path.startswith("/wbc/robot/") for path in drawn) > 40
     assert counts["ground"] >= 1 and counts["footsteps"] >= 4 and counts["markers"] == 4
     ticks = replay.ticks(10.0)

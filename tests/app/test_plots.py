@@ -17,8 +17,8 @@ import wbc
 from wbc.app.cli import main
 from wbc.app.commands import COMMANDS
 from wbc.app.log import Log, Recorder
+from wbc.app.log.stances import SIDES, corners, sole_sizes, stances, support_box, yaw_of
 from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select
-from wbc.app.plot.support import SIDES, corners, sole_sizes, stances, support_box, yaw_of
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.balance.controller import balance_controller
 from wbc.walking.planning.footsteps import Footstep

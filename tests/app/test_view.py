@@ -25,19 +25,19 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 import wbc
-from wbc.app.view.channel import NOTE, Channel
-from wbc.app.view.scene import ROOT
-from wbc.app.view.shapes import (
+from wbc.app.scene.robot_shapes import robot_parts
+from wbc.app.scene.shapes import (
+    ROOT,
     MeshFile,
     Part,
     Surface,
     VisualBox,
     VisualCylinder,
     VisualEllipsoid,
-    robot_parts,
 )
-from wbc.app.view.source import PlantSource, RobotSource
-from wbc.app.view.view import MeshcatView, PortError, ViewError
+from wbc.app.scene.sources import PlantSource, RobotSource
+from wbc.app.view import MeshcatView, PortError, ViewError
+from wbc.app.view.channel import MAX_ANNOTATIONS, Channel
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
@@ -143,7 +143,7 @@ def test_forces_and_zmp_are_those_of_a_robot_that_stands() -> None:
         assert snapshot.zmp[:2] == pytest.approx(robot.com[:2], abs=1e-3)  # at rest, the ZMP is under the CoM
         frame = dict(zip(scene.moving, scene.frame(snapshot), strict=True))
         arrows = [frame[f"{ROOT}/forces/ground_{i}"] for i in range(2)]
-        assert sum(arrow[2, 2] for arrow in arrows) == pytest.approx(scene.size, rel=1e-3)
+        assert sum(arrow[2, 2] for arrow in arrows) == pytest.approx(scene.com_height, rel=1e-3)
         for arrow, (_, point, _) in zip(arrows, sorted(snapshot.forces, key=lambda f: -f[2][2]), strict=True):
             assert arrow[:3, 3] == pytest.approx(point)
             assert abs(point[2]) < 1e-3
@@ -184,7 +184,7 @@ def test_rough_ground_and_soles_that_bend_are_drawn() -> None:
     ground = terrain("stones", amplitude=0.03, seed=1)
     plant = wbc.Plant(wbc.load_robot("hrp4_class"), foot="soft", terrain=ground)
     source = PlantSource(plant)
-    (relief,) = [d.shape for d in source.scene.drawings if d.path == f"{ROOT}/ground/relief"]
+    (relief,) = [d.shape for d in source.scene.objects if d.path == f"{ROOT}/ground/relief"]
     assert isinstance(relief, Surface)
     x, y, z = relief.vertices.T
     assert z == pytest.approx(ground.height(x, y))
@@ -329,11 +329,11 @@ def test_a_browser_gets_the_scene_and_then_what_moves(plant: wbc.Plant, view: Me
         return scene, moved
 
     view.update()
-    assert view.pages == 0 and not view.wait(0.0)
+    assert view.pages == 0 and not view.wait_for_page(0.0)
     scene, moved = asyncio.run(follow())
     assert set(scene[0]["hello"]["controls"]) == {"push"}  # there is no walk to be stopped
     assert scene[1] == {"type": "delete", "path": ROOT}
-    assert sum(command.get("type") == "set_object" for command in scene) >= len(view.scene.drawings)
+    assert sum(command.get("type") == "set_object" for command in scene) >= len(view.scene.objects)
     assert scene[-1]["time"] == plant.time and not scene[-1]["paused"]
     assert scene[-1]["target"] == pytest.approx(plant.truth().com, abs=1e-4)
     assert [command["path"] for command in moved[:-1]] == [f"{ROOT}/robot/head"]
@@ -387,7 +387,7 @@ def test_a_run_is_the_same_with_and_without_a_view_even_one_that_dies(
 def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.MonkeyPatch) -> None:
     step = 2.0**-15  # s; 33 of them are needed to fill the 1 ms of this view
     now = math.ceil(time.perf_counter() / step) * step + 1.0
-    monkeypatch.setattr("wbc.app.view.view.clock.perf_counter", lambda: now)
+    monkeypatch.setattr("wbc.app.view.meshcat_view.clock.perf_counter", lambda: now)
     view.update()
     before = view.frames
     for _ in range(1000):
@@ -399,7 +399,7 @@ def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.M
 
 def test_the_drawing_process_ends_with_the_program() -> None:
     program = (
-        "import os, wbc; from wbc.app.view.view import MeshcatView\n"
+        "import os, wbc; from wbc.app.view import MeshcatView\n"
         "view = MeshcatView(wbc.load_robot('hrp4_class'), port=0)\n"
         "print(view.pid, flush=True); os.kill(os.getpid(), 9)"
     )
@@ -437,12 +437,12 @@ def test_of_many_frames_the_newest_counts() -> None:
         assert (read[0], read[1], read[3]) == (number, 0.5 * number, b"x" * number)
         assert read[2].reshape(3, 4, 4).transpose(0, 2, 1) == pytest.approx(frame, abs=0.0)
         assert reader.read(number) is None
-    assert writer.wishes(0) is None
+    assert writer.read_input(0) is None
     for text in (b"one", b"two", b"three"):
-        reader.wish(text)
-    assert writer.wishes(0) == (3, b"three")
-    assert writer.wishes(3) is None
-    writer.write(1.0, frame, b"x" * (NOTE + 1))  # too long to be said
+        reader.write_input(text)
+    assert writer.read_input(0) == (3, b"three")
+    assert writer.read_input(3) is None
+    writer.write(1.0, frame, b"x" * (MAX_ANNOTATIONS + 1))  # too long to be said
     read = reader.read(7)
     assert read is not None and read[3] == b"{}"
     reader.pages, reader.shown = 2, 7

@@ -24,17 +24,19 @@ import wbc
 from wbc.app import live
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.log import Log
-from wbc.app.view.channel import NOTE
-from wbc.app.view.controls import LiveControls, Wishes
-from wbc.app.view.footsteps import FootstepsLayer, all_feet
-from wbc.app.view.layers import CORNERS, LIFT, STIFFEST, Layer, RangeLayer, stiffness_colour
-from wbc.app.view.scene import HIDDEN, ROOT, Note
-from wbc.app.view.source import PlantSource
-from wbc.app.view.view import MeshcatView, make_layers
-from wbc.app.view.walk import WatchWalk
+from wbc.app.scene import Annotations, Layer, PlantSource, make_layers
+from wbc.app.scene.colours import STIFFEST, stiffness_colour
+from wbc.app.scene.footsteps import FootstepsLayer, all_feet
+from wbc.app.scene.layers import CORNERS, RangeLayer
+from wbc.app.scene.marks import LIFT
+from wbc.app.scene.shapes import HIDDEN, ROOT
+from wbc.app.view import MeshcatView, WatchWalk
+from wbc.app.view.channel import MAX_ANNOTATIONS
+from wbc.app.view.controls import LiveControls
+from wbc.app.view.user_input import MAX_BYTES, UserInput
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, run_walk
+from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, walk
 from wbc.walking.planning.gait import Gait
 
 GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
@@ -54,15 +56,15 @@ def tick(trial: WalkTrial) -> Any:
 
 
 class Picture:
-    """What a view shows at an instant: matrices of all paths, and its note."""
+    """Matrices of all paths of a view at an instant, and its annotations."""
 
     def __init__(self, source: PlantSource, layers: tuple[Layer, ...]) -> None:
-        self.note = Note()
+        self.annotations = Annotations()
         own = source.scene.frame(source.snapshot())
         self.matrices: dict[str, np.ndarray] = dict(zip(source.scene.moving, own, strict=True))
         for layer in layers:
             found = np.tile(HIDDEN, (len(layer.moving), 1, 1))
-            layer.fill(found, self.note)
+            layer.fill(found, self.annotations)
             self.matrices |= dict(zip(layer.moving, found, strict=True))
 
     def __getitem__(self, path: str) -> np.ndarray:
@@ -128,7 +130,7 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
             landed = stage.plant.data.site_xpos[site].copy()
             assert picture["footsteps/real_2"][:3, 3] == pytest.approx(landed, abs=2.0 * LIFT)
             if phases.swing == "right":
-                assert f"step 2 of {len(plan)}, single support: right foot swings" in picture.note.text
+                assert f"step 2 of {len(plan)}, single support: right foot swings" in picture.annotations.text
     picture = stage.picture()
     assert picture["footsteps/real_0"] == pytest.approx(lifted)  # what was left behind stays
     assert len(picture.shown("footsteps/real_")) == 4
@@ -147,7 +149,7 @@ def test_a_stop_takes_footsteps_away() -> None:
 
 
 def test_only_the_last_footsteps_of_a_long_walk_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.app.view.footsteps.MOST_STEPS", 6)
+    monkeypatch.setattr("wbc.app.scene.footsteps.MAX_STEPS", 6)
     stage = Stage(plan=WalkPlan(distance=1.0))
     (layer,) = [layer for layer in stage.layers if isinstance(layer, FootstepsLayer)]
     assert len(layer.moving) == 2 * 6
@@ -172,7 +174,7 @@ def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     assert picture["balance/dcm"][:2, 3] == pytest.approx(dcm[:2])
     assert picture["balance/zmp_planned"][:2, 3] == pytest.approx(reference.pendulum.zmp[:2])
     assert picture["balance/dcm_planned"][:2, 3] == pytest.approx(reference.pendulum.dcm[:2])
-    corners = picture.note.shapes[f"{ROOT}/support/polygon"]
+    corners = picture.annotations.shapes[f"{ROOT}/support/polygon"]
     assert corners.shape == (CORNERS, 3) and np.ptp(corners[:, 2]) == 0.0
     edges = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([-edges[:, 1], edges[:, 0]])  # to the inside: corners are counter-clockwise
@@ -185,8 +187,8 @@ def test_balance_is_shown_as_it_is_and_as_planned() -> None:
 
 def test_soles_have_the_colour_of_their_stiffness() -> None:
     stage = Stage(foot="variable", stiffness=10.0)
-    parts = [drawing.path for drawing in stage.source.scene.drawings]
-    colours = stage.picture().note.colours
+    parts = [drawing.path for drawing in stage.source.scene.objects]
+    colours = stage.picture().annotations.colours
     assert len(colours) == 2 * 10  # the phalanges
     assert set(colours.values()) == {stiffness_colour(10.0)}
     for path in colours:
@@ -195,12 +197,12 @@ def test_soles_have_the_colour_of_their_stiffness() -> None:
     joints = [stage.plant.model.joint(name).id for name in stage.plant.feet[1].variable_joints]
     stage.plant.model.jnt_stiffness[joints] = 40.0
     picture = stage.picture()
-    assert set(picture.note.colours.values()) == {stiffness_colour(10.0), stiffness_colour(40.0)}
-    assert "soles 10.0 and 40.0 Nm/rad" in picture.note.text
+    assert set(picture.annotations.colours.values()) == {stiffness_colour(10.0), stiffness_colour(40.0)}
+    assert "soles 10.0 and 40.0 Nm/rad" in picture.annotations.text
     reds = [stiffness_colour(k)[0] for k in (0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0)]
     assert all(a < b for a, b in zip(reds, reds[1:], strict=False))
     assert stiffness_colour(2.0 * STIFFEST) == stiffness_colour(STIFFEST)
-    assert not Stage().picture().note.colours  # rigid soles have none
+    assert not Stage().picture().annotations.colours  # rigid soles have none
 
 
 def test_rays_end_on_the_ground_and_scans_lie_on_it() -> None:
@@ -211,7 +213,7 @@ def test_rays_end_on_the_ground_and_scans_lie_on_it() -> None:
     side = None
     while trial.walking.walk.phases.elapsed < 0.3 or side is None:
         measurement = plant.measure()
-        layer.measurement, note = measurement, Note()
+        layer.measurement, note = measurement, Annotations()
         matrices = np.tile(HIDDEN, (2, 1, 1))
         command = trial.walking.command(measurement)
         layer.fill(matrices, note)
@@ -231,15 +233,15 @@ def test_rays_end_on_the_ground_and_scans_lie_on_it() -> None:
     assert f"{ROOT}/range/scan_{1 - i}" not in note.shapes  # the foot that stands scans nothing
 
 
-def test_a_note_says_everything_and_fits() -> None:
+def test_annotations_say_everything_and_fit() -> None:
     stage = Stage(foot="variable", plan=WalkPlan(distance=3.0))
-    note = stage.picture().note
+    note = stage.picture().annotations
     rng = np.random.default_rng(0)
     note.shapes = {path: -100.0 * rng.random(shape.shape) for path, shape in note.shapes.items()}
     note.text += ["x" * 500]
     note.target = (1.0, 2.0, 3.0)
     packed = note.pack()
-    assert len(packed) < NOTE
+    assert len(packed) < MAX_ANNOTATIONS
     said = json.loads(packed)
     assert said["text"].startswith("step 1 of 22") and said["target"] == [1.0, 2.0, 3.0]
     for path, shape in note.shapes.items():
@@ -263,9 +265,9 @@ class Commands(WalkHook):
 def test_a_walk_is_the_same_bit_for_bit_with_and_without_a_view() -> None:
     spec = short_walk(foot="variable", terrain="stones", amplitude=0.01, plan=WalkPlan(distance=0.05))
     alone, watched = Commands(), Commands()
-    plain = run_walk(spec, hooks=[alone])
+    plain = walk(spec, hooks=[alone])
     with WatchWalk(port=0, rate=1e6, speed=None) as watch:
-        result = run_walk(spec, hooks=[watch, watched])
+        result = walk(spec, hooks=[watch, watched])
         assert watch.view is not None and watch.view.frames > len(watched.all)
     assert result.record() == plain.record() and plain.outcome == "completed"
     assert watched.all == alone.all
@@ -280,7 +282,7 @@ def test_pushes_come_from_the_robots_side_and_are_written_down() -> None:
     plant = stage.plant
     controls = LiveControls(plant, stage.walking)
     tick(stage.trial)
-    controls.obey({"do": "push", "direction": "left", "impulse": 0.3})
+    controls.apply({"do": "push", "direction": "left", "impulse": 0.3})
     tick(stage.trial)
     force = plant.data.xfrc_applied[:, :3].sum(axis=0)
     assert force == pytest.approx([-3.0 * plant.robot.mass, 0.0, 0.0], abs=1.0)  # the robot looks along y
@@ -293,18 +295,18 @@ def test_gains_and_stiffness_are_set_and_stops_stop() -> None:
     stage = Stage(foot="variable", stiffness=10.0, plan=WalkPlan(distance=0.5), noise="none")
     walking = stage.walking
     controls = LiveControls(stage.plant, walking)
-    offer = {gain["name"]: gain["value"] for gain in controls.offer()["gains"]}
+    offer = {gain["name"]: gain["value"] for gain in controls.available()["gains"]}
     assert offer["dcm_p"] == walking.stabilizer.gains.dcm_p[0]  # type: ignore[index]
-    assert controls.offer()["stiffness"] == {"low": 0.0, "high": 80.0, "value": 10.0}
-    controls.obey({"do": "gain", "name": "dcm_p", "value": 5.5})
-    controls.obey({"do": "stiffness", "value": 30})
-    controls.obey({"do": "stop"})
+    assert controls.available()["stiffness"] == {"low": 0.0, "high": 80.0, "value": 10.0}
+    controls.apply({"do": "gain", "name": "dcm_p", "value": 5.5})
+    controls.apply({"do": "stiffness", "value": 30})
+    controls.apply({"do": "stop"})
     assert walking.stabilizer.gains.dcm_p == (5.5, 5.5)
     assert [entry["what"] for entry in controls.interventions] == ["gain", "stiffness", "stop"]
     assert len(walking.walk.phases.plan) < 2
     in_time = (("stiffness.early_landing", 0.0),)  # these swings are too short to be sure of more
     stage = Stage(foot="variable", stiffness=10.0, noise="none", changes=in_time)
-    LiveControls(stage.plant, stage.walking).obey({"do": "stiffness", "value": 30.0})
+    LiveControls(stage.plant, stage.walking).apply({"do": "stiffness", "value": 30.0})
     while stage.walking.steps_done < 1:
         measured = tick(stage.trial).sole_stiffness
     assert measured == pytest.approx([30.0, 10.0], abs=0.5)  # the foot that has swung
@@ -314,7 +316,7 @@ def test_gains_and_stiffness_are_set_and_stops_stop() -> None:
     ("order", "message"),
     [
         ("push", "must say what to do"),
-        ({"do": "jump"}, "wish 'jump'"),
+        ({"do": "jump"}, "request 'jump'"),
         ({"do": "push", "direction": "up", "impulse": 0.1}, "forward"),
         ({"do": "push", "direction": "left", "impulse": 50.0}, "impulse"),
         ({"do": "push", "direction": "left", "impulse": "hard"}, "must be a number"),
@@ -322,21 +324,21 @@ def test_gains_and_stiffness_are_set_and_stops_stop() -> None:
         ({"do": "gain", "name": "dcm_q", "value": 1.0}, "dcm_p"),
         ({"do": "gain", "name": "dcm_p", "value": float("nan")}, "finite"),
         ({"do": "gain", "name": "dcm_p", "value": -1.0}, "gain 'dcm_p'"),
-        ({"do": "stiffness", "value": 5.0}, "wish 'stiffness'"),  # soles that are what they are
+        ({"do": "stiffness", "value": 5.0}, "request 'stiffness'"),  # soles that are what they are
     ],
 )
-def test_wishes_that_make_no_sense_are_refused(stage: Stage, order: Any, message: str) -> None:
+def test_requests_that_make_no_sense_are_refused(stage: Stage, order: Any, message: str) -> None:
     controls = LiveControls(stage.plant, stage.walking)
-    controls.obey(order)
+    controls.apply(order)
     assert "refused" in controls.message and message in controls.message
     assert controls.interventions == []
     without = LiveControls(None, stage.walking)
-    without.obey({"do": "push", "direction": "left", "impulse": 0.1})
-    assert "refused" in without.message and without.offer() == {}
+    without.apply({"do": "push", "direction": "left", "impulse": 0.1})
+    assert "refused" in without.message and without.available() == {}
 
 
-def test_pages_wish_for_pause_speed_and_orders() -> None:
-    wishes = Wishes(1.0)
+def test_pages_ask_for_pause_speed_and_changes() -> None:
+    wanted = UserInput(1.0)
     for nonsense in (
         None,
         3,
@@ -347,17 +349,17 @@ def test_pages_wish_for_pause_speed_and_orders() -> None:
         {"order": 3},
         {"paused": 1},
     ):
-        wishes.take(nonsense)
-    assert (wishes.paused, wishes.speed, wishes.orders) == (False, 1.0, [])
-    wishes.take({"paused": True, "speed": 0.5})
+        wanted.take(nonsense)
+    assert (wanted.paused, wanted.speed, wanted.requests) == (False, 1.0, [])
+    wanted.take({"paused": True, "speed": 0.5})
     for i in range(30):
-        wishes.take({"order": {"do": "push", "number": i}})
-    wishes.take({"speed": None})
-    said = json.loads(wishes.pack())
+        wanted.take({"order": {"do": "push", "number": i}})
+    wanted.take({"speed": None})
+    said = json.loads(wanted.pack())
     assert said["paused"] is True and said["speed"] is None
     assert [number for number, _ in said["orders"]] == list(range(15, 31))
-    wishes.take({"order": {"do": "x" * 10_000}})
-    assert len(wishes.pack()) < 4096
+    wanted.take({"order": {"do": "x" * 10_000}})
+    assert len(wanted.pack()) < MAX_BYTES
 
 
 def test_a_page_pauses_and_pushes(stage: Stage, view: MeshcatView) -> None:
@@ -442,8 +444,8 @@ def test_a_result_says_whether_the_page_has_changed_the_walk(
     def push_at_once(self: WatchWalk, trial: WalkTrial) -> None:
         start(self, trial)
         assert self.view is not None
-        self.view._speed = None
-        self.view.controls.obey(order)
+        self.view._pace.speed = None
+        self.view.controls.apply(order)
 
     monkeypatch.setattr(WatchWalk, "start", push_at_once)
     log = tmp_path / "walk.arrow"
@@ -478,7 +480,7 @@ def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) 
         Browser(tmp_path / "profile") as browser,
     ):
         browser.open(view.url)
-        assert view.wait(60.0)
+        assert view.wait_for_page(60.0)
         while trial.walking.walk.phases.swing is None or trial.walking.walk.phases.elapsed < 0.25:
             tick(trial)
             view.update()

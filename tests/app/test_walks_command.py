@@ -123,7 +123,7 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["walk", "--velocity", "0.1", "0", "0", "--steps", "2.5"], "--steps must be a whole number"),
         (["walk", "--seed", "one"], "one"),
         (["walk", "--push", "impuls=0.1"], "impulse"),
-        (["walk", "--param", "foo=2"], "parameter of terrain 'stones'"),
+        (["walk", "--param", "foo=2"], "no parameter of the terrain 'stones' 'foo'"),
         (["study", "run", "flat_floor", "--journal", "."], "folder"),
         (["study", "run", "flat_flor", "--journal", "j"], "flat_floor"),
         (["study", "table", "flat_floor", "--journal", "nothing.jsonl"], "no journal"),

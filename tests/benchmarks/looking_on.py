@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from wbc.app.log import Recorder
-from wbc.app.view.view import MeshcatView
+from wbc.app.view import MeshcatView
 from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
 
 ARMS = ("nobody", "view", "record", "view and record")

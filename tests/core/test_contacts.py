@@ -336,6 +336,7 @@ def test_contacts_that_are_off_weigh_nothing() -> None:
 
 def test_bad_values_are_refused() -> None:
     for make in (
+        lambda: SoleContact("left_foot", frction=0.5),
         lambda: SoleContact("left_foot", friction=0.0),
         lambda: SoleContact("left_foot", margin=-0.1),
         lambda: SoleContact("left_foot", min_force=-1.0),

@@ -36,7 +36,7 @@ class DoubleIntegrators:
 
 
 def requests(kind: int, rng: np.random.Generator, na: int, time: float, dt: float) -> Array:
-    """What a program might ask of a joint: pushes, waves, noise, and bang-bang."""
+    """Accelerations that a controller might command: pushes, waves, noise, and bang-bang."""
     push = rng.choice([-1.0, 1.0], na)
     if kind == 0:
         return 1e4 * push
@@ -185,7 +185,7 @@ def test_bounds_are_there_only_when_wanted() -> None:
 
 @robots
 def test_posture_target_beyond_the_limits_stops_at_them(name: str) -> None:
-    """The same through the controller, torques limited, the integrated robot standing on two feet."""
+    """Joint limits hold in the controller with torque limits, for the integrated robot on two feet."""
     controller = standing(name, dt=0.002, posture=False)
     robot = controller.robot
     limits = JointLimits()

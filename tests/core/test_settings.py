@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
+import inspect
 import math
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.registry import Registry, call_checked
-from wbc.core.settings import Count, NonNegative, Positive, Seed, Share, from_json, settings, to_json
+from wbc.core.registry import Registry, call_checked, named_parameters
+from wbc.core.settings import (
+    Count,
+    NonNegative,
+    Positive,
+    Seed,
+    Share,
+    check_inherited,
+    from_json,
+    settings,
+    to_json,
+    unit_and_choices,
+)
 
 
 @settings
@@ -38,6 +52,32 @@ class Spec:
     open: bool = False
     push: Push = field(default_factory=Push)
     pushes: tuple[Push, ...] = ()
+
+
+@settings
+class Design(abc.ABC):
+    """Settings that others derive from, some with `@dataclass` alone."""
+
+    size: tuple[Annotated[Positive, "m"], Annotated[Positive, "m"]] = (1.0, 2.0)
+    rate: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "1/s"] = math.inf
+
+    def __post_init__(self) -> None:
+        check_inherited(self)
+
+    @abc.abstractmethod
+    def area(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Plate(Design):
+    holes: int = 0
+
+    def area(self) -> float:
+        return self.size[0] * self.size[1] - self.holes
+
+
+class NamedPlate(Plate):
+    pass
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -80,6 +120,16 @@ def test_an_unknown_field_or_choice_is_an_unknown_name() -> None:
             Spec(**values)  # type: ignore[arg-type]
 
 
+def test_a_wrong_name_is_refused_before_the_value_that_it_leaves_missing() -> None:
+    @settings
+    class Step:
+        length: Positive
+
+    for make in (lambda: Step(lenght=1.0), lambda: from_json(Step, {"lenght": 1.0})):  # type: ignore[call-arg]
+        with pytest.raises(UnknownNameError, match="did you mean 'length'"):
+            make()
+
+
 def test_messages_name_the_place_of_what_is_nested() -> None:
     with pytest.raises(InputError, match=r"^pushes\[1\].impulse \(Ns/kg\) must be .* at least 0, got -2$"):
         from_json(Spec, {"pushes": [{}, {"impulse": -2}]})
@@ -89,6 +139,32 @@ def test_messages_name_the_place_of_what_is_nested() -> None:
         from_json(Spec, {"push": {"impulse": 7}})
     with pytest.raises(InputError, match="^Spec must be Spec, got"):
         from_json(Spec, [1])
+
+
+def test_values_without_a_name_are_named_in_messages() -> None:
+    for args, message in (
+        ((-1.0,), r"^impulse \(Ns/kg\) must be .* got -1.0$"),
+        ((1.0, 0), r"^time \(s\) must be .* got 0$"),
+        ((1.0, 2.0, 3.0), r"^Push takes 2 values \(impulse, time\), got more$"),
+    ):
+        with pytest.raises(InputError, match=message):
+            Push(*args)
+
+
+@pytest.mark.parametrize("kind", [Plate, NamedPlate])
+def test_plain_dataclasses_that_derive_from_settings_are_checked(kind: type[Plate]) -> None:
+    plate = kind(size=[2, 3], holes=2)  # type: ignore[arg-type]
+    assert plate.size == (2.0, 3.0) and plate.area() == 4.0 and plate.rate == math.inf
+    assert replace(plate, rate=2).size == plate.size and hash(plate) == hash(replace(plate))
+    for values, message in (
+        ({"size": (1.0,)}, r"^size must be 2 values, each a finite number above 0, got \(1.0,\)$"),
+        ({"size": (1.0, 0.0)}, r"^size\[1\] \(m\) must be a finite number above 0, got 0"),
+        ({"rate": math.nan}, r"^rate \(1/s\) must be a number above 0, got nan$"),
+    ):
+        with pytest.raises(InputError, match=message):
+            kind(**values)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=message):
+            replace(plate, **values)  # type: ignore[arg-type]
 
 
 def test_settings_are_frozen_hashable_and_checked_again_when_replaced() -> None:
@@ -105,6 +181,12 @@ def test_json_goes_there_and_back() -> None:
     spec = Spec(pushes=(Push(), Push(time=2.0)), start=(0.1, 1 / 3, 0.0))
     assert from_json(Spec, to_json(spec)) == spec
     assert from_json(Spec, {}) == Spec()
+
+
+def test_unit_and_choices_of_a_field_can_be_shown() -> None:
+    assert unit_and_choices(Spec, "length") == ("m", [])
+    assert unit_and_choices(Push, "time") == ("s", [])
+    assert unit_and_choices(Spec, "side") == ("", ["left", "right"])
 
 
 def test_a_registry_names_what_is_near_and_refuses_what_is_taken() -> None:
@@ -130,3 +212,21 @@ def test_parameters_are_looked_up_before_the_call() -> None:
         call_checked("foot 'x'", make, {"sise": 2.0})
     with pytest.raises(InputError, match="the foot 'x' needs a value for 'size'"):
         call_checked("foot 'x'", make, {})
+
+
+def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
+    class Shoe:
+        @classmethod
+        @named_parameters("Shoe.of")
+        def of(cls, size: float, *, colour: str = "red") -> tuple[float, str]:
+            """Return size and colour."""
+            return size, colour
+
+    assert Shoe.of(2.0) == (2.0, "red") and Shoe.of(size=1.0, colour="blue") == (1.0, "blue")
+    assert (
+        str(inspect.signature(Shoe.of)) == "(size: 'float', *, colour: 'str' = 'red') -> 'tuple[float, str]'"
+    )
+    with pytest.raises(UnknownNameError, match="no parameter of Shoe.of 'color'; did you mean 'colour'"):
+        Shoe.of(2.0, color="blue")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="size"):
+        Shoe.of()  # type: ignore[call-arg]

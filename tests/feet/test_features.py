@@ -133,7 +133,7 @@ def test_the_report_says_what_was_done(values: np.ndarray) -> None:
 def test_bad_input_is_refused(values: np.ndarray) -> None:
     for names, message in (
         ((), "at least one feature"),
-        (("Sp", "Sp"), "each feature once"),
+        (("Sp", "Sp"), "features must be named once each, got Sp, Sp"),
         (("Sp^x",), "power must be a whole number"),
         (("Sp^1",), "power must be a whole number"),
         (("sqrt(Ssk)",), "can be negative"),

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from wbc.core.changes import changed
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import (
     LOOP_CLOSURE,
@@ -74,13 +76,32 @@ def test_unknown_names_list_what_there_is() -> None:
 
 
 def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(catalog, "_FEET", dict(catalog._FEET))
+    monkeypatch.setattr(catalog, "_FEET", copy.copy(catalog._FEET))
 
     class Skate(RigidFoot):
         """A narrow rigid foot."""
 
     register_foot("skate", Skate)
     assert isinstance(foot("skate", width=0.02), Skate)
+
+
+def test_a_design_made_with_dataclass_alone_is_checked_like_the_others() -> None:
+    @dataclass(frozen=True)
+    class LongToes(SoftFoot):
+        phalanges: int = 12
+        claws: int = 0
+
+    design = LongToes(claws=3, arch_hinge=[0, 0.01])  # type: ignore[arg-type]
+    assert (design.phalanges, design.claws, design.arch_hinge) == (12, 3, (0.0, 0.01))
+    assert replace(design, stiffness=7).stiffness == 7.0
+    assert changed(design, {"contact.friction": 1, "phalanges": 8.0}).phalanges == 8
+    for values, said in (
+        ({"stiffness": -1.0}, r"stiffness \(Nm/rad\) must be .* at least 0, got -1"),
+        ({"phalanges": 1}, "phalanges must be an integer of at least 2, got 1"),
+        ({"loop_phalanx": 12}, r"\[1, 11\]"),
+    ):
+        with pytest.raises(InputError, match=said):
+            LongToes(**values)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -98,7 +119,7 @@ def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> 
         ("soft", {"loop_phalanx": 10}, r"\[1, 9\]"),
         ("soft", {"phalanx_mass": 0.0}, "mass"),
         ("soft", {"armature": -1e-3}, "armature"),
-        ("soft", {"arch_hinge": (0.0,)}, "two numbers"),
+        ("soft", {"arch_hinge": (0.0,)}, r"arch_hinge \(m\) must be 2 values, each a finite number"),
         ("variable", {"stiffness": 81.0}, r"\[0, 80\], got 81"),
         ("rigid", {"mass": -1.0}, "mass"),
         ("rigid", {"thickness": 0.0}, "thickness"),
@@ -113,17 +134,23 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
     ("make", "said"),
     [
         (lambda: ContactSpheres(friction=0.0), "friction"),
-        (lambda: ContactSpheres(condim=2), "3, 4 or 6"),
+        (lambda: ContactSpheres(condim=2), "condim must be 3 or 4 or 6, got 2"),
         (lambda: ContactSpheres(columns=1), "at least 2"),
         (lambda: ContactSpheres(radius=0.0), "radius"),
         (lambda: ContactSpheres(inset=0.06).column_positions(0.1), "leaves nothing"),
-        (lambda: ConstraintLaw(0.0), "time constant"),
-        (lambda: ConstraintLaw(0.01, impedance=(0.9, 1.0)), "d_max"),
+        (lambda: ConstraintLaw(0.0), r"time_constant \(s\) must be a finite number above 0, got 0"),
+        (
+            lambda: ConstraintLaw(0.01, impedance=(0.9, 1.0)),
+            r"impedance\[1\] must be .* at most 0.9999, got 1",
+        ),
         (lambda: TransverseBending("roll"), "twist"),  # type: ignore[arg-type]
         (lambda: TransverseBending(stiffness=-1.0), "stiffness"),
-        (lambda: StiffnessActuator(rate_limit=0.0), "rate"),
+        (
+            lambda: StiffnessActuator(rate_limit=0.0),
+            r"rate_limit \(Nm/rad/s\) must be a number above 0, got 0",
+        ),
         (lambda: StiffnessActuator(low=10.0, high=10.0), "exceed"),
-        (lambda: StiffnessActuator(time_constant=-1.0), "time constant"),
+        (lambda: StiffnessActuator(time_constant=-1.0), r"time_constant \(s\) must be .* at least 0, got -1"),
         (lambda: StiffnessActuator().at_rest(-1.0), r"\[0, 80\]"),
         (lambda: StiffnessActuator().advance(StiffnessActuator().at_rest(5.0), 90.0, 0.1), "90"),
         (lambda: RangeSensor(least=1.0, greatest=0.5), "exceed"),
@@ -132,7 +159,10 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
         (lambda: SoleGeometry("a", (0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "above its sole"),
         (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "unit quaternion"),
         (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), -np.eye(3), 0.1, 0.1), "right-handed"),  # type: ignore[arg-type]
-        (lambda: SoleGeometry("a", (0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "shape"),  # type: ignore[arg-type]
+        (
+            lambda: SoleGeometry("a", (0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1),
+            r"translation \(m\) must be 3 values",
+        ),  # type: ignore[arg-type]
         (lambda: effective_time_constant(SOLE_GROUND, 0.0), "timestep"),
         (lambda: effective_time_constant(SOLE_GROUND, 0.001, integrator="RK4"), "integrator"),  # type: ignore[arg-type]
     ],

@@ -361,7 +361,7 @@ def test_settings_are_checked() -> None:
     for options, message in (
         ({"corner": 0.0}, "corner"),
         ({"corner": math.nan}, "corner"),
-        ({"detrend": "quadratic"}, "way to detrend 'quadratic'"),
+        ({"detrend": "quadratic"}, "no detrend 'quadratic'"),
         ({"variant": "papers"}, "did you mean 'paper'"),
     ):
         with pytest.raises(InputError, match=message):

@@ -11,19 +11,13 @@ import pytest
 from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
 from wbc.feet.stiffness.clusters import Clusters
-from wbc.feet.stiffness.comparison import (
-    amplitude_trends,
-    candidates,
-    compare,
-    comparison_table,
-    learning_curve,
-    principal_components,
-)
+from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import REQUIRED, ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.features import WINDOW_FEATURES, FeatureSet, select_features
+from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
-from wbc.feet.stiffness.plot import draw_model, labels_figure
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, roughness
 from wbc.feet.stiffness.validation import PROTOCOLS, Candidate, cross_validate
 
@@ -220,8 +214,9 @@ def test_a_saved_model_is_the_same_model(
         ({"mean": [0.0]}, "mean"),
         ({"scale": [0.0] * 6}, "scale and reach"),
         ({"rows": [[1.0, 2.0]]}, "rows must have shape"),
-        ({"settings": {"neighbours": 10}}, "not a whole wbc stiffness model"),
-        ({"recipe": {"step": 0.007}}, "profile recipe must have the keys"),
+        ({"settings": {"neighbours": 10}}, "ModelSettings must be complete, .*, got {'neighbours': 10}"),
+        ({"settings": None}, "ModelSettings must be ModelSettings, got None"),
+        ({"recipe": {"step": 0.007}}, "ProfileRecipe must be complete, .*, got {'step': 0.007}"),
         ({"reach": -1.0}, "scale and reach"),
     ],
 )
@@ -318,8 +313,8 @@ def test_one_class_teaches_nothing(table: StiffnessTable) -> None:
         ({"features": ("Sq", "Sx")}, "roughness parameter 'Sx'"),
         ({"neighbours": 0}, "neighbours"),
         ({"neighbours": True}, "neighbours"),
-        ({"kind": "clustering"}, "kind of stiffness model"),
-        ({"familiar_share": 1.1}, "share of familiar"),
+        ({"kind": "clustering"}, "no kind 'clustering'"),
+        ({"familiar_share": 1.1}, "familiar_share must be .* at least 0.5 and of at most 1, got 1.1"),
     ],
 )
 def test_model_settings_are_checked(options: dict[str, object], message: str) -> None:

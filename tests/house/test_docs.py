@@ -1,24 +1,32 @@
-"""The pages of the documentation do what they say: programs run, commands and names exist, links lead somewhere."""
+"""The pages of the documentation do what they say: programs run, names exist, links lead somewhere."""
 
 from __future__ import annotations
 
 import contextlib
+import copy
 import importlib
 import io
+import json
+import os
 import re
-import shlex
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import pytest
 
-from wbc.app.cli import make_app
+import wbc
+from wbc.app.cli import main
+from wbc.feet import foot
+from wbc.sim.rig import FootTest, press
+from wbc.sim.terrain import terrain
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
-ELSEWHERE = ("feet.md", "grounds.md")
-"""Pages whose programs `test_feet_docs.py` runs and looks at more closely."""
+ELSEWHERE = ("feet.md", "grounds.md", "CONTRIBUTING.md")
+"""Pages whose programs tests of their own run and look at more closely."""
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OUTPUT = re.compile(r"\s*^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -68,12 +76,14 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     matplotlib.use("Agg")
     for module, name in REGISTERS:
         place = importlib.import_module(module)
-        monkeypatch.setattr(place, name, dict(getattr(place, name)))
+        monkeypatch.setattr(place, name, copy.copy(getattr(place, name)))
     return tmp_path
 
 
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if p.name not in ELSEWHERE and programs(p)], ids=lambda page: page.stem
+    "page",
+    [p for p in PAGES if p.name not in ELSEWHERE and programs(p)],
+    ids=lambda page: page.stem,
 )
 def test_programs_of_a_page_run_one_after_the_other(page: Path, workplace: Path) -> None:
     run(page, slow=False)
@@ -87,27 +97,35 @@ def test_slow_programs_of_a_page_run_too(page: Path, workplace: Path) -> None:
     run(page, slow=True)
 
 
-def run(page: Path, *, slow: bool) -> None:
+def run(page: Path, *, slow: bool) -> dict[str, Any]:
     names: dict[str, Any] = {"__name__": "page"}
     for line, program, expected in programs(page, slow=slow):
-        code = compile("\n" * line + program, str(page), "exec")  # with the lines of the page in a traceback
+        # With the lines of the page in a traceback, and without this file's future statement.
+        code = compile("\n" * line + program, str(page), "exec", dont_inherit=True)
         with contextlib.redirect_stdout(io.StringIO()) as printed:
             exec(code, names)
         if expected is not None:
             assert printed.getvalue().rstrip() == expected.rstrip(), (
                 f"{page.name}:{line + 1} prints otherwise"
             )
+    return names
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_commands_are_understood(page: Path) -> None:
-    for line in "".join(blocks(page, "bash")).replace("\\\n", " ").splitlines():
-        words = shlex.split(line.rpartition("&&")[2].partition(" > ")[0], comments=True)
-        if words and Path(words[0]).name == "wbc":
-            command, bound, _ = make_app(words[1]).parse_args(
-                words[1:], exit_on_error=False, print_error=False
-            )
-            assert callable(command) and bound is not None, line
+def test_the_smallest_of_each_works(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Task, foot, ground, robot, study and command of CONTRIBUTING."""
+    names = run(ROOT / "CONTRIBUTING.md", slow=False)
+    assert len((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").splitlines()) <= 110
+    robot = wbc.load_robot("biped").robot()
+    controller = wbc.Controller(robot, 0.005)
+    controller.add(wbc.PostureTask(), wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+    height = controller.add(names["HeightTask"](robot.torso_frame))
+    assert controller.solve().ok and abs(height.error[0]) < 1e-12
+    height.target = height.target + 0.1
+    assert controller.solve().ok and height.error[0] == pytest.approx(0.1)
+    assert {trial.spec.foot for trial in names["study"].trials()} == {"flat", "long_toes"}
+    assert press(FootTest(foot("long_toes"), terrain("waves", amplitude=0.01))).hold is not None
+    names["mass"]("biped")
+    assert capsys.readouterr().out == f"biped: {robot.mass:.1f} kg\n"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -141,6 +159,53 @@ def test_links_and_pictures_lead_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
+def test_the_programs_that_draw_pictures_can_be_imported() -> None:
+    """They run seldom: a name that has moved is noticed here."""
+    names = ", ".join(sorted(file.stem for file in (ROOT / "docs").glob("*.py") if file.stem != "conf"))
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {names}"],
+        cwd=ROOT / "docs",
+        env={**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+MEASURED = (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")
+VERSION = re.compile(
+    r"^\| (\d+) \| `\w{7}`, [\d-]{10} \| .* \| ([\d.]+), ([\d.]+), ([\d.]+) \|$", re.MULTILINE
+)
+TABLE = re.compile(r"(?:^\|.*\n)+\n(.*)$", re.MULTILINE)
+CAPTION = re.compile(
+    r"\*Measured at `\w{7}`, \d{4}-\d\d-\d\d(?:, walk (\d+)(; \*\*stale\*\*: the walk is (\d+) now)?)?\.\*"
+)
+
+
+def test_every_table_of_results_says_its_version_and_whether_it_is_stale() -> None:
+    now = max(int(version[0]) for version in VERSION.findall(MEASURED))
+    captions = TABLE.findall(MEASURED.partition("\n## Results\n")[2])
+    assert captions
+    for caption in captions:
+        match = CAPTION.fullmatch(caption)
+        assert match, f"no 'Measured at' behind a table but: {caption}"
+        if match[1] is not None:
+            stale = int(match[1]) < now
+            assert (match[2] is not None) == stale, caption
+            assert not stale or int(match[3]) == now, caption
+
+
+def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """Fails when walks compute something else: then add a version to measured.md, and mark what is stale."""
+    (command,) = re.findall(r"The reference walk is `wbc ([^`]+)`", MEASURED)
+    assert main([*command.split(), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    errors = [1e3 * result[name]["mean"] for name in ("zmp_error", "com_error", "dcm_error")]
+    expected = [float(value) for value in VERSION.findall(MEASURED)[-1][1:]]
+    assert errors == pytest.approx(expected, rel=0.01)
+
+
 def test_a_name_that_does_not_exist_is_noticed() -> None:
     assert exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_p") and exists("wbc.Plant")
-    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.walk")
+    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.run")

@@ -60,6 +60,18 @@ def test_every_example_is_tested_indexed_and_takes_the_common_options(
         assert (module.__doc__ or "").splitlines()[0] in text
 
 
+SURFACES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.sim", "wbc.app")
+
+
+def test_examples_import_public_names_alone() -> None:
+    for path in FOLDER.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "wbc":
+                assert node.module in SURFACES, f"{path.name} imports from {node.module}"
+                public = importlib.import_module(node.module).__all__
+                assert {alias.name for alias in node.names} <= set(public), path.name
+
+
 @pytest.mark.parametrize("mode", ["position", "torque"])
 def test_stand_keeps_the_centre_of_mass(load: Load, mode: str) -> None:
     assert run(load("stand"), "--mode", mode, seconds=1.0)["com_error_mm"] < 0.2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 import subprocess
 import sys
@@ -23,17 +24,12 @@ FOLDERS = {
     "wbc.sim": ROOT / "sim",
     "wbc.app": ROOT / "wbc" / "app",
 }
-FLOORS = (
-    ("wbc.core",),
-    ("wbc.robots", "wbc.feet"),
-    ("wbc.tasks",),
-    ("wbc.walking",),
-    ("wbc.sim",),
-    ("wbc.app",),
-)
-"""Lowest first; neighbours on a floor do not import each other."""
+_spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "architecture.py")
+assert _spec is not None and _spec.loader is not None
+architecture = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(architecture)
 
-FLOOR = {package: height for height, floor in enumerate(FLOORS) for package in floor}
+FLOOR = {package: height for height, floor in enumerate(architecture.FLOORS) for package in floor}
 
 
 def sources(folder: Path) -> Iterator[Path]:
@@ -105,6 +101,12 @@ def test_no_import_goes_up_or_sideways(package: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_the_picture_of_the_architecture_is_up_to_date() -> None:
+    """Fails when an import adds or removes an arrow between rooms: run `python docs/figures.py`."""
+    drawn = (ROOT / "docs" / "images" / "architecture.svg").read_text(encoding="utf-8")
+    assert drawn == architecture.architecture_svg(ROOT)
+
+
 def test_nothing_below_the_simulator_imports_mujoco_when_imported() -> None:
     wrong = []
     for package, folder in FOLDERS.items():
@@ -165,3 +167,44 @@ def test_the_first_names_of_the_package_exist() -> None:
         assert getattr(wbc, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'Plnt'"):
         _ = wbc.Plnt
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Shortest circle through each module that has one; every circle once."""
+    found: dict[frozenset[str], list[str]] = {}
+    for start in graph:
+        before: dict[str, str] = {}
+        todo = [start]
+        while todo and start not in before:
+            fresh = []
+            for module in todo:
+                for target in sorted(graph[module] - before.keys()):
+                    before[target] = module
+                    fresh.append(target)
+            todo = fresh
+        if start in before:
+            way = [start]
+            while way[-1] != start or len(way) == 1:
+                way.append(before[way[-1]])
+            found.setdefault(frozenset(way), way[::-1])
+    return list(found.values())
+
+
+def test_modules_do_not_import_each_other_in_circles() -> None:
+    """Imports inside functions and for type checkers count, too: a circle is one idea in two files."""
+    wrong = [" -> ".join(way) for way in circles(architecture.module_graph(ROOT))]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_circle_is_noticed() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": set()}) == []
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == [["b", "c", "b"]]
+
+
+def test_rooms_do_not_import_each_other_in_circles() -> None:
+    """A room is a folder of a package; modules that lie in the package itself belong to no room."""
+    graph = architecture.module_graph(ROOT)
+    rooms = {module: architecture.room_of(ROOT, module) for module in graph if module.count(".") > 1}
+    rooms = {module: room for module, room in rooms.items() if room.count(".") > 1}
+    wrong = [" -> ".join(way) for way in circles(architecture.grouped(graph, rooms))]
+    assert not wrong, "\n".join(wrong)

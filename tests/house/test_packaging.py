@@ -78,6 +78,17 @@ def test_wheels_hold_every_file_of_the_package_and_nothing_else(dist: Path) -> N
         assert wheel_files(wheel) == package_files(), folder
 
 
+def test_the_package_holds_no_tests_benchmarks_or_helpers_of_the_documentation() -> None:
+    wrong = [
+        file
+        for file in package_files()
+        if {"tests", "benchmarks", "docs", "examples"} & set(file.split("/"))
+        or Path(file).name.startswith(("test_", "conftest", "render_"))
+        or not file.endswith((".py", ".typed", ".urdf", ".srdf", ".csv", ".json", ".html", ".js"))
+    ]
+    assert not wrong, wrong
+
+
 def test_sdist_holds_what_a_wheel_needs_as_real_files(dist: Path) -> None:
     (sdist,) = dist.glob("wbc-*.tar.gz")
     with tarfile.open(sdist) as archive:

@@ -479,7 +479,11 @@ REFUSED: dict[str, tuple[Callable[[], object], type[Exception], str]] = {
         UnknownNameError,
         "middle_foot",
     ),
-    "placement of wrong shape": (lambda: FrameDescription("f", "l", (0.0, 0.0)), InputError, "shape"),  # type: ignore[arg-type]
+    "placement of wrong shape": (
+        lambda: FrameDescription("f", "l", (0.0, 0.0)),  # type: ignore[arg-type]
+        InputError,
+        r"translation \(m\) must be 3 values, each a finite number, got \(0.0, 0.0\)",
+    ),
     "placement NaN": (lambda: FrameDescription("f", "l", (0.0, 0.0, np.nan)), InputError, "finite"),
     "sole size": (lambda: make(biped(), sole_size=(0.2, -0.1)), InputError, "width"),
     "posture of an unknown joint": (
@@ -541,6 +545,11 @@ REFUSED: dict[str, tuple[Callable[[], object], type[Exception], str]] = {
         "lower < upper",
     ),
     "servo": (lambda: ServoRule(frequency=0.0), InputError, "frequency"),
+    "unknown parameter": (
+        lambda: make(biped(), half_siting={}),
+        UnknownNameError,
+        "no parameter of RobotDescription.from_urdf 'half_siting'; did you mean 'half_sitting'",
+    ),
     "height": (lambda: make(biped(), height=-1.0), InputError, "height"),
 }
 

@@ -15,11 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wbc
-from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.signals import Measurement
+from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.robots import load
-from wbc.sim import Plant
-from wbc.sim.balance.controller import balance_controller
 
 QUICK = (
     "joint_position nan",

@@ -10,25 +10,34 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.core.settings import to_json
 from wbc.feet import foot
 from wbc.robots import load, names
 from wbc.sim.balance import push_recovery
-from wbc.sim.balance.falls import LARGEST_TILT, LOWEST_BASE, FallDetector
 from wbc.sim.balance.push_recovery import (
     PushCell,
     PushResult,
     StandPushSpec,
     format_push_table,
     largest_push,
-    push,
+    push_standing,
 )
-from wbc.sim.balance.standing import MODES, Mode, Stand, StandResult, StandSpec, centre_of_pressure, stand
+from wbc.sim.balance.standing import (
+    MODES,
+    Mode,
+    StandResult,
+    StandSpec,
+    StandTrial,
+    centre_of_pressure,
+    stand,
+)
 from wbc.sim.plant import Plant
-from wbc.sim.plant.shod import shod
+from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
+from wbc.sim.plant.fitting import with_feet
 
 
 def without_clock(result: StandResult) -> dict[str, Any]:
-    return {k: v for k, v in result.to_json().items() if k not in ("real_time_factor", "tick_us")}
+    return {k: v for k, v in to_json(result).items() if k not in ("real_time_factor", "tick_us")}
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -71,8 +80,8 @@ def test_every_robot_stands_for_long(robot: str, mode: Mode, noise: str) -> None
 @pytest.mark.parametrize("name", ["rigid", "soft"])
 def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
     other = foot(name)
-    description = shod(load("hrp4_class"), other)
-    assert shod(description, other) == description
+    description = with_feet(load("hrp4_class"), other)
+    assert with_feet(description, other) == description
     plant = Plant(description, foot=other)
     robot = description.robot()
     robot.update(plant.truth().q, np.zeros(robot.nv))
@@ -85,7 +94,7 @@ def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
 
 def test_a_robots_own_soles_are_left_alone() -> None:
     for robot in names():
-        assert shod(load(robot), foot("flat")) is load(robot)
+        assert with_feet(load(robot), foot("flat")) is load(robot)
 
 
 def test_stands_on_soft_feet() -> None:
@@ -94,8 +103,8 @@ def test_stands_on_soft_feet() -> None:
 
 
 def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
-    stage = Stand(StandSpec(robot="g1", seconds=1.0))
-    *_, truth = stage.run(1.0)
+    trial = StandTrial(StandSpec(robot="g1", seconds=1.0))
+    *_, truth = trial.advance(1.0)
     np.testing.assert_allclose(centre_of_pressure(truth), truth.com[:2], atol=1e-4)
     flying = replace(truth, contact_force=np.zeros((0, 3)), contact_position=np.zeros((0, 3)))
     assert np.isnan(centre_of_pressure(flying)).all()
@@ -111,7 +120,7 @@ def turned(q: np.ndarray[Any, Any], angle: float, axis: list[float]) -> np.ndarr
 @pytest.mark.parametrize("robot", names())
 def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: str) -> None:
     model = load(robot).robot()
-    detector, q = FallDetector(model), np.array(model.half_sitting)
+    detector, q = TrueFallDetector(model), np.array(model.half_sitting)
     for heading in (0.0, 2.0):
         there = turned(q, heading, [0, 0, 1])
         there[:2] += 100.0
@@ -120,7 +129,7 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
             assert not detector.fallen(turned(there, 0.98 * LARGEST_TILT, list(axis)))
             assert detector.fallen(turned(there, 1.02 * LARGEST_TILT, list(axis)))
         for height, fallen in ((1.02, False), (0.98, True)):
-            there[2] = height * LOWEST_BASE * q[2]
+            there[2] = height * LOWEST_SHARE * q[2]
             assert detector.fallen(there) is fallen
     for place in (2, 4):
         lost = np.array(q)
@@ -129,15 +138,16 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
 
 
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
-    weak = push(StandPushSpec(impulse=0.2, after=2.5))
+    weak = push_standing(StandPushSpec(impulse=0.2, after=2.5))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
-    strong = push(StandPushSpec(impulse=0.8, after=2.5))
+    strong = push_standing(StandPushSpec(impulse=0.8, after=2.5))
     assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
 
 
 def test_pushes_to_the_left_and_to_the_right_are_mirror_images() -> None:
     left, right = (
-        push(StandPushSpec(impulse=0.15, direction=d, after=1.0)) for d in (math.pi / 2, -math.pi / 2)
+        push_standing(StandPushSpec(impulse=0.15, direction=d, after=1.0))
+        for d in (math.pi / 2, -math.pi / 2)
     )
     assert left.com_offset == pytest.approx(right.com_offset, rel=0.02)
 
@@ -145,7 +155,7 @@ def test_pushes_to_the_left_and_to_the_right_are_mirror_images() -> None:
 @pytest.mark.parametrize("threshold", [0.0, 0.123, 0.5, 0.999, 2.0])
 def test_bisection_finds_any_threshold(monkeypatch: pytest.MonkeyPatch, threshold: float) -> None:
     monkeypatch.setattr(
-        push_recovery, "push", lambda spec: PushResult(spec.impulse <= threshold, None, 0.0, 0)
+        push_recovery, "push_standing", lambda spec: PushResult(spec.impulse <= threshold, None, 0.0, 0)
     )
     found = largest_push(StandPushSpec(), highest=1.0, resolution=0.01)
     assert found <= threshold and found >= min(threshold, 1.0) - 0.01

@@ -20,13 +20,13 @@ from sweep_trials import MadeUpTrial
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.studies.catalog import STUDIES, study_by_name
-from wbc.sim.studies.comparison import mean_interval, paired_difference
+from wbc.sim.studies.intervals import mean_interval, paired_difference
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.stiffness import DATA
+from wbc.sim.studies.stiffness_studies import DATA
 from wbc.sim.studies.study import Cell, Study, merged
+from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.tables import study_table
 from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 
@@ -273,7 +273,7 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
         study, {"flat": [22, 5, 22, "diverged"], "soft": [22, 22, "timeout", 10], "rigid": [3]}
     )
     table = study_table(study, entries)
-    cells = table.found
+    cells = table.by_name
     flat, soft, rigid = (cells["flat", arm] for arm in ("flat", "soft", "rigid"))
     assert flat.estimate.n == 3 and flat.estimate.mean == pytest.approx(49 / 3)
     assert flat.difference is None and flat.statuses == {"done": 3, "diverged": 1}
@@ -311,7 +311,7 @@ def test_a_table_puts_cells_together() -> None:
     walks = {"flat": [22, 5, 22, "diverged"], "soft": [22, 22, 10, 10], "rigid": [3, 3, 3, 3]}
     table = study_table(study, journal_of(study, walks), by=["terrain"])
     assert table.rows == ("stones",)
-    flat, soft = table.found["stones", "flat"], table.found["stones", "soft"]
+    flat, soft = table.by_name["stones", "flat"], table.by_name["stones", "soft"]
     assert flat.statuses == {"done": 6, "diverged": 2} and flat.estimate.n == 6
     # The ground on which one diverged counts for none, in the means as in the pairs.
     assert soft.estimate.n == 6 and soft.estimate.mean == pytest.approx((22 + 22 + 10) / 3)
@@ -319,7 +319,7 @@ def test_a_table_puts_cells_together() -> None:
 
     apart = study_table(study, journal_of(study, walks), by=["amplitude", "plan.distance"])
     assert apart.rows == ("amplitude 0.01, distance 0.1", "amplitude 0.02, distance 0.1", "all")
-    assert apart.found["all", "soft"].estimate == soft.estimate
+    assert apart.by_name["all", "soft"].estimate == soft.estimate
     assert study_table(study, journal_of(study, walks)).rows == ("low", "high", "all")
     with pytest.raises(UnknownNameError, match="swing_hight"):
         study_table(study, {}, by=["gait.swing_hight"])
@@ -343,7 +343,7 @@ def test_studies_are_data() -> None:
     assert merged({"a": {"b": 1, "c": 2}}, {"a": {"c": 3}}) == {"a": {"b": 1, "c": 3}}
 
 
-TRAINING = ("dataset", "halfway", "oracle")
+TRAINING = ("dataset", "halfway", "tuned_fixed")
 """Studies that something is learnt from."""
 
 
@@ -373,8 +373,8 @@ def test_studies_of_the_project_can_be_run(name: str) -> None:
         (lambda: list(small_study(base={"fot": "soft"}).trials()), "small.*flat.*foot"),
         (lambda: small_study().narrowed(["stones"]), "flat, legacy"),
         (lambda: small_study().narrowed(seeds=9), "from 1 to the 4"),
-        (lambda: Study.from_json({"name": "x", "cells": {}, "arms": {}}), "seeds missing"),
-        (lambda: Study.from_json({"nam": "x"}), "name"),
+        (lambda: Study.from_json({"name": "x", "cells": {}, "arms": {}}), "^seeds is missing: a list"),
+        (lambda: Study.from_json({"nam": "x"}), "no setting of Study 'nam'; did you mean 'name'"),
         (lambda: Study.from_json({"name": "x", "cells": [], "arms": {}, "seeds": [1]}), "object"),
         (lambda: study_by_name("flat_flor"), "flat_floor"),
     ],

@@ -1,8 +1,10 @@
 """Grounds: amplitude, seeds, strips, normals and what each family promises."""
 
+import copy
 import math
 import pickle
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wbc.core.errors import Array
+from wbc.core.settings import Positive
 from wbc.sim.terrain import FieldFamily, Site, Terrain, family, param, terrain, terrain_families
+from wbc.sim.terrain.families import base
 from wbc.sim.terrain.families.fields import low_pass
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
@@ -272,13 +276,13 @@ def test_height_field_of_solids_lies_on_the_solids() -> None:
 
 
 def test_a_family_of_ones_own_takes_one_class(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.sim.terrain.families.base._FAMILIES", terrain_families())
+    monkeypatch.setattr(base, "_FAMILIES", copy.copy(base._FAMILIES))
 
     @family("test_waves")
     class Waves(FieldFamily):
         """Sine waves along the track."""
 
-        wavelength: float = param(0.3, "m", "Crest to crest", open_low=True)
+        wavelength: Annotated[Positive, "m"] = param(0.3, "Crest to crest")
 
         @property
         def smallest_feature(self) -> float:

@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain import ClearanceWarning, Terrain, terrain, terrain_families
-from wbc.sim.terrain.cost import terrain_cost
-from wbc.sim.terrain.drawing import contact_sheet
-from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, GroundContact, add_to_spec
+from wbc.sim.terrain import (
+    AddedTerrain,
+    GroundContact,
+    Terrain,
+    add_to_spec,
+    terrain,
+    terrain_families,
+)
+from wbc.sim.terrain.plot import plot_families
+from wbc.sim.terrain.render import TERRAIN_GROUP
 
 NAMES = [n for n in terrain_families() if n != "image"]
 
@@ -153,22 +159,20 @@ def test_unidirectional_grounds_take_few_cells_across() -> None:
 def test_rendering_can_be_chosen_when_drawing() -> None:
     t = terrain("stone_bricks", seed=1)
     _, _, solid = _compile(t)
-    _, _, field = _compile(t, rendering="height_field", resolution=0.003)
-    assert (solid.rendering, field.rendering) == ("geoms", "height_field")
+    _, _, field = _compile(replace(t, rendering="height_field", resolution=0.003))
+    assert (solid.height_field, field.height_field) == (None, "terrain_field")
     assert solid.nodes == 0 and field.nodes == 1001 * 335
-    assert field.terrain.rendering == "height_field" and t.rendering == "auto"
-    assert len(t.add_to_spec(mujoco.MjSpec()).geoms) == len(solid.geoms)
 
 
 def test_nothing_is_added_before_all_is_checked() -> None:
-    for options in ({"group": 6}, {"rendering": "height_field", "resolution": 0.02}, {"clearance": -1.0}):
+    field = terrain("stones", rendering="height_field", resolution=0.006)
+    for options in ({"group": 6}, {"sole_radius": 0.005}):
         spec = mujoco.MjSpec()
         with pytest.raises(InputError):
-            add_to_spec(spec, terrain("stones"), **options)  # type: ignore[arg-type]
+            add_to_spec(spec, field, **options)  # type: ignore[arg-type]
         assert not spec.worldbody.geoms and not spec.hfields
     spec = mujoco.MjSpec()
-    with pytest.warns(ClearanceWarning):
-        add_to_spec(spec, terrain("stones", 0.05), clearance=0.04)
+    add_to_spec(spec, terrain("stones"))
     with pytest.raises(InputError, match="already"):
         add_to_spec(spec, terrain("stones"))
     for bad in (
@@ -181,24 +185,18 @@ def test_nothing_is_added_before_all_is_checked() -> None:
             GroundContact(**bad)  # type: ignore[arg-type]
 
 
-def test_only_the_drawing_modules_import_mujoco() -> None:
+def test_only_the_drawing_module_imports_mujoco() -> None:
     folder = Path(__file__).parents[2] / "sim" / "terrain"
     users = set()
     for path in folder.glob("*.py"):
         for node in ast.parse(path.read_text()).body:
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            if any(n == "mujoco" or n.endswith((".render", ".cost")) for n in names):
+            if any(n == "mujoco" or n.endswith(".render") for n in names):
                 users.add(path.stem)
-    assert users == {"render", "cost"}
-
-
-def test_cost_counts_what_was_added() -> None:
-    bricks, noise = terrain_cost(terrain("stone_bricks"), steps=90), terrain_cost(terrain("random"), steps=90)
-    assert bricks["nodes"] == 0 and bricks["geoms"] > 100 and bricks["steps_per_s"] > 0
-    assert noise["model_bytes"] > 4 * noise["nodes"] > 0 and noise["contacts"] >= 6
+    assert users == {"render", "__init__"}
 
 
 @pytest.mark.slow
 def test_every_family_is_on_the_contact_sheet(tmp_path: Path) -> None:
-    assert contact_sheet(tmp_path / "sheet.png") >= len(NAMES)
+    assert plot_families(tmp_path / "sheet.png") >= len(NAMES)

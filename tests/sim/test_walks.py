@@ -14,8 +14,8 @@ import pytest
 
 from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.settings import from_json
 from wbc.core.signals import Measurement
-from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import (
     TrialSettings,
     WalkHook,
@@ -25,14 +25,12 @@ from wbc.sim.walks import (
     WalkSpec,
     WalkTick,
     WalkTrial,
-    run_walk,
+    walk,
 )
-from wbc.sim.walks.run import TrueFall
-from wbc.walking.falls import FallReason, FallSettings
+from wbc.walking.falls import FallReason
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.stabilizer.gains import StabilizerGains
 
 TWO_STEPS = WalkPlan(distance=0.1)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3)
@@ -81,13 +79,13 @@ class Notes(WalkHook):
 
 @pytest.fixture(scope="module")
 def plain() -> WalkResult:
-    return run_walk(SPEC)
+    return walk(SPEC)
 
 
 @pytest.fixture(scope="module")
 def seen() -> tuple[WalkResult, Notes]:
     notes = Notes()
-    return run_walk(WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))), hooks=[notes]), notes
+    return walk(WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))), hooks=[notes]), notes
 
 
 def test_equal_specs_give_equal_records_with_any_hooks(
@@ -97,6 +95,43 @@ def test_equal_specs_give_equal_records_with_any_hooks(
     assert result.record() == plain.record()
     assert notes.calls[0] == "start" and notes.calls[-1] == "end"
     assert notes.calls[1:-1] == ["tick"] * round(result.seconds / SPEC.period)
+
+
+PROGRAM = """
+import wbc
+from wbc.walking import FootstepPlan, WalkingControl, walk_distance
+
+description = wbc.load_robot("hrp4_class")
+plant = wbc.Plant(description, terrain="flat", noise="realistic")
+robot = description.robot()
+plan = walk_distance(FootstepPlan.standing(robot), 0.1)
+walking = WalkingControl(robot, plan, plant.control_period)
+while not (walking.finished or walking.fallen):
+    plant.step(walking.command(plant.measure()))
+"""
+
+
+def test_a_first_walk_is_a_short_program() -> None:
+    assert len(PROGRAM.strip().splitlines()) <= 15
+    names: dict[str, Any] = {}
+    exec(PROGRAM, names)
+    assert names["walking"].finished and names["walking"].steps_done == 2
+
+
+def test_a_walk_takes_fields_of_spec_and_plan_by_name(plain: WalkResult) -> None:
+    assert walk(distance=0.1, seed=3).record() == plain.record()
+    assert (
+        walk(WalkSpec(robot="talos"), robot="hrp4_class", plan=TWO_STEPS, seed=3).record() == plain.record()
+    )
+    for values, message in (
+        ({"distanc": 1.0}, "did you mean 'distance'"),
+        ({"foto": "soft"}, "did you mean 'foot'"),
+        ({"plan": TWO_STEPS, "turn": 1.0}, "either a plan or turn"),
+        ({"foot": "soft", "policy": "model"}, "variable stiffness"),
+        ({"foot": "soft", "policy": lambda swing: 5.0}, "variable stiffness"),
+    ):
+        with pytest.raises(InputError, match=message):
+            walk(**values)  # type: ignore[arg-type]
 
 
 def test_walks_the_plan(plain: WalkResult) -> None:
@@ -197,8 +232,8 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
 
 
 def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
-    plant = Plant(_description())
-    look = TrueFall(plant, FallSettings()).look
+    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none"))
+    plant, look = trial.plant, trial.true_fall
     assert look() is None
     upright = plant.data.qpos[3:7].copy()
     plant.data.qpos[3:7] = [math.cos(0.33), math.sin(0.33), 0.0, 0.0]  # a roll of 0.66 rad
@@ -225,7 +260,7 @@ class Poison(WalkHook):
 
 
 def test_a_diverged_simulation_is_neither_a_fall_nor_a_success() -> None:
-    result = run_walk(SPEC, hooks=[Poison()])
+    result = walk(SPEC, hooks=[Poison()])
     assert result.outcome == "diverged" and result.diverged
     assert not result.fell and result.fall_reason is None and result.steps_done == 0
     assert result.seconds < 0.2
@@ -267,7 +302,7 @@ def test_what_happened_once_is_counted_once_though_measurements_get_lost(
 ) -> None:
     caplog.set_level(logging.CRITICAL)
     gaps = Gaps()
-    result = run_walk(SPEC, hooks=[gaps])
+    result = walk(SPEC, hooks=[gaps])
     assert len(gaps.lost) >= 4 and result.outcome == "completed"
     counts = result.touchdowns
     assert (
@@ -286,7 +321,7 @@ def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureF
             )
 
     push = WalkPush(impulse=3.0, time=0.0)
-    result = run_walk(WalkSpec(plan=TWO_STEPS, pushes=(push,)), hooks=[Blind()])
+    result = walk(WalkSpec(plan=TWO_STEPS, pushes=(push,)), hooks=[Blind()])
     assert result.outcome == "fell" and result.fall is not None
     assert result.fall.onset == result.fall.time == result.seconds
 
@@ -332,7 +367,7 @@ def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
 def test_a_control_period_of_2_ms_walks_as_5_ms_do(foot: str) -> None:
     """Within the spread of the errors over the walk."""
     five, two = (
-        run_walk(WalkSpec(foot=foot, plan=WalkPlan(distance=0.3), seed=3, control_period=period))
+        walk(WalkSpec(foot=foot, plan=WalkPlan(distance=0.3), seed=3, control_period=period))
         for period in (0.005, 0.002)
     )
     assert five.steps_done == two.steps_done == five.steps_planned
@@ -344,7 +379,7 @@ def test_a_control_period_of_2_ms_walks_as_5_ms_do(foot: str) -> None:
 
 def test_a_control_that_has_stopped_walks_no_more(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.CRITICAL)
-    result = run_walk(SPEC, hooks=[Blindness()])
+    result = walk(SPEC, hooks=[Blindness()])
     assert result.outcome == "fell" and result.fall_reason == "solver" and result.steps_done == 0
     assert result.seconds < 0.5
 
@@ -394,25 +429,6 @@ def test_changes_reach_the_controller() -> None:
     assert trial.plant.foot.stiffness == 7.0  # type: ignore[attr-defined]
 
 
-def test_gains_follow_from_the_bandwidth_that_the_cop_is_to_have() -> None:
-    def gains(**values: Any) -> StabilizerGains:
-        return WalkTrial(WalkSpec(plan=TWO_STEPS, **values)).walking.stabilizer.gains
-
-    flat, soft = (gains(foot=foot, changes={"cop_bandwidth": 20.0}) for foot in ("flat", "soft"))
-    kp = _description().kp
-    names = _description().robot().joint_names
-    servos = [kp[names.index(f"left_ankle_{name}")] for name in ("pitch", "roll")]
-    np.testing.assert_allclose(flat.cop_admittance, [20.0 / servo for servo in servos])
-    np.testing.assert_allclose(
-        soft.cop_admittance, [20.0 * (1.0 / servo + 1.0 / 26_700.0) for servo in servos]
-    )
-    omega = math.sqrt(9.80665 / 0.799)
-    assert flat.dcm_p == soft.dcm_p == pytest.approx([(20.0 - omega) ** 2 / 80.0] * 2, rel=1e-3)
-    given = gains(changes={"cop_bandwidth": 20.0, "foot_stiffness": (1000.0, 500.0)})
-    assert given.cop_admittance == pytest.approx((0.02, 0.04))
-    assert gains().cop_admittance == (0.05, 0.05)
-
-
 def test_legacy_is_the_plain_law_and_can_be_changed() -> None:
     settings = WalkSpec(plan=TWO_STEPS, gains="legacy").settings()
     assert not settings.feedforward and settings.walk.adjustment is None
@@ -430,7 +446,7 @@ def test_stairs_of_the_ground_are_climbed() -> None:
         terrain_params=params,
         plan=WalkPlan(stairs="together"),  # type: ignore[arg-type]
     )
-    ground, plan = spec.ground(), spec.prepared().plan
+    ground, plan = spec.ground(), spec.prepare().plan
     assert plan.final[0].z == pytest.approx(0.2) and plan.final[1].z == pytest.approx(0.2)
     for step in plan.steps:
         assert step.z == pytest.approx(float(ground.height(step.x, step.y)), abs=1e-9)
@@ -439,7 +455,7 @@ def test_stairs_of_the_ground_are_climbed() -> None:
 
 
 def test_timings_are_rounded_and_said() -> None:
-    prepared = WalkSpec(plan=TWO_STEPS, gait=Gait(single_support=0.8013)).prepared()
+    prepared = WalkSpec(plan=TWO_STEPS, gait=Gait(single_support=0.8013)).prepare()
     assert prepared.plan.gait.single_support == pytest.approx(0.8)
     assert any("0.8013" in note for note in prepared.notes)
 
@@ -450,7 +466,7 @@ def test_timings_are_rounded_and_said() -> None:
         ({"robot": "hrp4_clas"}, "did you mean 'hrp4_class'"),
         ({"foot": "sofa"}, "soft"),
         ({"stiffness": 5.0}, "flat foot has no stiffness"),
-        ({"foot": "soft", "stiffness": -1.0}, r"\[0"),
+        ({"foot": "soft", "stiffness": -1.0}, "stiffness .* at least 0"),
         ({"foot": "soft", "foot_changes": {"dampin": 1.0}}, "damping"),
         ({"foot": "soft", "foot_changes": {"stiffness": 1.0}}, "option of its own"),
         ({"terrain": "stone"}, "stones"),
@@ -471,12 +487,12 @@ def test_timings_are_rounded_and_said() -> None:
         ({"changes": {"feedforward": 1.0}}, "true or false"),
         ({"changes": {"walk": True}}, "no setting 'walk'|settings of its own"),
         ({"changes": {"com_height": 1.5}}, "0.826"),
-        ({"robot": ["talos"]}, "robot of a walk must be a name"),
-        ({"terrain": 3}, "terrain of a walk must be a name"),
-        ({"foot": "soft", "stiffness": "much"}, "stiffness .* must be a number"),
-        ({"foot": "soft", "stiffness": [1.0]}, "stiffness .* must be a number"),
-        ({"changes": {"walk.adjustment.max_shift": 0.1}}, "two numbers"),
-        ({"changes": {"walk.adjustment.max_shift": (0.1, 0.1, 0.1)}}, "two numbers"),
+        ({"robot": ["talos"]}, "robot must be text"),
+        ({"terrain": 3}, "terrain must be text"),
+        ({"foot": "soft", "stiffness": "much"}, "stiffness .* must be a finite number"),
+        ({"foot": "soft", "stiffness": [1.0]}, "stiffness .* must be a finite number"),
+        ({"changes": {"walk.adjustment.max_shift": 0.1}}, r"max_shift \(m\) must be 2 values"),
+        ({"changes": {"walk.adjustment.max_shift": (0.1, 0.1, 0.1)}}, r"max_shift \(m\) must be 2 values"),
         ({"changes": {"walk.preview.knots": 16.5}}, "must be an integer"),
         ({"changes": {"falls.failures": 2.5}}, "must be an integer"),
         ({"changes": {"walk.preview.target.inward": math.nan}}, "finite"),
@@ -486,18 +502,15 @@ def test_timings_are_rounded_and_said() -> None:
         ({"plan": WalkPlan(velocity=(0.1, 0.0, 0.0), steps=10**9)}, "at most 10000"),
         ({"plan": WalkPlan(velocity=(0.0, 0.0, 5.712), steps=3)}, "half a turn is 1.43 rad/s"),
         ({"plan": WalkPlan(velocity=(0.0, 0.0, 1.0), steps=3)}, "within reach"),
-        ({"changes": {"walk.preview.interval": 1e-9}}, "preview interval"),
-        ({"changes": {"cop_bandwidth": 3.0}}, "CoP bandwidth"),
-        ({"changes": {"cop_bandwidth": -1.0}}, "cop_bandwidth"),
-        ({"changes": {"foot_stiffness": (1000.0,)}}, "two numbers"),
+        ({"changes": {"walk.preview.interval": 1e-9}}, r"interval \(s\) must be .* at least 0.01"),
         ({"gait": Gait(single_support=0.1, takeoff_time=0.01, landing_time=0.02)}, "at least 0.13 s"),
         (
             {"terrain": "steps", "plan": WalkPlan(stairs="together"), "start": (0.0, 0.0, 0.3)},
             "must face the stairs",
         ),
-        ({"plan": {"distance": 1.0}}, "must be a WalkPlan"),
-        ({"gait": 0.8}, "must be a Gait"),
-        ({"pushes": ({"impulse": 0.1},)}, "must be a WalkPush"),
+        ({"plan": {"distance": 1.0}}, "plan must be WalkPlan"),
+        ({"gait": 0.8}, "gait must be Gait"),
+        ({"pushes": ({"impulse": 0.1},)}, r"pushes\[0\] must be WalkPush"),
         ({"gait": Gait(step_length=0.5)}, "within reach"),
         ({"gait": Gait(feet_spacing=0.05)}, "within reach|overlap"),
         ({"gait": Gait(swing_height=0.6)}, "out of reach"),
@@ -511,8 +524,9 @@ def test_timings_are_rounded_and_said() -> None:
             "no body 'torzo'; did you mean 'torso'",
         ),
         ({"changes": {"distribution.margin": 0.06}}, "leaves nothing"),
-        ({"changes": {"distribution.margin": 0.0105, "carrying": True}}, "below the least half extent"),
-        ({"start": (0.0, 0.0)}, "shape"),
+        ({"start": (0.0, 0.0)}, "start .* must be 3 values"),
+        ({"seed": 2**63}, "seed must be below"),
+        ({"changes": "dcm_p"}, "changes: must be an object"),
     ],
 )
 def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
@@ -525,26 +539,32 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
     [
         (lambda: WalkPlan(distance=1.0, turn=1.0), "distance and turn"),
         (lambda: WalkPlan(distance=1.0, steps=3), "steps belong"),
-        (lambda: WalkPlan(velocity=(0.1, 0.0)), "shape"),  # type: ignore[arg-type]
+        (lambda: WalkPlan(velocity=(0.1, 0.0)), "velocity .* must be 3 values"),  # type: ignore[arg-type]
         (lambda: WalkPlan(velocity=(0.1, 0.0, 0.0), steps=0), "at least 1"),
         (lambda: WalkPlan(distance=math.nan), "finite"),
         (lambda: WalkPlan(first="lefft"), "left"),
         (lambda: WalkPlan(stairs="both"), "together"),
-        (lambda: WalkPlan(footsteps=({"side": "left", "x": 0.1},)), "y missing"),  # type: ignore[arg-type]
-        (lambda: WalkPlan.from_json({"distanc": 1.0}), "distance"),
+        (
+            lambda: from_json(WalkPlan, {"footsteps": [{"side": "left", "x": 0.1}]}),
+            r"footsteps\[0\].y is missing",
+        ),
+        (lambda: from_json(WalkPlan, {"distanc": 1.0}), "distance"),
         (lambda: WalkPush(impulse=0.1), "one of them"),
         (lambda: WalkPush(impulse=0.1, time=1.0, step=2), "one of them"),
         (lambda: WalkPush(impulse=-0.1, time=1.0), "impulse"),
         (lambda: WalkPush(impulse=0.1, step=0), "at least 1"),
-        (lambda: WalkPush.from_json({"step": 1}), "impulse"),
-        (lambda: WalkPlan(footsteps=3), "list of footsteps"),  # type: ignore[arg-type]
-        (lambda: Gait(single_support=1e9), "must lie in"),
-        (lambda: WalkSpec.from_json({"gait": {"step_length": "0.1"}}), "must be a number"),
-        (lambda: WalkPlan.from_json({"distance": "1"}), "must be a number"),
-        (lambda: WalkPush(impulse=0.1, time=1.0, body=5), "name of a link"),  # type: ignore[arg-type]
-        (lambda: WalkPush(impulse=0.1, time=True), "must be a number"),
-        (lambda: WalkSpec.from_json({"pushes": 5}), "list of objects"),
-        (lambda: WalkSpec.from_json({"pushes": [3]}), "list of objects"),
+        (lambda: from_json(WalkPush, {"step": 1}), "impulse .* is missing"),
+        (lambda: WalkPlan(footsteps=3), "footsteps must be a list, each item Footstep"),  # type: ignore[arg-type]
+        (lambda: Gait(single_support=1e9), r"single_support \(s\) must be .* at most 60"),
+        (
+            lambda: WalkSpec.from_json({"gait": {"step_length": "0.1"}}),
+            r"step_length \(m\) must be a finite number",
+        ),
+        (lambda: from_json(WalkPlan, {"distance": "1"}), "distance .* must be a finite number"),
+        (lambda: WalkPush(impulse=0.1, time=1.0, body=5), "body must be text"),  # type: ignore[arg-type]
+        (lambda: WalkPush(impulse=0.1, time=True), "time .* must be a finite number"),
+        (lambda: WalkSpec.from_json({"pushes": 5}), "pushes must be a list"),
+        (lambda: WalkSpec.from_json({"pushes": [3]}), r"pushes\[0\] must be WalkPush"),
         (lambda: WalkSpec.from_json({"foto": "soft"}), "foot"),
         (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
         (lambda: WalkSpec.from_json({"gait": {"step": 1.0}}), "step_length"),
@@ -594,8 +614,8 @@ def test_a_walk_is_the_same_far_away_and_in_any_direction(
     Turned, the contact solver ends an iteration earlier or later here and there. That is 8 mN at first, which the
     contacts of the phalanges amplify until the impacts are 1 % apart.
     """
-    here = run_walk(WalkSpec(noise="none", foot=foot, plan=TWO_STEPS))
-    there = run_walk(WalkSpec(noise="none", foot=foot, plan=TWO_STEPS, start=start))
+    here = walk(WalkSpec(noise="none", foot=foot, plan=TWO_STEPS))
+    there = walk(WalkSpec(noise="none", foot=foot, plan=TWO_STEPS, start=start))
     assert _figures(there) == pytest.approx(_figures(here), rel=1e-6)
     assert there.drift == pytest.approx(here.drift, abs=1e-7)
     assert there.yaw_error == pytest.approx(here.yaw_error, abs=1e-7)
@@ -604,8 +624,8 @@ def test_a_walk_is_the_same_far_away_and_in_any_direction(
 @pytest.mark.slow
 @pytest.mark.parametrize("foot", ["flat", "soft"])
 def test_a_mirrored_walk_is_the_mirror_of_the_walk(foot: str) -> None:
-    left = run_walk(WalkSpec(noise="none", foot=foot, plan=WalkPlan(distance=0.1, first="left")))
-    right = run_walk(WalkSpec(noise="none", foot=foot, plan=WalkPlan(distance=0.1, first="right")))
+    left = walk(WalkSpec(noise="none", foot=foot, plan=WalkPlan(distance=0.1, first="left")))
+    right = walk(WalkSpec(noise="none", foot=foot, plan=WalkPlan(distance=0.1, first="right")))
     assert _figures(right) == pytest.approx(_figures(left), rel=1e-4)
     assert right.drift == pytest.approx(-left.drift, abs=1e-5)
     assert right.yaw_error == pytest.approx(-left.yaw_error, abs=1e-5)

@@ -16,10 +16,7 @@ import numpy as np
 
 from wbc.core.errors import Array, MeasurementError
 from wbc.core.signals import Command, Measurement
-from wbc.sim import Plant
-from wbc.sim.balance.standing import Stand, StandSpec
-from wbc.sim.walks import WalkPlan, WalkSpec
-from wbc.sim.walks.run import WalkTrial
+from wbc.sim import PelvisLimits, StandSpec, StandTrial, TrueFallDetector, WalkPlan, WalkSpec, WalkTrial
 
 Fault = Callable[[Measurement, "Memory"], Any]
 """Makes a faulty measurement out of a good one; None for a dropped tick."""
@@ -221,7 +218,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
         lasting: From its start to the end of the run; a single tick otherwise.
     """
     if task == "stand":
-        stand = Stand(StandSpec(robot="hrp4_class", mode=mode, seconds=2.0, noise="realistic"))
+        stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=2.0, noise="realistic"))
         plant, control, command = stand.plant, stand.control, stand.control.command
         start, end = 0.8, 2.0
     else:
@@ -232,6 +229,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
     robot = control.controller.robot
     injector = Injector(control, robot, faults()[name][0], start, lasting, plant.control_period)
     report = injector.report
+    falls = TrueFallDetector(plant.robot, PelvisLimits.standing(plant.robot))
     while plant.time < end and report.upright:
         try:
             measurement = plant.measure()
@@ -242,16 +240,9 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
         if sent is None:
             break
         plant.step(sent)
-        report.upright = not fallen(plant)
+        report.upright = not falls.fallen(plant.truth().q)
     report.stopped = control.stopped
     return report
-
-
-def fallen(plant: Plant) -> bool:
-    """Return True if the pelvis of a robot lies low or is tilted by more than 60°."""
-    q = plant.truth().q
-    upright = 1.0 - 2.0 * (q[3] ** 2 + q[4] ** 2)
-    return bool(not (q[2] > 0.7 * plant.robot.half_sitting[2] and upright > 0.5))
 
 
 def main() -> None:

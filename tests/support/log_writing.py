@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wbc.app.log.columns import Columns
 from wbc.app.log.header import FORMAT
-from wbc.app.log.table import Columns
 from wbc.app.log.writer import ROWS, LogWriter
 
 __all__ = ["HEADER", "ROWS", "columns", "values", "write"]

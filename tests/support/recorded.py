@@ -13,7 +13,7 @@ import wbc
 from wbc.app.log import Recorder
 from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, foot
-from wbc.sim.plant.shod import shod
+from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain import terrain
 from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
@@ -21,7 +21,7 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 
 GAIT = Gait(single_support=0.6, double_support=0.2, initial_double_support=0.5, final_double_support=0.3)
 SECONDS = 3.0
@@ -31,7 +31,7 @@ Hook = Callable[[wbc.Plant, WalkingControl, Measurement, Command], None]
 
 def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.Plant, WalkingControl]:
     soft, robot = foot("soft"), wbc.load_robot("hrp4_class")
-    description = shod(robot, soft)
+    description = with_feet(robot, soft)
     period = 0.005 if mode == "position" else 0.002
     plant = wbc.Plant(robot, foot=soft, noise="realistic", seed=3, control_period=period)
     model = description.robot()
@@ -68,7 +68,7 @@ def recorded_scans() -> tuple[Path, tuple[StepStiffness, ...]]:
     variable, robot = foot("variable"), wbc.load_robot("hrp4_class")
     ground = terrain("roof_tiles", 0.01, seed=2, start=0.1)
     plant = wbc.Plant(robot, foot=variable, terrain=ground, seed=3, range_sensor=RangeSensor())
-    model = shod(robot, variable).robot()
+    model = with_feet(robot, variable).robot()
     plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.25)
 
     def policy(swing: SwingScan) -> StiffnessDecision:

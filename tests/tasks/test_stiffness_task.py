@@ -17,7 +17,8 @@ from wbc.core.errors import InputError, UnknownNameError, WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
 from wbc.feet import SoftFoot, StiffnessActuator, StiffnessState, VariableStiffnessFoot
-from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings, toe_sensor, windows
+from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings, windows
+from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, default_model
 from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
@@ -190,7 +191,7 @@ def test_the_stiffness_changes_at_its_time_and_on_the_swinging_foot_alone(
     first = int(np.argmax(commands[:, mine] == 20.0))
     assert first == round(DOUBLE / DT) + math.ceil(round(decide_at * SINGLE / DT, 6))
     assert (commands[:first, mine] == 5.0).all() and (commands[first:, mine] == 20.0).all()
-    assert (record.side, record.step, record.wanted, record.commanded) == (side, 0, 20.0, 20.0)
+    assert (record.side, record.step, record.requested, record.commanded) == (side, 0, 20.0, 20.0)
     assert record.decided_before == pytest.approx((1 - decide_at) * SINGLE, abs=DT + 1e-9)
     assert record.planned_before == pytest.approx(record.decided_before, abs=DT + 1e-9)
     assert record.reached and record.actual == pytest.approx(20.0, abs=0.5) and record.fallback is None
@@ -335,7 +336,7 @@ def test_the_model_decides_what_it_would_say_of_the_profile(model: StiffnessMode
         assert (record.decision.stiffness, record.decision.cluster) == (said.stiffness, said.cluster)
         assert record.decision.distance == said.distance
         assert tuple(record.decision.features) == model.settings.features
-        assert least <= record.wanted <= most, name
+        assert least <= record.requested <= most, name
 
 
 def test_the_model_is_asked_about_the_end_of_the_profile(model: StiffnessModel) -> None:
@@ -360,10 +361,10 @@ def test_the_oracle_is_asked_about_the_place() -> None:
     blind = lambda progress, reading: math.nan  # noqa: E731
     # The feet land at 0.69 and at 0.98 m; when the first is decided it is 0.1 m short of that.
     rig = Rig(make_task(GroundPolicy(lambda x, y: 60.0 if x > 0.68 else 8.0), decide_at=0.5), tamper=blind)
-    assert rig.step("left").wanted == 60.0
+    assert rig.step("left").requested == 60.0
     rig = Rig(make_task(GroundPolicy(lambda x, y: 60.0 if x > 0.97 else 8.0), decide_at=0.5), tamper=blind)
-    assert rig.step("left").wanted == 8.0
-    assert rig.step("left").wanted == 60.0
+    assert rig.step("left").requested == 8.0
+    assert rig.step("left").requested == 60.0
     assert all(r.profile is None and r.fallback is None for r in rig.task.steps)
 
 
@@ -391,7 +392,7 @@ def test_policies_have_names() -> None:
         stiffness_policy("of a file")
     with pytest.raises(InputError, match="no stiffness model 'nowhere.json'"):
         stiffness_policy("model", path="nowhere.json")
-    with pytest.raises(InputError, match="fixed stiffness"):
+    with pytest.raises(InputError, match=r"^stiffness \(Nm/rad\) must be .* of at least 0, got -1.0$"):
         stiffness_policy("fixed", stiffness=-1.0)
     register_stiffness_policy("always 3", lambda: FixedPolicy(3.0))
     assert stiffness_policy("always 3") == FixedPolicy(3.0)
@@ -446,7 +447,7 @@ def test_without_a_decision_the_fallback_is_commanded(
     record = rig.step(stride=stride)
     assert record.fallback is not None and reason in record.fallback
     expected = 5.0 if fallback is None else fallback
-    assert (record.wanted, record.commanded) == (expected, expected)
+    assert (record.requested, record.commanded) == (expected, expected)
     assert record.reached and record.actual == pytest.approx(expected, abs=0.5)
 
 
@@ -454,7 +455,7 @@ def test_too_late_is_too_late() -> None:
     """A decision less than the deadline before the landing changes nothing, not even by the fallback."""
     record = Rig(make_task(decide_at=0.95, deadline=0.05, fallback=60.0)).step()
     assert record.fallback is not None and record.fallback.startswith("late: 0.040 s before the landing")
-    assert (record.wanted, record.commanded) == (5.0, 5.0)
+    assert (record.requested, record.commanded) == (5.0, 5.0)
 
 
 def test_an_early_landing_is_written_down() -> None:
@@ -501,9 +502,9 @@ def test_the_command_goes_as_far_as_it_can() -> None:
 
 def test_wishes_beyond_the_actuator_are_cut() -> None:
     record = Rig(make_task(lambda swing: 500.0, QUICK)).step()
-    assert (record.wanted, record.commanded) == (500.0, 80.0)
+    assert (record.requested, record.commanded) == (500.0, 80.0)
     record = Rig(make_task(lambda swing: -3.0, QUICK)).step()
-    assert (record.wanted, record.commanded) == (-3.0, 0.0)
+    assert (record.requested, record.commanded) == (-3.0, 0.0)
 
 
 def test_the_last_quarter_is_enough_for_the_whole_range_at_700_per_second() -> None:
@@ -516,7 +517,7 @@ def test_the_last_quarter_is_enough_for_the_whole_range_at_700_per_second() -> N
         for _ in range(5):
             rig.step()
         assert all(r.reached for r in task.steps)
-        assert all(r.wanted == r.commanded for r in task.steps) == enough
+        assert all(r.requested == r.commanded for r in task.steps) == enough
         assert enough or task.steps[0].commanded > 55.0
 
 
@@ -557,17 +558,17 @@ def test_a_model_for_another_step_is_refused(model: StiffnessModel) -> None:
 @pytest.mark.parametrize(
     ("timing", "message"),
     [
-        ({"decide_at": 1.1}, "share of the single support to decide at"),
-        ({"decide_at": 0.2, "scan_from": 0.2}, "share of the single support to decide at"),
-        ({"scan_from": -0.1}, "share of the single support to scan from"),
-        ({"deadline": -1.0}, "deadline"),
-        ({"min_length": 0.01}, "shortest profile"),
-        ({"min_coverage": 1.5}, "coverage"),
-        ({"fallback": -2.0}, "fallback stiffness"),
-        ({"fallback": math.nan}, "fallback stiffness"),
-        ({"tolerance": 0.0}, "tolerance"),
-        ({"sensor_rate": -5.0}, "rate of the range sensor"),
-        ({"history": 0}, "history"),
+        ({"decide_at": 1.1}, "^decide_at must be .* of at most 1, got 1.1$"),
+        ({"decide_at": 0.2, "scan_from": 0.2}, "^decide_at must be above scan_from = 0.2, got 0.2$"),
+        ({"scan_from": -0.1}, "^scan_from must be .* of at least 0"),
+        ({"deadline": -1.0}, r"^deadline \(s\) must be .* of at least 0"),
+        ({"min_length": 0.01}, r"^min_length \(m\) must be at least 0.0"),
+        ({"min_coverage": 1.5}, "^min_coverage must be .* of at most 1"),
+        ({"fallback": -2.0}, r"^fallback \(Nm/rad\) must be .* of at least 0"),
+        ({"fallback": math.nan}, r"^fallback \(Nm/rad\) must be a finite number"),
+        ({"tolerance": 0.0}, r"^tolerance \(Nm/rad\) must be .* above 0"),
+        ({"sensor_rate": -5.0}, r"^sensor_rate \(Hz\) must be .* of at least 0"),
+        ({"history": 0}, "^history must be an integer of at least 1, got 0$"),
     ],
 )
 def test_timing_is_checked(timing: dict[str, object], message: str) -> None:

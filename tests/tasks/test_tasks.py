@@ -184,7 +184,7 @@ def test_gains_feed_forward_and_drift_make_the_reference(case: str) -> None:
 
 
 def test_following_is_setting_target_and_feed_forwards() -> None:
-    """What a controller sets every tick, unchecked, is what the checked properties set."""
+    """`follow`, which is unchecked, sets the same values as the checked properties."""
     robot, rng = make_robot("g1"), np.random.default_rng(8)
     robot.update(*random_state(robot, rng))
     place, point = pin.SE3.Random(), rng.normal(size=3)

@@ -270,7 +270,7 @@ def test_without_wrench_error_it_is_a_pose_task(kind: str) -> None:
     ("kind", "damping"), [(AdmittanceTask, None), (DampingTask, 100.0), (ImpedanceTask, None)]
 )
 def test_control_period_does_not_matter(kind: type[ComplianceTask], damping: float | None) -> None:
-    """The same motion at 1, 2 and 5 ms, but for errors that are proportional to the period."""
+    """Motions at 1, 2 and 5 ms are equal but for errors that are proportional to the period."""
 
     def make(_: Robot) -> ComplianceTask:
         if kind is ImpedanceTask:

@@ -17,6 +17,7 @@ from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
     CoPTask,
+    DampingTask,
     FirstOrderImpedanceTask,
     ImpedanceTask,
     JointTorqueTask,
@@ -107,6 +108,45 @@ def test_unknown_name_is_refused_with_the_nearest_ones(what: str) -> None:
     assert controller.tasks == ()
 
 
+UNKNOWN_OPTIONS: dict[str, tuple[Callable[..., Task], str]] = {
+    "gain": (lambda: CoMTask(wieght=1.0), "no option of CoMTask 'wieght'; did you mean 'weight'"),
+    "axes": (lambda: PoseTask("left_hand", axis=("x",)), "no option of PoseTask 'axis'; did you mean 'axes'"),
+    "own": (
+        lambda: PostureTask(joint_weigths={}),
+        "no option of PostureTask 'joint_weigths'; did you mean 'joint_we",
+    ),
+    "compliance": (lambda: CoPTask("left_foot", time_konstant=0.1), "did you mean 'time_constant'"),
+    "of another task": (
+        lambda: DampingTask("left_hand", admittance=(0, 0), offset_bound=1.0),
+        "'offset_bound'",
+    ),
+    "stiffness of a torque": (
+        lambda: JointTorqueTask(stiffness=1.0),
+        "no option of JointTorqueTask 'stiffness'",
+    ),
+    "stiffness of a wrench": (
+        lambda: WrenchTask("left_foot", stiffness=1.0),
+        "no option of WrenchTask 'stiffness'",
+    ),
+    "axes of a posture": (lambda: PostureTask(axes=("x",)), "no option of PostureTask 'axes'"),
+}
+
+
+@pytest.mark.parametrize("what", UNKNOWN_OPTIONS)
+def test_unknown_option_is_refused_with_the_nearest_ones(what: str) -> None:
+    make, message = UNKNOWN_OPTIONS[what]
+    with pytest.raises(UnknownNameError, match=message):
+        make()
+
+
+def test_an_option_replaces_the_default_of_its_task() -> None:
+    task = CoPTask("left_foot", weight=2.0, name="ankles", axes=("roll", "z"), hard=True)
+    assert (task.name, task.dim, task.hard) == ("ankles", 2, True)
+    assert (task.weight == 2.0).all() and (task.stiffness == 1.0).all() and (task.damping == 300.0).all()
+    assert PoseTask("left_hand", name=None).name == "left_hand pose"
+    assert CoMTask(stiffness=4.0).damping[0] == 4.0 and CoMTask(damping=3.0).damping[0] == 3.0
+
+
 def test_unknown_axis_is_refused_with_the_choices() -> None:
     with pytest.raises(UnknownNameError, match="choices: x, y, z"):
         CoMTask(axes=("w",))
@@ -144,6 +184,9 @@ def test_bad_assignment_leaves_the_task_as_it_was(case: str) -> None:
 def test_momentum_has_nothing_to_damp() -> None:
     with pytest.raises(InputError, match="rate"):
         MomentumTask().damping = 1.0
+    for damping in (1.0, None):
+        with pytest.raises(InputError, match="rate"):
+            MomentumTask(damping=damping)
 
 
 def test_wrench_of_a_cop_task_follows_from_cop_and_force() -> None:

@@ -1,4 +1,4 @@
-"""What the controller makes of tasks, contacts and limits: against another solver, and when they contradict."""
+"""The QP of the controller: against another solver, and with constraints that contradict each other."""
 
 from __future__ import annotations
 

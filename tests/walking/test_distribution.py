@@ -12,14 +12,13 @@ import qpsolvers
 from wbc.core.errors import InputError
 from wbc.core.qp.solver import standard_form
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.zmp import cop, net_wrench
 from wbc.walking.stabilizer.distribution import (
     DistributionSettings,
     FootWrenches,
     WrenchDistribution,
-    distribute_by_ratio,
     left_foot_ratio,
 )
+from wbc.walking.stabilizer.zmp import cop, net_wrench
 
 WEIGHT = 62.4 * GRAVITY  # JVRC-1
 SIZES = ((0.22, 0.10), (0.22, 0.10))
@@ -198,39 +197,15 @@ def test_switching_contacts_needs_no_new_program() -> None:
         np.testing.assert_allclose(a.wrenches, b.wrenches, atol=2e-2)
 
 
-# Closed form
-
-
-def test_the_closed_form_agrees_where_both_apply() -> None:
+def test_a_zmp_between_level_feet_loads_them_by_the_ratio_and_needs_no_ankle_torque() -> None:
     distribution = WrenchDistribution(SIZES)
     for y in (0.0, 0.04, -0.07):
         zmp = np.array([0.0, y, 0.0])
         ratio = left_foot_ratio(zmp, SOLES[0].translation, SOLES[1].translation)
-        net = through(zmp, np.array([0.0, 0.0, WEIGHT]))
-        a = distribution.solve(net, SOLES, zmp, ratio)
-        b = distribute_by_ratio(net, SOLES, zmp, ratio, distribution.rectangles)
-        np.testing.assert_allclose(a.wrenches, b.wrenches, atol=0.5)
-        np.testing.assert_allclose(b.shortfall, 0.0, atol=1e-9)
-    ahead = np.array([0.02, 0.04, 0.0])
-    result = distribute_by_ratio(
-        through(ahead, np.array([0.0, 0.0, WEIGHT])), SOLES, ahead, 0.7, distribution.rectangles
-    )
-    np.testing.assert_allclose(cop(result.wrenches[0]), cop(result.wrenches[1]))  # one offset for both feet
-
-
-def test_the_closed_form_reports_what_it_misses() -> None:
-    rectangles = WrenchDistribution(SIZES).rectangles
-    for net, soles, zmp, ratio, contact in random_cases(60, seed=6):
-        result = distribute_by_ratio(net, soles, zmp, ratio, rectangles, contact)
-        missing = net - net_wrench(result.wrenches, soles)
-        missing[3:] -= np.cross(zmp, missing[:3])
-        np.testing.assert_allclose(missing, result.shortfall, atol=1e-9)
-        for wrench, touches in zip(result.wrenches, contact, strict=True):
-            if touches and wrench[2] > 1.0:
-                assert np.abs(cop(wrench)[0]) <= 0.11 + 1e-9 and np.abs(cop(wrench)[1]) <= 0.05 + 1e-9
-    zmp = np.array([0.0, 0.4, 0.0])
-    far = distribute_by_ratio(through(zmp, np.array([0, 0, WEIGHT])), SOLES, zmp, 1.0, rectangles)
-    assert far.wrenches[1, 2] == pytest.approx(15.0)
+        feet = distribution.solve(through(zmp, np.array([0.0, 0.0, WEIGHT])), SOLES, zmp, ratio)
+        expected = np.zeros((2, 6))
+        expected[:, 2] = ratio * WEIGHT, (1.0 - ratio) * WEIGHT
+        np.testing.assert_allclose(feet.wrenches, expected, atol=0.5)
 
 
 def test_bad_input_is_refused() -> None:
@@ -238,8 +213,6 @@ def test_bad_input_is_refused() -> None:
     distribution = WrenchDistribution(SIZES)
     with pytest.raises(InputError, match="neither"):
         distribution.solve(net, SOLES, np.zeros(3), 0.5, (False, False))
-    with pytest.raises(InputError, match="neither"):
-        distribute_by_ratio(net, SOLES, np.zeros(3), 0.5, distribution.rectangles, (False, False))
     with pytest.raises(InputError, match="ratio"):
         distribution.solve(net, SOLES, np.zeros(3), 1.5)
     with pytest.raises(InputError, match="friction"):

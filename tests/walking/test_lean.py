@@ -58,10 +58,10 @@ def test_it_comes_back_upright_and_rests() -> None:
 
 
 def test_small_moments_are_left_alone() -> None:
-    trunk = lean(least=0.002)
-    least = 0.002 * MASS * 9.81 * HEIGHT
-    assert trunk.update((0.9 * least, 0.0), DT) is UPRIGHT
-    assert trunk.update((0.0, 1.1 * least), DT) is not UPRIGHT
+    trunk = lean(dead_band=0.002)
+    dead_band = 0.002 * MASS * 9.81 * HEIGHT
+    assert trunk.update((0.9 * dead_band, 0.0), DT) is UPRIGHT
+    assert trunk.update((0.0, 1.1 * dead_band), DT) is not UPRIGHT
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.005, 0.01])
@@ -91,8 +91,8 @@ def test_a_reset_stands_upright_at_once() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: LeanSettings(limit=0.0), "limit of the lean"),
-        (lambda: LeanSettings(inertia=-1.0), "inertia of the lean"),
+        (lambda: LeanSettings(limit=0.0), r"limit \(rad\) must be .* above 0"),
+        (lambda: LeanSettings(inertia=-1.0), "inertia must be .* above 0"),
         (lambda: Lean(0.0, HEIGHT), "mass"),
         (lambda: Lean(MASS, math.nan), "height"),
     ],

@@ -1,29 +1,16 @@
-"""The pendulum's closed forms against integration, conservation and each other; points of wrenches."""
+"""Frequency and capture point of the pendulum; points of wrenches."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
+from pendulum import com_after
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.lipm import (
-    Pendulum,
-    capture_point,
-    com_after,
-    convergent_after,
-    dcm,
-    dcm_after,
-    natural_frequency,
-    zmp_of_motion,
-)
-from wbc.walking.pattern.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
-
-metres = st.floats(-0.5, 0.5)
+from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
+from wbc.walking.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 
 
 def test_natural_frequency_of_a_085_m_pendulum() -> None:
@@ -34,50 +21,14 @@ def test_natural_frequency_of_a_085_m_pendulum() -> None:
         natural_frequency(0.8, -GRAVITY)
 
 
-@settings(max_examples=25, deadline=None)
-@given(metres, metres, metres, metres, st.floats(0.05, 0.8), st.floats(2.5, 4.5))
-def test_closed_form_is_what_integration_gives(
-    c: float, v: float, z: float, r: float, t: float, omega: float
-) -> None:
-    result = solve_ivp(
-        lambda s, y: [y[1], omega**2 * (y[0] - z - r * s)], (0.0, t), [c, v], rtol=1e-10, atol=1e-12
-    )
-    com, velocity = com_after(np.array([c]), np.array([v]), np.array([z]), np.array([r]), omega, t)
-    assert com[0] == pytest.approx(result.y[0, -1], abs=1e-8)
-    assert velocity[0] == pytest.approx(result.y[1, -1], abs=1e-8)
-
-
-@given(metres, metres, metres, metres, st.floats(0.01, 1.0), st.floats(0.01, 1.0))
-def test_two_steps_are_one_and_going_back_returns(
-    x: float, v: float, z: float, r: float, t1: float, t2: float
-) -> None:
-    omega = 3.4
-    a = [np.array([k]) for k in (x, z, r)]
-    first = dcm_after(*a, omega, t1)
-    twice = dcm_after(first, a[1] + t1 * a[2], a[2], omega, t2)
-    np.testing.assert_allclose(twice, dcm_after(*a, omega, t1 + t2), atol=1e-9)
-    np.testing.assert_allclose(dcm_after(first, a[1] + t1 * a[2], a[2], omega, -t1), a[0], atol=1e-9)
-    com, velocity = com_after(a[0], np.array([v]), a[1], a[2], omega, t1)
-    np.testing.assert_allclose(
-        dcm(com, velocity, omega), dcm_after(a[0] + v / omega, *a[1:], omega, t1), atol=1e-9
-    )
-    convergent = convergent_after(a[0] - v / omega, *a[1:], omega, t1)
-    np.testing.assert_allclose(com - velocity / omega, convergent, atol=1e-9)
-
-
 def test_stepping_on_the_capture_point_brings_to_rest() -> None:
     com, velocity = np.array([0.1, 0.02, 0.8]), np.array([0.4, -0.1, 0.0])
     omega = natural_frequency(0.8)
     point = capture_point(com, velocity, omega, 0.0)
     assert point[2] == 0.0
-    end, speed = com_after(com[:2], velocity[:2], point[:2], np.zeros(2), omega, 5.0)
+    end, speed = com_after(com[:2], velocity[:2], point[:2], omega, 5.0)
     np.testing.assert_allclose(end, point[:2], atol=1e-6)
     np.testing.assert_allclose(speed, 0.0, atol=1e-6)
-
-
-def test_zmp_of_motion_inverts_the_dynamics() -> None:
-    com, point, omega = np.array([0.1, 0.2]), np.array([0.03, 0.25]), 3.4
-    np.testing.assert_allclose(zmp_of_motion(com, omega**2 * (com - point), omega), point)
 
 
 def test_pendulum_at_rest() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,18 +15,17 @@ from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
 from wbc.core.qp.solver import Status, standard_form
-from wbc.walking.pattern.analytic import Pattern, analytic_pattern
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.plans import climb_stairs, walk_distance, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.planning.schedule import (
     SupportPhase,
     ZmpTarget,
-    remaining,
     schedule,
     support_area,
     zmp_reference,
@@ -34,6 +36,15 @@ SIZES = ((0.16, 0.076), (0.16, 0.076))
 HEIGHT = 0.76
 REST = Pendulum.at_rest(np.array([0.0, 0.0, HEIGHT]))
 WALK = schedule(walk_distance(START, 0.6))
+
+
+def remaining(supports: Sequence[SupportPhase], elapsed: float) -> tuple[SupportPhase, ...]:
+    """The rest of a schedule after a time (s); the last support with no time left if all of it is over."""
+    for i, support in enumerate(supports):
+        if elapsed < support.duration - 1e-9:
+            return (replace(support, duration=support.duration - elapsed), *supports[i + 1 :])
+        elapsed -= support.duration
+    return (replace(supports[-1], duration=0.0),)
 
 
 def support_at(supports: tuple[SupportPhase, ...], time: float) -> SupportPhase:

@@ -12,7 +12,7 @@ from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
-from wbc.walking.planning.plans import walk_distance
+from wbc.walking.planning.planners import walk_distance
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 WEIGHT = 382.0

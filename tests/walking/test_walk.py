@@ -9,17 +9,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from pendulum import com_after
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.control import WalkingControl
-from wbc.walking.pattern.analytic import analytic_pattern
-from wbc.walking.pattern.lipm import Pendulum, com_after, natural_frequency
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.pattern.pattern import analytic_pattern
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.planning.plans import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import schedule, support_area
 from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
@@ -97,7 +98,7 @@ def run(
             if touching[i]
         )
         zmp = project(zmp, *support_area(feet, SIZES))
-        flat, speed = com_after(com[:2], velocity[:2], zmp, np.zeros(2), walk.omega, dt)
+        flat, speed = com_after(com[:2], velocity[:2], zmp, walk.omega, dt)
         com = np.array([*flat, reference.pendulum.com[2]])
         velocity = np.array([*speed, reference.pendulum.com_velocity[2]])
         if push is not None and push[0] <= k * dt < push[0] + dt:

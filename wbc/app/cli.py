@@ -1,4 +1,4 @@
-"""The command `wbc`: reads the command line, runs a command and turns what went wrong into an exit code."""
+"""The command `wbc`: reads the command line, runs a command and turns errors into exit codes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from wbc._version import __version__
-from wbc.app.arguments import take_in
+from wbc.app.arguments import plain_options, prepare
 from wbc.app.commands import COMMANDS, GROUPS
 from wbc.core.errors import InputError, WbcError
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes: it ran (whatever the result), it failed, the input cannot be used, stopped by Ctrl-C."""
+"""Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""
 
 
 def make_app(first_word: str | None = None) -> App:
@@ -24,7 +24,7 @@ def make_app(first_word: str | None = None) -> App:
 
     Args:
         first_word: First word of the command line. Modules of other commands are not imported, which saves most of
-            a second; without a word, or with one that is no command, all are there, for the help and for hints.
+            a second; without a word, or with an unknown one, all are imported, for the help and for hints.
     """
     options = {"default_parameter": Parameter(negative=()), "help_format": "markdown"}
     app = App(
@@ -32,7 +32,7 @@ def make_app(first_word: str | None = None) -> App:
         help="Whole-body QP control for humanoids: tasks, contacts and limits, solved at every tick.",
         help_epilogue="Exit codes: 0 ran, 1 failed, 2 bad input.",
         version=__version__,
-        config=(take_in,),
+        config=(prepare,),
         **options,
     )
     groups: dict[str, App] = {}
@@ -48,7 +48,7 @@ def make_app(first_word: str | None = None) -> App:
                 app.command(groups[group[0]])
             parent = groups[group[0]]
         module, _, function = place.partition(":")
-        parent.command(getattr(importlib.import_module(module), function), name=name)
+        parent.command(plain_options(getattr(importlib.import_module(module), function)), name=name)
     return app
 
 
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        arguments: What follows `wbc`; that of the process when None.
+        arguments: Words after `wbc`; those of the process when None.
 
     Returns:
         Exit code.
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
         return FAILED
-    except BrokenPipeError:  # whoever read our output has had enough
+    except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return RAN
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""What every command that runs a robot offers: watching it live."""
+"""Options of the live view, for every command that runs a robot."""
 
 from __future__ import annotations
 
@@ -9,32 +9,33 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.core.settings import settings
 from wbc.sim.plant.plant import Plant
 
 if TYPE_CHECKING:
-    from wbc.app.view.walk import WatchWalk
+    from wbc.app.view import WatchWalk
     from wbc.sim.walks import WalkTrial
 
 BROWSER_TIME = 20.0
-"""How long a run waits for somebody to open the page, s."""
+"""Longest time that a run waits for a page to be opened, s."""
 
 
 @dataclass(frozen=True, eq=False)
-class Watching:
-    """A run that may be watched.
+class ShownRun:
+    """A run with or without a live view.
 
     Attributes:
-        after_tick: To be called after every tick; None if nobody watches.
-        interventions: What was changed from the page, each with its time.
+        after_tick: To be called after every tick; None without a view.
+        interventions: Changes made from the page, each with its time.
     """
 
     after_tick: Callable[[], None] | None
     interventions: list[dict[str, Any]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Live:
-    """Whether a run is shown in a browser.
+@settings(kw_only=True)
+class LiveView:
+    """Options of the live view in a browser.
 
     Attributes:
         view: Show the run live in the browser, in real time.
@@ -47,65 +48,66 @@ class Live:
     port: int | None = None
 
     @contextmanager
-    def show(self, plant: Plant) -> Iterator[Watching]:
-        """Show a plant, if that is asked for.
+    def show(self, plant: Plant) -> Iterator[ShownRun]:
+        """Show a plant if `view` is set.
 
         Args:
             plant: The plant.
 
         Raises:
-            InputError: A port that is none, or one that is in use.
+            InputError: A port that is out of range or in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:
-            yield Watching(None, [])
+            yield ShownRun(None, [])
             return
-        from wbc.app.view.view import MeshcatView  # noqa: PLC0415 - most runs are not watched
-        from wbc.app.view.walk import wait_for_page  # noqa: PLC0415
+        from wbc.app.view import MeshcatView  # noqa: PLC0415 - most runs are not watched
 
         with MeshcatView(plant, host=self.host, port=self.port, speed=1.0) as view:
-            wait_for_page(view, BROWSER_TIME)
-            yield Watching(view.update, view.interventions)
+            view.wait_for_page(BROWSER_TIME)
+            yield ShownRun(view.update, view.interventions)
 
     @contextmanager
     def watch(self, trial: WalkTrial) -> Iterator[WatchWalk | None]:
-        """Show a walk, if that is asked for: the port is taken now, the page is waited for when the walk starts.
+        """Show a walk if `view` is set: the port is taken now, the walk waits for the page when it starts.
 
         Args:
             trial: The walk.
 
         Raises:
-            InputError: A port that is none, or one that is in use.
+            InputError: A port that is out of range or in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:
             yield None
             return
-        from wbc.app.view.walk import WatchWalk  # noqa: PLC0415 - most runs are not watched
+        from wbc.app.view import WatchWalk  # noqa: PLC0415 - most runs are not watched
 
         with WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
             hook.open(trial)
             yield hook
 
 
-LiveOptions = Annotated[Live, Parameter(name="*")]
-"""A command that can be watched takes it as `live`."""
+LiveOptions = Annotated[LiveView, Parameter(name="*")]
+"""Type of the argument `live` of a command."""
 
 
 def interactive(interventions: list[dict[str, Any]]) -> dict[str, Any]:
-    """What a result says about changes from the page: a run that had any is not what its options say.
+    """Return the part of a result about changes from the page: a run with changes does not follow its options.
 
     Args:
-        interventions: What was changed.
+        interventions: The changes.
     """
-    said: dict[str, Any] = {"interactive": bool(interventions)}
+    facts: dict[str, Any] = {"interactive": bool(interventions)}
     if interventions:
-        said["interventions"] = interventions
-    return said
+        facts["interventions"] = interventions
+    return facts
 
 
 def interactive_text(interventions: list[dict[str, Any]]) -> str:
-    """The same for people, each change on a line of its own that begins with a line break."""
+    """Return the changes as text, each on a new line."""
+    if not interventions:
+        return ""
     from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
 
     return "".join(f"\n  CHANGED   from the page at {intervention_text(entry)}" for entry in interventions)

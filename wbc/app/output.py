@@ -1,4 +1,4 @@
-"""What a command prints: a report for people or one JSON object on stdout, everything else on stderr."""
+"""Output of a command: a text or one JSON object on stdout, everything else on stderr."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 from cyclopts import Parameter
 from rich.console import Console
 
+from wbc.core.settings import settings
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
 Flat = Annotated[T, Parameter(name="*")]
-"""Options of a command: each field of the configuration class is an option of its own."""
+"""Annotation of a parameter of a command that is a settings class: each field is an option."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class Output:
-    """How a command reports.
+    """Options of the output.
 
     Attributes:
         json: Print one JSON object on stdout instead of a text.
@@ -42,23 +44,23 @@ class Output:
 
         Args:
             data: The result as plain values; NaN and infinity become null.
-            text: The same for people.
+            text: The result as text.
         """
         return Report(dict(data), text, self.json)
 
 
 OutputOptions = Annotated[Output, Parameter(name="*")]
-"""Every command takes it as `output`."""
+"""Annotation of the parameter `output`, which every command has."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a command has to say.
+    """Report of a command: JSON data and its text.
 
     Attributes:
-        data: Plain values.
-        text: The same for people.
-        as_json: Which of the two is printed.
+        data: Result as plain values.
+        text: Result as text.
+        as_json: Print the data instead of the text.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
@@ -72,7 +74,7 @@ class Report:
 def reports(function: Callable[P, Report]) -> Callable[P, None]:
     """Make a command of a function that returns a report.
 
-    While it runs, whatever is written to stdout (by C++ libraries, too) goes to stderr; then the report is printed.
+    While it runs, everything written to stdout (by C++ libraries, too) goes to stderr; then the report is printed.
     """
 
     @functools.wraps(function)
@@ -83,7 +85,7 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
             level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
         )
         logging.captureWarnings(True)
-        warnings.formatwarning = _what_it_says
+        warnings.formatwarning = _message_alone
         with stdout_on_stderr():
             report = function(*args, **kwargs)
         print(report)
@@ -98,7 +100,7 @@ def stdout_on_stderr() -> Iterator[None]:
     python_stdout, sys.stdout = sys.stdout, sys.stderr
     try:
         saved = os.dup(1)
-    except OSError:  # no stdout at all
+    except OSError:  # there is no stdout
         saved = None
     if saved is not None:
         os.dup2(2, 1)
@@ -111,19 +113,19 @@ def stdout_on_stderr() -> Iterator[None]:
             os.close(saved)
 
 
-def _what_it_says(message: Warning | str, *where: object, **line: object) -> str:
-    """A warning for people: where it was raised is not what they want to know."""
+def _message_alone(message: Warning | str, *where: object, **line: object) -> str:
+    """Return the text of a warning without the line that raised it."""
     del where, line
     return str(message)
 
 
 def progress_console() -> Console:
-    """Console for progress: on stderr."""
+    """Return the console for progress bars, on stderr."""
     return Console(stderr=True)
 
 
 def _plain(value: Any) -> Any:
-    """Values that JSON knows: tuples as lists, paths as text, NaN and infinity as null."""
+    """Return values that JSON knows: tuples as lists, paths as text, NaN and infinity as null."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

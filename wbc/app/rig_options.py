@@ -1,37 +1,37 @@
-"""What the commands that test feet ask for: a foot under an ankle, and a ground under the foot."""
+"""Options of the commands that test feet: a foot under an ankle, and a ground under the foot."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError
+from wbc.core.settings import Count, settings
 from wbc.feet import Foot, SoftFoot, SoleGeometry
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig import OWN_SOLE, STIFFNESSES, FootTest
+from wbc.sim.rig import HRP4C_SOLE, STIFFNESSES, FootTest
 from wbc.sim.terrain import Rendering, Terrain
 from wbc.sim.terrain import terrain as make_terrain
-from wbc.sim.terrain.report import read_params
+from wbc.sim.terrain.families.base import make_family
 
 Several = Parameter(consume_multiple=True)
 """An option that takes all the values that follow it."""
 
 
 def read_foot(name: str, stiffness: float | None, changes: Iterable[str]) -> Foot:
-    """A foot by name with some of its parameters changed.
+    """Return a foot by name with some of its parameters changed.
 
     Args:
         name: One of `wbc.feet.foot_names()`.
-        stiffness: Of the sole hinges, Nm/rad; the foot's own when None.
-        changes: Further parameters as name=value; of the parts inside as part.name=value.
+        stiffness: Stiffness of the sole hinges, Nm/rad; the foot's default when None.
+        changes: Further parameters as name=value; those of its parts as part.name=value.
 
     Raises:
         UnknownNameError: No such foot or parameter.
@@ -48,18 +48,18 @@ def read_foot(name: str, stiffness: float | None, changes: Iterable[str]) -> Foo
     return changed(design, values)
 
 
-def own_sole(robot: str | None) -> SoleGeometry:
-    """Ankle and sole that a foot is fitted to: those of a robot, or the usual ones.
+def robot_sole(robot: str | None) -> SoleGeometry:
+    """Return the ankle and sole that a foot is fitted to: those of a robot, or of HRP-4C.
 
     Raises:
         UnknownNameError: No such robot.
     """
-    return OWN_SOLE if robot is None else sole_geometries(load(robot).robot())[0]
+    return HRP4C_SOLE if robot is None else sole_geometries(load(robot).robot())[0]
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class FootOptions:
-    """Which foot, under whose ankle, under what load.
+    """Options of the foot, the ankle over it and the load.
 
     Attributes:
         foot: Foot, one of those that `wbc feet` lists.
@@ -76,9 +76,9 @@ class FootOptions:
     ankle_stiffness: float = FootTest.ankle_stiffness
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class RigOptions(FootOptions):
-    """Which foot is put onto what.
+    """Options of one foot on one ground.
 
     Attributes:
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
@@ -107,7 +107,7 @@ class RigOptions(FootOptions):
     timestep: float = PhysicsSettings.timestep
 
     def test(self, drop: float = FootTest.drop) -> FootTest:
-        """The test that is asked for.
+        """Return the foot test.
 
         Args:
             drop: Height over the ground from which the foot is let fall, m.
@@ -120,13 +120,12 @@ class RigOptions(FootOptions):
         return FootTest(
             foot=design,
             ground=make_terrain(
-                self.terrain,
+                make_family(self.terrain, read_changes(self.param)),
                 self.amplitude,
                 self.seed,
                 rendering=self.rendering,
                 resolution=self.resolution,
                 sole_radius=design.contact.radius,
-                **read_params(self.terrain, self.param),
             ),
             load=self.load,
             x=self.x,
@@ -134,14 +133,14 @@ class RigOptions(FootOptions):
             yaw=math.radians(self.yaw),
             drop=drop,
             ankle_stiffness=self.ankle_stiffness,
-            own_sole=own_sole(self.robot),
+            robot_sole=robot_sole(self.robot),
             physics=PhysicsSettings(timestep=self.timestep),
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class StudyOptions(FootOptions):
-    """Which foot is tried over stiffness and ground.
+    """Options of one foot over several stiffnesses and grounds.
 
     Attributes:
         stiffness: Stiffnesses of the sole hinges, Nm/rad.
@@ -153,10 +152,14 @@ class StudyOptions(FootOptions):
     stiffness: Annotated[tuple[float, ...], Several] = STIFFNESSES
     terrain: Annotated[tuple[str, ...], Several] = ("random", "stones")
     amplitude: float = 0.03
-    seeds: int = 5
+    seeds: Count = 5
+
+    def __post_init__(self) -> None:
+        if not self.terrain:
+            raise InputError("at least one terrain is needed")
 
     def test(self) -> FootTest:
-        """What stays the same.
+        """Return the foot test that all runs share.
 
         Raises:
             UnknownNameError: No such foot, robot or parameter.
@@ -166,18 +169,16 @@ class StudyOptions(FootOptions):
             foot=read_foot(self.foot, None, self.foot_param),
             load=self.load,
             ankle_stiffness=self.ankle_stiffness,
-            own_sole=own_sole(self.robot),
+            robot_sole=robot_sole(self.robot),
         )
 
     def grounds(self) -> tuple[Terrain, ...]:
-        """The grounds, all families for one seed after the other.
+        """Return the grounds, all families for one seed after the other.
 
         Raises:
             UnknownNameError: No such family.
-            InputError: No ground at all, or an amplitude out of range.
+            InputError: An amplitude out of range.
         """
-        if self.seeds < 1 or not self.terrain:
-            raise InputError(f"at least one seed and one terrain are needed, got {self.seeds} seeds")
         return tuple(
             make_terrain(name, 0.0 if name == "flat" else self.amplitude, seed)
             for seed in range(self.seeds)

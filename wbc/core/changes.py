@@ -1,7 +1,7 @@
-"""Settings inside settings, changed by name: `gains.dcm_p`, or `dcm_p` alone where that is the only one.
+"""Changes of nested settings by name: `gains.dcm_p`, or `dcm_p` alone where that is unique.
 
-What can be changed is what frozen dataclasses have as fields, so a setting that is added somewhere can be changed
-from the command line, a file or a study without being written down again.
+Every field of nested frozen dataclasses can be changed, so that a new setting is open to the command line, files and
+studies without being written down again.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ T = TypeVar("T")
 Scalar = bool | int | float | str | None
 Value = Scalar | tuple[Scalar, ...]
 Changes = tuple[tuple[str, Value], ...]
-"""Names and values in alphabetical order: hashable, and the same whatever the order in which they were given."""
+"""Names and values in alphabetical order: hashable, and independent of the order in which they were given."""
 
 _OWN = ""
-"""Where a tree of changes has the value of a setting that has settings inside."""
+"""Key in a tree of changes for the value of a setting that has nested settings."""
 
 
 def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes:
-    """Put names and values into their normal form.
+    """Return names and values in their normal form.
 
     Args:
         values: Names and values; lists become tuples.
@@ -60,7 +60,7 @@ def _is_scalar(value: Any) -> bool:
 
 
 def read_changes(texts: Iterable[str]) -> dict[str, Value]:
-    """Turn name=value texts into names and values.
+    """Return the names and values of name=value texts.
 
     Args:
         texts: Each as name=value; numbers, true, false, none, text, or several of them with commas between.
@@ -94,7 +94,7 @@ def _read(text: str) -> Scalar:
 
 
 def setting_names(settings: Any) -> tuple[str, ...]:
-    """Full names of everything that can be changed in a dataclass and the dataclasses inside it."""
+    """Return the full names of all settings of a dataclass and of the dataclasses nested in it."""
     return tuple(path for path, _ in _leaves(settings))
 
 
@@ -110,34 +110,34 @@ def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def full_name(settings: Any, name: str) -> str:
-    """Full name of a setting of which the last part, or the last parts, are given.
+    """Return the full name of a setting of which the last part, or the last parts, are given.
 
     Args:
         settings: A dataclass.
         name: Such as "dcm_p", "gains.dcm_p".
 
     Raises:
-        UnknownNameError: No setting is called so; the nearest are named.
-        InputError: Several are; they are named.
+        UnknownNameError: No setting has that name; the nearest are given.
+        InputError: Several settings have it; they are given.
     """
     names = setting_names(settings)
     if name in names:
         return name
-    found = [path for path in names if path.endswith("." + name)]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise InputError(f"setting '{name}' could be {' or '.join(found)}; give more of its name")
+    matches = [path for path in names if path.endswith("." + name)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise InputError(f"setting '{name}' could be {' or '.join(matches)}; give more of its name")
     unknown_name("setting", name, {*names, *(path.rpartition(".")[2] for path in names)})
 
 
 def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
-    """Settings with some values replaced.
+    """Return settings with some values replaced.
 
     Args:
-        settings: A frozen dataclass, with dataclasses inside.
-        changes: Names, full or as far as they are unique, and values. What can be switched off takes None, and
-            True where it is off.
+        settings: A frozen dataclass, with nested dataclasses.
+        changes: Names, full or as far as they are unique, and values. Settings that can be switched off take None, and
+            True while they are off.
 
     Returns:
         New settings, checked as all settings of their class are.
@@ -157,9 +157,10 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
 
 
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
-    """The same changes with full names, in alphabetical order and with values as the settings have them then.
+    """Return changes with full names, in alphabetical order, and with the values that the changed settings have.
 
-    Equal changes are then equal, hash equal and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0, 5.0).
+    Equivalent changes are then equal, hash equally and are written equally: `dcm_p` of 5 is `gains.dcm_p` of
+    (5.0, 5.0).
 
     Raises:
         InputError: As `changed`, or a setting that is changed under two names.
@@ -170,16 +171,16 @@ def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Chang
 
 
 def _in_order(settings: Any, changes: Mapping[str, Any] | Changes) -> list[tuple[str, Any]]:
-    """Full names and values; what is switched on comes first and what is switched off last."""
+    """Full names and values; settings that are switched on come first, those that are switched off last."""
     pairs = list(changes.items() if isinstance(changes, Mapping) else changes)
     pairs.sort(key=lambda pair: (pair[1] is None) - (pair[1] is True))
-    found: list[tuple[str, Any]] = []
+    ordered: list[tuple[str, Any]] = []
     for name, value in pairs:
         path = full_name(settings, name)
-        found.append((path, value))
+        ordered.append((path, value))
         if value is True:  # settings that are switched on can be changed now
             settings = _switched_on(settings, path.split("."))
-    return found
+    return ordered
 
 
 def _value(settings: Any, path: str, given: Any) -> Any:
@@ -190,7 +191,7 @@ def _value(settings: Any, path: str, given: Any) -> Any:
 
 
 def _switched_on(settings: T, path: list[str]) -> T:
-    """Settings with those inside them at a path, if there are some that are off."""
+    """Settings with the nested settings at a path switched on, if they are off."""
     name, *rest = path
     old = getattr(settings, name)
     if rest:
@@ -214,7 +215,7 @@ def _rebuilt(settings: T, tree: Mapping[str, Any], prefix: str = "") -> T:
 
 
 def _checked(settings: Any, name: str, old: Any, value: Any, whole: str) -> Any:
-    """A value of the kind that the setting has."""
+    """A new value converted to the type of the old one."""
     if value is None:
         if not _may_be_none(type(settings), name):
             raise InputError(f"setting '{whole}' cannot be none")
@@ -243,7 +244,7 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _inside(kind: type, name: str) -> type[Any] | None:
-    """Class of the settings inside a setting, None if it has none."""
+    """Class of the settings nested in a field, None if it has none."""
     hint = _hints(kind)[name]
     choices = typing.get_args(hint) or (hint,)
     return next((c for c in choices if isinstance(c, type) and dataclasses.is_dataclass(c)), None)

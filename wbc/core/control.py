@@ -1,22 +1,22 @@
-"""From a controller's accelerations and torques to the commands of a robot's drives.
+"""Position and torque control: from a controller's accelerations and torques to commands of a robot's drives.
 
 Position control integrates the accelerations to references of joint position and velocity, as mc_rtc does: the
-robot that is controlled (the model that moves as commanded) and the robot that is estimated (from sensors) are two
-objects. Torque control sends the torques and needs the estimate alone.
+controlled robot (the model that moves as commanded) and the estimated robot (from sensors) are two objects. Torque
+control sends the torques and needs the estimate alone.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import field
 from time import perf_counter
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive, scalar
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
@@ -25,22 +25,23 @@ from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
 
 Prepare = Callable[[Robot, Measurement], None]
-"""Called once a tick with the estimated robot and the measurement, to move the targets of tasks and contacts."""
+"""Function called once a tick with the estimated robot and the measurement, to move targets of tasks and contacts."""
 
 Feedforward = Callable[[Solution], Array]
-"""Called once a tick after the problem has been solved; returns joint torques, shape (na,), Nm."""
+"""Function called once a tick after the QP has been solved; returns joint torques, shape (na,), Nm."""
 
 
-@dataclass(frozen=True)
+@settings
 class FailurePolicy:
-    """What to do when a tick has no solution or its measurement cannot be used.
+    """Reaction to ticks without a solution or with a measurement that cannot be used.
 
-    The last good command is held while the motion is damped; when failures go on, the robot is stopped: position
+    The last good command is held while the motion is damped; when failures continue, the robot is stopped: position
     control freezes its references, torque control only damps. A stopped control stays stopped until `reset`.
 
     Attributes:
@@ -49,14 +50,24 @@ class FailurePolicy:
         stop_after: Time of uninterrupted failure after which the robot is stopped, s.
     """
 
-    damping_time: float = 0.05
-    joint_damping: float = 0.02
-    stop_after: float = 0.1
+    damping_time: Annotated[Positive, "s"] = 0.05
+    joint_damping: Annotated[NonNegative, "s/rad"] = 0.02
+    stop_after: Annotated[NonNegative, "s"] = 0.1
 
-    def __post_init__(self) -> None:
-        positive("damping time of the failure policy (s)", self.damping_time)
-        non_negative("joint damping of the failure policy (s/rad)", self.joint_damping)
-        non_negative("stop_after of the failure policy (s)", self.stop_after)
+
+@settings
+class SafetySettings:
+    """Ranges of what comes into a control and of what leaves it.
+
+    Attributes:
+        plausibility: Ranges that measurements must keep.
+        consistency: Bounds beyond which sensors contradict each other.
+        gate: Limits of commands, beside those of the robot.
+    """
+
+    plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
+    consistency: ConsistencySettings = field(default_factory=ConsistencySettings)
+    gate: GateSettings = field(default_factory=GateSettings)
 
 
 class _Control:
@@ -70,9 +81,7 @@ class _Control:
         observer: Observer | None,
         policy: FailurePolicy | None,
         prepare: Prepare | None,
-        plausibility: PlausibilitySettings | None,
-        consistency: ConsistencySettings | None,
-        gate: GateSettings | None,
+        safety: SafetySettings | None,
     ) -> None:
         self.controller = controller
         self.prepare = prepare
@@ -80,11 +89,10 @@ class _Control:
         if self.observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
         self.policy = policy or FailurePolicy()
-        self.plausibility = Plausibility(controller.robot, controller.dt, plausibility)
-        self.monitor = ConsistencyMonitor(
-            controller.robot, controller.dt, self.plausibility.names, consistency
-        )
-        self.gate = CommandGate(controller.robot, controller.dt, gate)
+        robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
+        self.plausibility = Plausibility(robot, dt, safety.plausibility)
+        self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.consistency)
+        self.gate = CommandGate(robot, dt, safety.gate)
         self.failures = 0
         self.reason = ""
         self.solution: Solution | None = None
@@ -97,7 +105,7 @@ class _Control:
         return self._failing * self.controller.dt > self.policy.stop_after
 
     def _forget(self) -> None:
-        """Forget failures, the last solution and what was sent."""
+        """Clear failures, the last solution and the last torques."""
         self.controller.reset()
         self.solution = None
         self._torques = np.zeros_like(self._torques)
@@ -139,9 +147,7 @@ class _Control:
                 self._use(solution)
         except MeasurementError as error:
             return self._fail(f"measurement refused: {error}")
-        except (
-            Exception
-        ) as error:  # of the user's own tasks and callbacks: a robot must get a command in every tick
+        except Exception as error:  # of tasks and callbacks of the user: a robot gets a command in every tick
             return self._fail(f"{type(error).__name__} in the tick: {error}", error)
         if not self.solution.ok:
             return self._fail(self.solution.status.value)
@@ -178,11 +184,11 @@ class _Control:
 
 
 class TorqueControl(_Control):
-    """Sends the torques of the solution; the controller's robot is the estimated one.
+    """Torque control: sends the torques of the solution; the controller's robot is the estimated one.
 
     Attributes:
         controller: The controller.
-        observer: Estimates the state from measurements.
+        observer: Observer that estimates the state from measurements.
         solution: Result of the last tick.
         failures: Number of failed ticks so far.
     """
@@ -194,31 +200,31 @@ class TorqueControl(_Control):
         policy: FailurePolicy | None = None,
         *,
         prepare: Prepare | None = None,
-        plausibility: PlausibilitySettings | None = None,
-        consistency: ConsistencySettings | None = None,
-        gate: GateSettings | None = None,
+        safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
 
         Args:
             controller: The controller.
-            observer: Of the same robot model; a new one when None. If it estimates into the controller's own
+            observer: Observer of the same robot model; a new one when None. If it estimates into the controller's own
                 robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
-            policy: What to do on failure.
-            prepare: Called once a tick before the problem is solved.
-            plausibility: Ranges that measurements must keep.
-            consistency: Bounds of what is doubted because sensors contradict each other.
-            gate: Limits of commands beside those of the robot.
+            policy: Reaction to failures.
+            prepare: Function called once a tick before the QP is solved.
+            safety: Ranges of measurements and commands.
 
         Raises:
             InputError: An observer of another robot model.
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
-        super().__init__(controller, observer, policy, prepare, plausibility, consistency, gate)
+        super().__init__(controller, observer, policy, prepare, safety)
 
     def reset(self, q: Array | None = None) -> None:
-        """Start again from a configuration at rest; half-sitting when None."""
+        """Restart from a configuration at rest.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+        """
         self.observer.reset(q)
         robot = self.controller.robot
         robot.update(self.observer.robot.q, self.observer.robot.v)
@@ -228,10 +234,10 @@ class TorqueControl(_Control):
         """Run one tick.
 
         Args:
-            measurement: What the sensors say now.
+            measurement: Measurement of this tick.
 
         Returns:
-            The torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
+            Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
         """
         if self._think(measurement):
             return self.gate.pass_on(self._torques)
@@ -241,14 +247,14 @@ class TorqueControl(_Control):
 
 
 class PositionControl(_Control):
-    """Integrates the accelerations of the solution to references of joint position and velocity.
+    """Position control: integrates the accelerations of the solution to references of joint position and velocity.
 
     Attributes:
         controller: The controller.
-        observer: Estimates the state from measurements.
+        observer: Observer that estimates the state from measurements.
         feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
             them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
-        feedforward: Add the torques of the solution to the servos; or what this function makes of the solution.
+        feedforward: True to add the torques of the solution to the servos; a function to add its torques instead.
         solution: Result of the last tick.
         failures: Number of failed ticks so far.
         q: Configuration of the commanded robot, shape (nq,).
@@ -265,25 +271,21 @@ class PositionControl(_Control):
         feedforward: bool | Feedforward = True,
         reference_time: float = 0.1,
         prepare: Prepare | None = None,
-        plausibility: PlausibilitySettings | None = None,
-        consistency: ConsistencySettings | None = None,
-        gate: GateSettings | None = None,
+        safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
 
         Args:
             controller: The controller; in open loop its robot becomes the commanded robot, starting from its
                 present state.
-            observer: Of the same robot model; a new one when None.
-            policy: What to do on failure.
+            observer: Observer of the same robot model; a new one when None.
+            policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
             feedforward: Add the torques of the solution to the servos, against the sag of position servos. A function
                 replaces them by torques of its own.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
-            prepare: Called once a tick before the problem is solved.
-            plausibility: Ranges that measurements must keep.
-            consistency: Bounds of what is doubted because sensors contradict each other.
-            gate: Limits of commands beside those of the robot.
+            prepare: Function called once a tick before the QP is solved.
+            safety: Ranges of measurements and commands.
 
         Raises:
             InputError: An observer of another robot model, or an unknown feedback.
@@ -294,7 +296,7 @@ class PositionControl(_Control):
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
             )
-        super().__init__(controller, observer, policy, prepare, plausibility, consistency, gate)
+        super().__init__(controller, observer, policy, prepare, safety)
         self.feedback = feedback
         self._follows_estimate = feedback == "closed"
         self.feedforward = feedforward
@@ -306,7 +308,11 @@ class PositionControl(_Control):
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
     def reset(self, q: Array | None = None) -> None:
-        """Start again from a configuration at rest; half-sitting when None."""
+        """Restart from a configuration at rest.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+        """
         robot = self.controller.robot
         self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
         self.v[:] = 0.0
@@ -318,15 +324,15 @@ class PositionControl(_Control):
         """Run one tick.
 
         Args:
-            measurement: What the sensors say now.
+            measurement: Measurement of this tick.
 
         Returns:
-            References that the servos shall reach at the next tick, and feed-forward torques. Nothing is raised: a
+            References that the servos should reach at the next tick, and feed-forward torques. Nothing is raised: a
             failed tick follows the policy.
         """
         dt, robot, soles = self.controller.dt, self.controller.robot, None
         if self.feedback == "open":
-            # The estimate is kept in the commanded robot's world: loaded feet are where that has them now.
+            # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
             robot.update(self.q, self.v)
             soles = self._soles
         if self._think(measurement, soles):

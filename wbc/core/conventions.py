@@ -1,4 +1,4 @@
-"""Every convention of the library, and the one place where states are translated to MuJoCo's and back.
+"""Conventions of the library, and the only translation of states to MuJoCo's and back.
 
 World frame: z up; metres, newtons, kilograms, radians, seconds. Gravity is `wbc.core.robot.GRAVITY` along −z.
 
@@ -20,9 +20,10 @@ origin **in the world** (its angular velocity is in the body frame, as here). Wi
     qvel = T(q) v,    T = blockdiag(R, I, …),    qacc = T v̇ + [R (ω × v_lin); 0],    τ = Tᵀ τ_mujoco,
 
 so that M = Tᵀ M_mujoco T. Joints are matched by name outside and by index arrays here: `joint_qpos[i]` and
-`joint_dof[i]` are the places in MuJoCo's `qpos` and `qvel` of Pinocchio's i-th actuated joint
+`joint_dof[i]` are the places in MuJoCo's `qpos` and `qvel` of Pinocchio's i-th actuated joint, shape (na,)
 (`model.jnt_qposadr`, `model.jnt_dofadr`); without them the joints follow the base in the same order. MuJoCo's
-base always comes first.
+base always comes first. Functions write into `out` if it is given: of MuJoCo's arrays other entries, such as those of
+compliant feet, are kept.
 
 Sources: Pinocchio `JointModelFreeFlyer`; MuJoCo documentation "Computation / Floating objects", `mjJNT_FREE`.
 """
@@ -35,11 +36,11 @@ from numpy.typing import NDArray
 from wbc.core.errors import Array
 
 Index = NDArray[np.intp]
-"""Places of joints in an array."""
+"""Indices of joints in an array."""
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Rotation matrix of a unit quaternion.
+    """Return the rotation matrix of a unit quaternion.
 
     Args:
         quaternion: xyzw, shape (4,), of unit length.
@@ -58,12 +59,12 @@ def rotation_of(quaternion: Array) -> Array:
 
 
 def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Array | None = None) -> Array:
-    """Translate a configuration.
+    """Translate a configuration to MuJoCo's `qpos`.
 
     Args:
         q: Configuration, shape (nq,), quaternion xyzw.
-        joint_qpos: Place in `qpos` of each actuated joint, shape (na,).
-        out: MuJoCo's `qpos` to write into (other entries, such as those of compliant feet, are kept).
+        joint_qpos: Places of the joints in `qpos`.
+        out: MuJoCo's `qpos`.
 
     Returns:
         `out`, or a new array of shape (nq,).
@@ -79,12 +80,12 @@ def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Arra
 def configuration_from_mujoco(
     qpos: Array, joint_qpos: Index | None = None, out: Array | None = None
 ) -> Array:
-    """Translate MuJoCo's `qpos`.
+    """Translate MuJoCo's `qpos` to a configuration.
 
     Args:
         qpos: MuJoCo's positions, quaternion wxyz.
-        joint_qpos: Place in `qpos` of each actuated joint, shape (na,).
-        out: Configuration to write into.
+        joint_qpos: Places of the joints in `qpos`.
+        out: Configuration.
 
     Returns:
         Configuration, shape (nq,), quaternion xyzw.
@@ -99,13 +100,13 @@ def configuration_from_mujoco(
 
 
 def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: Array | None = None) -> Array:
-    """Translate a velocity.
+    """Translate a velocity to MuJoCo's `qvel`.
 
     Args:
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,), base in the base frame.
-        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
-        out: MuJoCo's `qvel` to write into (other entries are kept).
+        joint_dof: Places of the joints in `qvel`.
+        out: MuJoCo's `qvel`.
 
     Returns:
         `out`, or a new array of shape (nv,): base linear velocity in the world.
@@ -120,13 +121,13 @@ def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: 
 def velocity_from_mujoco(
     q: Array, qvel: Array, joint_dof: Index | None = None, out: Array | None = None
 ) -> Array:
-    """Translate MuJoCo's `qvel`.
+    """Translate MuJoCo's `qvel` to a velocity.
 
     Args:
         q: Configuration (ours, not `qpos`), shape (nq,).
         qvel: MuJoCo's velocities.
-        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
-        out: Velocity to write into.
+        joint_dof: Places of the joints in `qvel`.
+        out: Velocity.
 
     Returns:
         Velocity, shape (nv,), base in the base frame.
@@ -137,84 +138,3 @@ def velocity_from_mujoco(
     v[3:6] = qvel[3:6]
     v[6:] = joints
     return v
-
-
-def acceleration_to_mujoco(
-    q: Array, v: Array, a: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
-    """Translate an acceleration: the derivative of the world velocity gains the term R (ω × v).
-
-    Args:
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
-        a: Acceleration v̇, shape (nv,).
-        joint_dof: Place in `qacc` of each actuated joint, shape (na,).
-        out: MuJoCo's `qacc` to write into (other entries are kept).
-
-    Returns:
-        `out`, or a new array of shape (nv,).
-    """
-    qacc = velocity_to_mujoco(q, a, joint_dof, out)
-    qacc[0:3] += rotation_of(q[3:7]) @ np.cross(v[3:6], v[0:3])
-    return qacc
-
-
-def acceleration_from_mujoco(
-    q: Array, v: Array, qacc: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
-    """Translate MuJoCo's `qacc`; the inverse of `acceleration_to_mujoco`.
-
-    Args:
-        q: Configuration, shape (nq,).
-        v: Velocity (ours, not `qvel`), shape (nv,).
-        qacc: MuJoCo's accelerations.
-        joint_dof: Place in `qacc` of each actuated joint, shape (na,).
-        out: Acceleration to write into.
-
-    Returns:
-        Acceleration v̇, shape (nv,).
-    """
-    a = velocity_from_mujoco(q, qacc, joint_dof, out)
-    a[0:3] -= np.cross(v[3:6], v[0:3])
-    return a
-
-
-def force_from_mujoco(
-    q: Array, qfrc: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
-    """Translate generalised forces, τ = Tᵀ τ_mujoco.
-
-    T is orthogonal in the base block and the identity elsewhere, so that forces translate as velocities do.
-
-    Args:
-        q: Configuration, shape (nq,).
-        qfrc: MuJoCo's generalised forces.
-        joint_dof: Place in `qfrc` of each actuated joint, shape (na,).
-        out: Forces to write into.
-
-    Returns:
-        Generalised forces, shape (nv,), base wrench in the base frame.
-    """
-    return velocity_from_mujoco(q, qfrc, joint_dof, out)
-
-
-def mass_matrix_from_mujoco(q: Array, mass_matrix: Array, joint_dof: Index | None = None) -> Array:
-    """Translate a joint-space inertia, M = Tᵀ M_mujoco T.
-
-    Args:
-        q: Configuration, shape (nq,).
-        mass_matrix: MuJoCo's full mass matrix (`mj_fullM`).
-        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
-
-    Returns:
-        Mass matrix, shape (nv, nv).
-    """
-    if joint_dof is None:
-        matrix = np.array(mass_matrix)
-    else:
-        places = np.concatenate([np.arange(6), joint_dof])
-        matrix = mass_matrix[np.ix_(places, places)]
-    rotation = rotation_of(q[3:7])
-    matrix[:3] = rotation.T @ matrix[:3]
-    matrix[:, :3] = matrix[:, :3] @ rotation
-    return matrix

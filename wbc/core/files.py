@@ -1,4 +1,4 @@
-"""Text files, read with errors that say what is wrong with them."""
+"""Reading of text files."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from wbc.core.errors import InputError
 
 
 def read_text(path: Path, kind: str = "text file") -> str:
-    """What a text file holds, without its byte order mark.
+    """Return the content of a text file without its byte order mark.
 
     Args:
         path: The file.
-        kind: What it should be, for the message.
+        kind: Kind of file in messages.
 
     Raises:
-        InputError: It cannot be read, or is no text.
+        InputError: A file that cannot be read, or is not text.
     """
     try:
         return path.read_text(encoding="utf-8-sig")

@@ -1,4 +1,4 @@
-"""How far a first-order lag goes in one period, exactly: time constants mean the same at any control period."""
+"""Exact discretisation of first-order lags: time constants are independent of the control period."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from wbc.core.errors import Array, scalar
 
 
 def lag_gain(dt: float, time_constant: float) -> float:
-    """Part of the way to its input that a first-order lag goes in dt; all of it without a time constant."""
+    """Return the share of the way to its input that a first-order lag goes in dt; 1 without a time constant."""
     return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
 
 
 class LagGain:
-    """`lag_gain` for arrays, worked out again only when its arguments change."""
+    """`lag_gain` for arrays, computed again only when its arguments change."""
 
     def __init__(self) -> None:
         self._of = (math.nan, math.nan)
         self._gain: Array = np.zeros(())
 
     def __call__(self, dt: float, time_constant: float) -> Array:
-        """The gain, an array without axes, not to be written to."""
+        """Return the gain, a read-only array without axes."""
         if self._of != (dt, time_constant):
             self._of = (dt, time_constant)
             self._gain = scalar(lag_gain(dt, time_constant))

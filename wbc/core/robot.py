@@ -1,4 +1,4 @@
-"""A floating-base robot: its model, and its state with everything that the tick reads from it.
+"""A floating-base robot: its model, and its state with all quantities that a tick reads.
 
 `Robot.update(q, v)` runs Pinocchio once; afterwards the mass matrix, bias forces, centre of mass and all frames
 are plain attributes. Frames and joints are looked up by name once, when a task or contact is made, never in a tick.
@@ -7,13 +7,14 @@ are plain attributes. Frames and joints are looked up by name once, when a task 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, ModelError, finite_array, positive, unknown_name
+from wbc.core.errors import Array, InputError, ModelError, finite_array, unknown_name
+from wbc.core.settings import Positive, settings
 
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
@@ -22,12 +23,12 @@ BASE_DOF = 6
 """Velocity coordinates of the floating base: linear, then angular, both in the base frame."""
 
 
-@dataclass(frozen=True)
+@settings
 class Sole:
     """A rectangular sole.
 
     Attributes:
-        name: How contacts and measurements call it, "left_foot" or "right_foot".
+        name: Name in contacts and measurements, "left_foot" or "right_foot".
         frame: Model frame at the centre of the rectangle: x forward, z away from the ground.
         length: Extent along x, m.
         width: Extent along y, m.
@@ -35,16 +36,12 @@ class Sole:
 
     name: str
     frame: str
-    length: float
-    width: float
-
-    def __post_init__(self) -> None:
-        positive(f"length of sole '{self.name}' (m)", self.length)
-        positive(f"width of sole '{self.name}' (m)", self.width)
+    length: Annotated[Positive, "m"]
+    width: Annotated[Positive, "m"]
 
 
 class _View:
-    """Hands NumPy a piece of Pinocchio's memory together with what keeps that memory alive."""
+    """Piece of Pinocchio's memory for NumPy, with a reference to the data that owns it."""
 
     def __init__(self, array: Array, owner: pin.Data) -> None:
         self.__array_interface__ = array.__array_interface__
@@ -95,7 +92,7 @@ class Robot:
         imu_frame: str | None = None,
         frames: Mapping[str, str] | None = None,
     ) -> None:
-        """Take a model that is complete: limits, armature and sole frames are in it.
+        """Make a robot of a complete model: limits, armature and sole frames are in it.
 
         Args:
             model: Pinocchio model with a free-flyer root and joints of one degree of freedom.
@@ -159,7 +156,7 @@ class Robot:
         self.update(self.q, self.v)
 
     def update(self, q: Array, v: Array) -> None:
-        """Compute everything that depends on the state.
+        """Compute all quantities that depend on the state.
 
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
@@ -173,8 +170,8 @@ class Robot:
     def update_kinematics(self, q: Array, v: Array) -> None:
         """Compute frames, centre of mass and their velocities alone, in half the time of `update`.
 
-        These are as `update` makes them, but for rounding in the centre of mass. Mass matrix, bias forces,
-        accelerations and Jacobians are not those of this state afterwards.
+        They equal those of `update` up to rounding in the centre of mass. Mass matrix, bias forces, accelerations and
+        Jacobians are not updated.
 
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
@@ -207,7 +204,7 @@ class Robot:
         return self._frame_ids[name]
 
     def joint_index(self, name: str) -> int:
-        """Return the place of an actuated joint in arrays of shape (na,).
+        """Return the index of an actuated joint in arrays of shape (na,).
 
         Raises:
             UnknownNameError: There is no such joint; the nearest names are given.
@@ -228,9 +225,9 @@ class Robot:
         unknown_name("sole", name, [sole.name for sole in self.soles])
 
     def placement(self, frame: str | int) -> pin.SE3:
-        """Placement of a frame in the world at the last update.
+        """Return the placement of a frame in the world at the last update.
 
-        It is the model's own and moves on with the next update; to keep it, copy it: `pin.SE3(placement)`.
+        It is a view that changes with the next update; to keep it, copy it: `pin.SE3(placement)`.
 
         Raises:
             UnknownNameError: There is no such frame.
@@ -238,7 +235,7 @@ class Robot:
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
-        """Half-sitting with some joints changed and the lower sole put back on the ground z = 0.
+        """Return half-sitting with some joints changed and the lower sole on the ground z = 0.
 
         Args:
             joints: Joint name → position, rad (or m).

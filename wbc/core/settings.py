@@ -96,6 +96,38 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
+def check_inherited(value: Any) -> None:
+    """Check the fields that a class made with `@dataclass` alone inherits from settings.
+
+    For the `__post_init__` of settings that users derive from: `@settings` checks before it gets there, `@dataclass`
+    does not check at all.
+
+    Args:
+        value: What is being made; its fields get their checked values.
+
+    Raises:
+        InputError: As the settings themselves raise it.
+    """
+    maker = next(kind for kind in type(value).__mro__ if "__init__" in vars(kind))
+    if "__pydantic_validator__" in vars(maker):
+        return
+    base = next(kind for kind in maker.__mro__ if "__pydantic_validator__" in vars(kind))
+    values = {field.name: getattr(value, field.name) for field in dataclasses.fields(base)}
+    for name, checked in vars(_fields_alone(base)(**values)).items():
+        object.__setattr__(value, name, checked)
+
+
+@functools.cache
+def _fields_alone(kind: Any) -> Any:
+    """Settings with the fields of a class and nothing else of it."""
+    hints = _hints(kind)
+    return settings(
+        dataclasses.make_dataclass(
+            kind.__name__, [(f.name, hints[f.name]) for f in dataclasses.fields(kind)], frozen=True
+        )
+    )
+
+
 def to_json(value: Any) -> Any:
     """Return settings as plain values: objects, lists, numbers, texts, truth values and null.
 
@@ -135,20 +167,31 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 def _refuse(kind: Any, error: ValidationError) -> NoReturn:
-    """Raise the first thing that was refused as an error of this library."""
-    first = error.errors(include_url=False)[0]
+    """Raise a name that does not exist, else the first value that was refused, as an error of this library."""
+    errors = error.errors(include_url=False)
+    # A wrong name comes before what it leaves missing.
+    first = next((e for e in errors if e["type"].startswith("unexpected")), errors[0])
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, InputError):
         raise cause from None
     loc, value = first["loc"], first["input"]
-    if first["type"] == "missing" and isinstance(loc[-1], int):
+    short = first["type"] == "missing" and isinstance(loc[-1], int)
+    if short:
         loc = loc[:-1]  # too few values: the rule is that of the whole list
+    whole = _class_of(kind)
+    if whole is not None and loc and isinstance(loc[0], int):  # a value given without its name
+        names = [field.name for field in dataclasses.fields(whole)]
+        if loc[0] >= len(names):
+            raise InputError(
+                f"{whole.__name__} takes {len(names)} values ({', '.join(names)}), got more"
+            ) from None
+        loc = (names[loc[0]], *loc[1:])
     path, hint, unit = _locate(kind, loc)
     if first["type"].startswith("unexpected"):
         names = [field.name for field in dataclasses.fields(_class_of(hint))]
         unknown_name(f"setting of {path or _class_of(hint).__name__}", loc[-1], names)
     what = f"{path} ({unit})" if unit else path or getattr(kind, "__name__", str(kind))
-    if first["type"] == "missing" and loc is first["loc"]:
+    if first["type"] == "missing" and not short:
         raise InputError(f"{what} is missing: {rule_of(hint)}") from None
     if cause is not None:
         raise InputError(f"{what}: {cause}") from None
@@ -175,6 +218,7 @@ def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
                 if items
                 else Any
             )
+            unit = _unit(hint) or unit
         elif inside is not None and part in (hints := _hints(inside)):
             path += f".{part}" if path else part
             hint, unit = hints[part], _unit(hints[part])
@@ -252,15 +296,24 @@ def rule_of(hint: Any) -> str:
         )
     else:
         text = NAMES.get(inner, getattr(inner, "__name__", str(inner)))
-    limits = dict(
-        bound
-        for item in metadata
-        for part in (item.metadata if isinstance(item, FieldInfo) else [item])
-        for bound in _bounds(part)
-    )
+    parts = [part for item in metadata for part in (item.metadata if isinstance(item, FieldInfo) else [item])]
+    if any(getattr(part, "allow_inf_nan", False) for part in parts):
+        text = text.replace("a finite number", "a number")
+    limits = dict(bound for part in parts for bound in _bounds(part))
     words = [words.format(limits[name]) for name, words in BOUNDS if name in limits]
     return f"{text} {' and '.join(words)}" if words else text
 
 
 def _bounds(constraint: Any) -> list[tuple[str, float]]:
     return [(name, getattr(constraint, name)) for name, _ in BOUNDS if hasattr(constraint, name)]
+
+
+def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
+    """Return the unit of a field, empty without one, and its choices, empty without any.
+
+    Args:
+        kind: Class of the settings.
+        name: Name of the field.
+    """
+    hint = _hints(kind)[name]
+    return _unit(hint), _choices(hint)

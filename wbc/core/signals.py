@@ -1,4 +1,4 @@
-"""What goes over the wire between a robot (real or simulated) and its controller."""
+"""Measurement and Command: the interface between a robot, real or simulated, and its controller."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wbc.core.errors import Array, MeasurementError
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What the sensors say at one instant. No ground truth.
+    """Sensor readings of one instant, without ground truth.
 
     Attributes:
         time: Time stamp, s.
@@ -20,9 +20,9 @@ class Measurement:
         joint_velocity: Joint velocities from the drives, shape (na,), rad/s (or m/s).
         angular_velocity: Gyroscope, in the IMU frame, shape (3,), rad/s.
         specific_force: Accelerometer (acceleration minus gravity), in the IMU frame, shape (3,), m/s².
-        sole_wrench: What the ground does to each sole, [force; moment] in the sole frame at the sole centre,
+        sole_wrench: Wrench of the ground on each sole, [force; moment] in the sole frame at the sole centre,
             shape (number of soles, 6), N and Nm.
-        sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN when it saw nothing.
+        sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN without a hit.
         sole_stiffness: Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid sole.
     """
 
@@ -36,7 +36,7 @@ class Measurement:
     sole_stiffness: Array = field(default_factory=lambda: np.full(2, np.nan))
 
     def check_finite(self) -> None:
-        """Refuse a measurement that would poison the state.
+        """Refuse a measurement with NaN or infinity in it.
 
         Raises:
             MeasurementError: The time, or a signal other than the range and stiffness, holds NaN or infinity.
@@ -61,7 +61,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What the drives are asked to do until the next command.
+    """Command of the drives, valid until the next one.
 
     In position control `joint_position` and `joint_velocity` are references of the servos and `joint_torque` is
     added to them as a feed-forward. In torque control `joint_position` is None and the servos are off.
@@ -70,7 +70,7 @@ class Command:
         joint_torque: Torque (feed-forward), shape (na,), Nm (or N).
         joint_position: Servo reference, shape (na,), rad (or m); None in torque control.
         joint_velocity: Servo velocity reference, shape (na,), rad/s (or m/s); None in torque control.
-        sole_stiffness: Commanded stiffness of each sole, shape (number of soles,), Nm/rad; None leaves it as it is.
+        sole_stiffness: Commanded stiffness of each sole, shape (number of soles,), Nm/rad; None keeps the last one.
     """
 
     joint_torque: Array

@@ -1,7 +1,7 @@
 """Vectors of three and rotations as plain numbers, for the tick.
 
-A call of NumPy costs more than the few products it makes of a vector of three: chains of such products are two to three
-times as quick like this. `array.tolist()` gives the numbers.
+A call of NumPy costs more than the few products of a vector of three: chains of such products are two to three times
+as fast with plain numbers. `array.tolist()` gives them.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ Rows = Sequence[Sequence[float]]
 
 
 def turned(rotation: Rows, vector: Vector) -> tuple[float, float, float]:
-    """Rotation times vector."""
+    """Return rotation times vector."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     x, y, z = vector
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def add_cross(vector: Vector, a: Vector, b: Vector) -> tuple[float, float, float]:
-    """Add a × b: gives the velocity of another point of a body, or the moment of a force about another point."""
+    """Return vector + a × b: the velocity of another point of a body, or the moment of a force about another point."""
     (x, y, z), (ax, ay, az), (bx, by, bz) = vector, a, b
     return ay * bz - az * by + x, az * bx - ax * bz + y, ax * by - ay * bx + z
 
 
 def part_way(point: Vector, goal: Vector, share: float) -> tuple[float, float, float]:
-    """The point that lies a share of the way towards a goal."""
+    """Return the point that lies a share of the way towards a goal."""
     (x, y, z), (to_x, to_y, to_z) = point, goal
     return x + share * (to_x - x), y + share * (to_y - y), z + share * (to_z - z)
 
 
 def quaternion(rotation: Rows) -> tuple[float, float, float, float]:
-    """Unit quaternion of a rotation, x, y, z, w.
+    """Return the unit quaternion of a rotation, x, y, z, w.
 
     Source: S. Shepperd, Journal of Guidance and Control 1(3), 1978; the greatest of the four is found first.
     """

@@ -1,1 +1,89 @@
-"""Footsteps, pattern, swing foot, stabilizer law and phases: what turns tasks into a walk."""
+"""Walking: footstep plans, pattern, swing foot and stabilizer, put together in `WalkingControl`.
+
+Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`, on feedback into `stabilizer`.
+"""
+
+from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.falls import FallDetector, FallReason, FallSettings
+from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
+from wbc.walking.pattern.pattern import Pattern, analytic_pattern
+from wbc.walking.pattern.preview import PreviewController, PreviewSettings
+from wbc.walking.pattern.swing import FootMotion, SwingFoot
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
+from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
+from wbc.walking.planning.reach import Reach, check_plan
+from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, schedule
+from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.stabilizer.admittance import FootCorrection
+from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
+from wbc.walking.stabilizer.distribution import DistributionSettings, FootWrenches, WrenchDistribution
+from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stabilizer.lean import Lean, LeanSettings
+from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.stabilizer.zmp import NoContactForceError, cop, net_wrench, zmp
+from wbc.walking.tasks import TaskGains
+from wbc.walking.walk import Walk, WalkReference, WalkSettings
+
+__all__ = [
+    # Control: a measurement in, a command out
+    "WalkingControl",
+    "WalkingControlSettings",
+    "TaskGains",
+    # References of a walk, for a controller of one's own
+    "Walk",
+    "WalkReference",
+    "WalkSettings",
+    # Planning: footsteps, and the phases in which they are taken
+    "SIDES",
+    "Footstep",
+    "FootstepPlan",
+    "Gait",
+    "climb_stairs",
+    "turn_in_place",
+    "walk_distance",
+    "walk_path",
+    "walk_velocity",
+    "Reach",
+    "check_plan",
+    "SupportPhase",
+    "schedule",
+    "Event",
+    "Phase",
+    "PhaseSettings",
+    "WalkPhases",
+    # Pattern: motion of the pendulum and of the swing foot
+    "Pattern",
+    "Pendulum",
+    "PreviewController",
+    "PreviewSettings",
+    "ZmpTarget",
+    "analytic_pattern",
+    "capture_point",
+    "natural_frequency",
+    "FootMotion",
+    "SwingFoot",
+    # Stabilizer: feedback, wrenches and corrections
+    "Stabilizer",
+    "StabilizerGains",
+    "StabilizerOutput",
+    "FootCorrection",
+    "DistributionSettings",
+    "FootWrenches",
+    "WrenchDistribution",
+    "BiasEstimator",
+    "BiasSettings",
+    "Lean",
+    "LeanSettings",
+    "AdjustmentSettings",
+    "StepAdjuster",
+    "NoContactForceError",
+    "cop",
+    "net_wrench",
+    "zmp",
+    # Falls
+    "FallDetector",
+    "FallReason",
+    "FallSettings",
+]

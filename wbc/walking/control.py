@@ -1,90 +1,50 @@
-"""A walk as whole-body control: references and stabilizer become targets of tasks and contacts, tick by tick.
+"""A walk as whole-body control: a measurement in, a command out.
 
-    walk        where pendulum and feet should be, and which feet stand     `wbc.walking.walk`
-    stabilizer  what the feet should press, and how they yield              `wbc.walking.stabilizer.stabilizer`
-    controller  all of it as one quadratic program                          `wbc.core.qp.controller`
+    walk        references of pendulum and feet, and which feet stand    `wbc.walking.walk`
+    stabilizer  desired foot wrenches, and corrections of the feet       `wbc.walking.stabilizer.stabilizer`
+    tasks       both as targets of tasks and contacts                    `wbc.walking.tasks`
+    controller  all tasks and contacts as one QP                         `wbc.core.qp.controller`
 
-In position control the feet yield to the wrenches that they feel, the program moves the commanded robot, and the servos
-get the torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired
-wrenches are tasks of the program itself.
+In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
+torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired wrenches
+are tasks of the QP itself.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
-from typing import Literal
+from dataclasses import field, replace
+from typing import Annotated, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.core.control import PositionControl, TorqueControl
-from wbc.core.errors import Array, InputError, choose, positive, scalar, two_of
+from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
-from wbc.core.limits.rows import JointLimits, TorqueLimits
-from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
-from wbc.tasks.force.wrench import WrenchTask
-from wbc.tasks.motion.com import CoMTask
-from wbc.tasks.motion.frame import OrientationTask, PoseTask
-from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading
-from wbc.walking.planning.schedule import support_area
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
-from wbc.walking.stabilizer.carrying import CarryingArea, CarryingSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanSettings
+from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanMotion, LeanSettings
 from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.tasks import TaskGains, WalkTasks
 from wbc.walking.walk import Walk, WalkReference, WalkSettings
 
 Mode = Literal["position", "torque"]
 
 
-@dataclass(frozen=True)
-class TaskGains:
-    """Weights and gains of the tasks of a walk; damping is critical.
-
-    Attributes:
-        com_weight: Cost per (m/s²)².
-        com_stiffness: 1/s².
-        swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
-        swing_stiffness: 1/s².
-        orientation_weight: Pelvis and torso, cost per (rad/s²)².
-        orientation_stiffness: 1/s².
-        posture_weight: All joints, cost per (rad/s²)².
-        posture_stiffness: 1/s².
-        contact_stiffness: How fast a standing foot follows its corrections in position control, 1/s².
-        contact_return: How fast a standing foot is drawn back in torque control, 1/s².
-        wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
-    """
-
-    com_weight: float = 100.0
-    com_stiffness: float = 100.0
-    swing_weight: float = 1000.0
-    swing_stiffness: float = 400.0
-    orientation_weight: float = 10.0
-    orientation_stiffness: float = 100.0
-    posture_weight: float = 0.1
-    posture_stiffness: float = 20.0
-    contact_stiffness: float = 1000.0
-    contact_return: float = 100.0
-    wrench_weight: float = 1e-3
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            positive(f"task gain '{f.name}'", getattr(self, f.name))
-
-
-@dataclass(frozen=True)
+@settings
 class WalkingControlSettings:
-    """Everything about a walk but its footsteps.
+    """Settings of a walk: all but its footsteps.
 
     Attributes:
         mode: "position": servos follow an integrated motion; "torque": torques are sent.
@@ -93,22 +53,16 @@ class WalkingControlSettings:
         feedforward: In position control, add the torques of the desired wrenches to the servos.
         walk: Phases, pattern, step adjustment.
         gains: Of the stabilizer.
-        distribution: Of the desired wrench over the feet; a CoP asked for at the very edge tips the foot.
-        tasks: Of the tasks.
-        falls: When the robot counts as fallen.
-        lean: Lean of the trunk where the feet cannot give the moment that is wanted; None keeps it upright.
-        carrying: Learn from the CoP what part of a standing sole carries, and keep the desired CoP inside it; None
-            believes in the whole sole.
-        cop_bandwidth: How fast the CoP is to follow, 1/s: `gains.cop_admittance` is then this over `foot_stiffness`,
-            and `gains.dcm_p` what it leaves critically damped; None takes both as they are.
-        foot_stiffness: Of ankle servo and sole in series, about pitch and roll, Nm/rad, for `cop_bandwidth`; a walk in
-            the simulator knows it.
-        bias: Estimate a constant error of the measured CoM and DCM from how the ZMP drives them, and take it off:
-            sensors and models are off by millimetres. None believes them.
+        distribution: Of the desired wrench over the feet; a desired CoP at the very edge would tip the foot.
+        tasks: Weights and gains of the tasks.
+        falls: Limits beyond which the robot has fallen.
+        lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
+        bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
+            are off by millimetres. None takes both as measured.
     """
 
     mode: Mode = "position"
-    com_height: float | None = None
+    com_height: Annotated[Positive, "m"] | None = None
     feedforward: bool = True
     walk: WalkSettings = field(default_factory=WalkSettings)
     gains: StabilizerGains = field(default_factory=StabilizerGains)
@@ -116,39 +70,27 @@ class WalkingControlSettings:
     tasks: TaskGains = field(default_factory=TaskGains)
     falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
-    carrying: CarryingSettings | None = None
-    cop_bandwidth: float | None = None
-    foot_stiffness: tuple[float, float] | None = None
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
-
-    def __post_init__(self) -> None:
-        choose("mode", self.mode, ("position", "torque"))
-        if self.cop_bandwidth is not None:
-            positive("cop_bandwidth (1/s)", self.cop_bandwidth)
-        if self.foot_stiffness is not None:
-            pair = two_of("foot_stiffness (Nm/rad)", self.foot_stiffness)
-            pitch, roll = (positive("foot_stiffness (Nm/rad)", value) for value in pair)
-            object.__setattr__(self, "foot_stiffness", (pitch, roll))
-        if self.com_height is not None:
-            positive("CoM height (m)", self.com_height)
 
 
 class WalkingControl:
-    """Walks a robot along a footstep plan: measurement in, command out.
+    """Controller of a robot that walks along a footstep plan: measurement in, command out.
 
     Attributes:
-        controller: The whole-body controller, with all tasks and contacts of the walk.
-        control: Position or torque control, with the observer.
+        settings: Settings.
+        dt: Control period, s.
         walk: Phases and references.
         stabilizer: Feedback and admittances.
-        settings: Settings.
-        reference: References of the last tick with a good measurement; None before the first one.
-        output: What the stabilizer said in that tick; None before the first one.
-        stiffness: Sets the soles while they swing; None leaves them alone.
         lean: Lean of the trunk; None keeps it upright.
-        bias: Estimator of the error of the measured DCM; None believes it.
-        falls: Tells whether the robot has fallen, and why.
-        time: Since the start, s.
+        bias: Estimator of the error of the measured DCM; None takes it as measured.
+        falls: Fall detector.
+        stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
+        controller: Whole-body controller with all tasks and contacts of the walk.
+        tasks: The tasks and contacts.
+        control: Position or torque control, with the observer.
+        reference: References of the last tick with a good measurement; None before the first one.
+        output: Output of the stabilizer in that tick; None before the first one.
+        time: Time since the start, s.
     """
 
     def __init__(
@@ -162,7 +104,7 @@ class WalkingControl:
         stiffness: StiffnessScheduler | None = None,
         extent: tuple[float, float, float, float] | None = None,
     ) -> None:
-        """Make everything ready for a robot that stands at the start of a plan; the walk begins with the first tick.
+        """Make all parts for a robot that stands at the start of a plan; the walk begins with the first tick.
 
         Args:
             robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
@@ -182,109 +124,46 @@ class WalkingControl:
         _check_start(robot, plan)
         self.settings = s = settings or WalkingControlSettings()
         self.dt = positive("control period (s)", dt)
-        self._robot, self._torque = robot, s.mode == "torque"
-        # Of the robot that the program moves: the commanded one, or the estimated one in torque control.
-        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        self._sole_ids = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._robot = robot
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
         self._omega = scalar(self.walk.omega)
-        self._sizes = tuple((sole.length, sole.width) for sole in robot.soles)
-        gains = s.gains
-        if s.cop_bandwidth is not None:
-            if s.foot_stiffness is None:
-                raise InputError(
-                    f"cop_bandwidth of {s.cop_bandwidth:g} 1/s needs a foot_stiffness (Nm/rad), too"
-                )
-            gains = gains.for_bandwidth(s.cop_bandwidth, self.walk.omega, s.foot_stiffness)
-        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), gains)
+        self._sizes: SoleSizes = self.walk.sole_sizes
+        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
+        self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
+        self.bias = None if s.bias is None else BiasEstimator(s.bias)
+        self.falls = FallDetector(s.falls)
+        self.stiffness = stiffness
+
+        torque = s.mode == "torque"
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
-        self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
-        self._carrying: list[CarryingArea] = []
-        if s.carrying is not None:
-            if s.distribution.margin >= s.carrying.smallest:
-                raise InputError(
-                    f"the distribution's margin ({s.distribution.margin:g} m) must be below the least half "
-                    f"extent of a carrying area, {s.carrying.smallest:g} m"
-                )
-            self._carrying = [CarryingArea(size, s.carrying) for size in self._sizes]
-        self.bias = None if s.bias is None else BiasEstimator(s.bias)
-        self._add_tasks(s.tasks)
+        self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
         self.control: PositionControl | TorqueControl
-        if self._torque:
+        if torque:
             self.control = TorqueControl(self.controller, observer, prepare=self._prepare)
         else:
             feedforward = self._feedforward if s.feedforward else False
             self.control = PositionControl(
                 self.controller, observer, prepare=self._prepare, feedforward=feedforward
             )
-        self.stiffness = stiffness
-        self.falls = FallDetector(s.falls)
         self.reference: WalkReference | None = None
         self.output: StabilizerOutput | None = None
         self.time = 0.0
         self._in_contact = (True, True)
         self._wrench_targets = np.zeros((2, 6))
         self._dcm = np.zeros(3)  # as measured, with its bias
+
+        # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control), of the
+        # estimated soles and of the estimated torso: they move on with their models.
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         estimate = self.control.observer.robot
-        self._torso = estimate.placement(estimate.torso_frame)
         self._estimated_soles = [estimate.placement(sole.frame) for sole in estimate.soles]
+        self._torso = estimate.placement(estimate.torso_frame)
+        self._area = self._support_area()
         if len(plan):
             self.walk.start()
-        self._update_area()
-
-    def _add_tasks(self, gains: TaskGains) -> None:
-        c, robot = self.controller, self._robot
-        self._com = c.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
-        if self._torque:  # horizontally the stabilizer says what to do; the task holds the height
-            vertical = 2.0 * math.sqrt(gains.com_stiffness)
-            self._com.stiffness, self._com.damping = (0.0, 0.0, gains.com_stiffness), (0.0, 0.0, vertical)
-        self._swings = [
-            c.add(
-                PoseTask(sole.frame, name=f"{sole.name} swing", weight=0.0, stiffness=gains.swing_stiffness)
-            )
-            for sole in robot.soles
-        ]
-        upright = {"pelvis": robot.base_frame, "torso": robot.torso_frame}
-        if robot.torso_frame == robot.base_frame:
-            del upright["torso"]
-        self._upright = [
-            c.add(
-                OrientationTask(
-                    frame, name=name, weight=gains.orientation_weight, stiffness=gains.orientation_stiffness
-                )
-            )
-            for name, frame in upright.items()
-        ]
-        back = _turn(-heading(robot.placement(robot.base_frame).rotation))
-        self._tilts = [back @ task.target for task in self._upright]
-        self._heading: float | None = None  # that the targets of these tasks are for
-        self._leaning = UPRIGHT  # and the lean
-        c.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness), JointLimits())
-        self._contacts = [
-            c.add(
-                SoleContact(
-                    sole.name,
-                    min_force=0.0,
-                    margin=0.0,
-                    ramp=0.0,
-                    stiffness=gains.contact_return if self._torque else gains.contact_stiffness,
-                    # The program's own wrenches play no part in position control: they must not bind.
-                    friction=self.settings.distribution.friction if self._torque else 2.0,
-                )
-            )
-            for sole in robot.soles
-        ]
-        self._wrenches: list[WrenchTask] = []
-        if self._torque:
-            c.add(TorqueLimits())
-            self._wrenches = [
-                c.add(WrenchTask(contact, weight=gains.wrench_weight)) for contact in self._contacts
-            ]
-
-    # What one asks for
 
     @property
     def finished(self) -> bool:
@@ -293,7 +172,7 @@ class WalkingControl:
 
     @property
     def fallen(self) -> FallReason | None:
-        """Why the robot has fallen; None while it has not."""
+        """Reason of the robot's fall; None while it has not fallen."""
         return self.falls.reason
 
     @property
@@ -309,51 +188,34 @@ class WalkingControl:
         """Run one tick.
 
         Args:
-            measurement: What the sensors say now.
+            measurement: Measurement of all sensors now.
 
         Returns:
-            What the drives should do until the next tick. Nothing is raised: a tick that fails follows the policy of
-            the control.
+            Command of the drives until the next tick. Nothing is raised: a tick that fails follows the policy of the
+            control.
         """
         self.time += self.dt
         command = self.control.command(measurement)
-        self._watch()
+        self._detect_fall()
         if self.stiffness is None:
             return command
-        phases = self.walk.phases
-        progress = min(phases.elapsed / max(phases.duration, self.dt), 1.0)
-        left = max(phases.duration - phases.elapsed, 0.0)
-        swing, estimate = phases.swing, self.control.observer.robot
-        landing = None if swing is None else phases.plan.steps[phases.step].position
-        soles = self.stiffness.update(swing, progress, left, estimate, measurement, landing)
-        return replace(command, sole_stiffness=soles)
+        return replace(command, sole_stiffness=self._schedule_stiffness(self.stiffness, measurement))
 
-    # The tick
+    # Steps of a tick
 
     def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
         """Set all targets of this tick."""
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
-        self._dcm = dcm = com + velocity / self._omega
-        wrenches = measurement.sole_wrench
-        # Filtered loads: a foot that has just met the ground presses in jerks.
-        loads = self.control.observer.load.tolist()
-        bias = None if self.bias is None else self._estimate_bias(dcm)
-        if bias is not None:
-            dcm = dcm.copy()
-            dcm[:2] -= bias
-        self.reference = reference = self.walk.update(loads, self._soles, dcm)
+        self._dcm = com + velocity / self._omega
+        bias = None if self.bias is None else self._estimate_bias(self.bias)
+        self.reference = reference = self._update_walk(bias)
         if reference.contact != self._in_contact:
-            self._switch_contacts(reference)
-        for side, area in enumerate(self._carrying):
-            if reference.contact[side]:
-                rate = pin.getFrameVelocity(estimate.model, estimate.data, self._sole_ids[side], pin.LOCAL)
-                rectangle = area.update(wrenches[side], rate.angular, self.dt)
-                self.stabilizer.distribution.rectangles[side] = rectangle
+            self._switch_contacts(reference.contact)
         self.output = output = self.stabilizer.update(
             reference.pendulum,
             com,
             velocity,
-            wrenches,
+            measurement.sole_wrench,
             self._estimated_soles,
             reference.contact,
             reference.heading,
@@ -361,81 +223,66 @@ class WalkingControl:
             bias=bias,
         )
         self._wrench_targets = output.feet.wrenches
-        self._move_feet(reference, output)
-        self._move_body(reference, output)
+        self.tasks.move_feet(reference, output)
+        self.tasks.move_com(reference, output, shifted=not self.stabilizer.com_still)
+        self.tasks.turn_trunk(reference.heading, self._lean(output))
 
-    def _estimate_bias(self, dcm: Array) -> Array:
-        """What the measured DCM has too much, shape (2,), m; the ZMP is that of the last tick, which has driven it."""
-        assert self.bias is not None
+    def _estimate_bias(self, estimator: BiasEstimator) -> Array:
+        """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
         output, reference = self.output, self.reference
         if output is None or reference is None or output.in_air or not np.isfinite(output.measured_zmp[0]):
-            return self.bias.bias
-        return self.bias.update(dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
+            return estimator.bias
+        return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 
-    def _switch_contacts(self, reference: WalkReference) -> None:
-        for side, contact in enumerate(self._contacts):
-            if contact.active != reference.contact[side]:
-                contact.active = reference.contact[side]
-                self._swings[side].weight = 0.0 if contact.active else self.settings.tasks.swing_weight
+    def _update_walk(self, bias: Array | None) -> WalkReference:
+        dcm = self._dcm
+        if bias is not None:
+            dcm = dcm.copy()
+            dcm[:2] -= bias
+        # Filtered loads: a foot that has just met the ground presses in jerks.
+        return self.walk.update(self.control.observer.load.tolist(), self._soles, dcm)
+
+    def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
+        for side, stands in enumerate(contact):
+            if stands != self._in_contact[side]:
+                self.tasks.switch(side, stands)
                 self.stabilizer.feet.reset(side)
-                if self._carrying:
-                    self._carrying[side].reset()
-        self._in_contact = reference.contact
-        self._update_area()
+        self._in_contact = contact
+        self._area = self._support_area()
 
-    def _move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
-        for side, contact in enumerate(self._contacts):
-            motion = reference.feet[side]
-            if not reference.contact[side]:
-                self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
-            elif self._torque:
-                self._wrenches[side].target = output.feet.wrenches[side]
-            else:
-                motion = output.corrections[side].apply(motion)
-                to_sole = motion.placement.rotation.T
-                velocity = to_sole.dot(motion.velocity.reshape(2, 3).T).T.reshape(6)
-                contact.follow(motion.placement, velocity)
-
-    def _move_body(self, reference: WalkReference, output: StabilizerOutput) -> None:
-        pendulum = reference.pendulum
-        com, velocity, acceleration = pendulum.com, pendulum.com_velocity, pendulum.com_acceleration
-        if self._torque:
-            acceleration = acceleration.copy()
-            acceleration[:2] = output.com_acceleration[:2]
-        elif not self.stabilizer.com_still:
-            com, velocity, acceleration = com.copy(), velocity.copy(), acceleration.copy()
-            com[:2] += output.com_offset
-            velocity[:2] += output.com_velocity_offset
-            acceleration[:2] += output.com_acceleration_offset
-        self._com.follow(com, velocity, acceleration)
-        lean = UPRIGHT
-        if self.lean is not None:
-            x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
-            lean = self.lean.update((x, y), self.dt)
-        if reference.heading != self._heading or lean is not self._leaning:
-            self._heading, self._leaning = reference.heading, lean
-            turn = lean.rotation.dot(_turn(reference.heading))
-            for task, tilt in zip(self._upright, self._tilts, strict=True):
-                task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
+    def _lean(self, output: StabilizerOutput) -> LeanMotion:
+        """Lean of the trunk that gives the moment which the feet cannot give."""
+        if self.lean is None:
+            return UPRIGHT
+        x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
+        return self.lean.update((x, y), self.dt)
 
     def _feedforward(self, solution: Solution) -> Array:
-        """Joint torques of the commanded motion with the desired foot wrenches in place of the program's own."""
+        """Joint torques of the commanded motion with the desired foot wrenches in place of the QP's own, Nm."""
         x = solution.variables.copy()
         x[solution.layout.nv :] = self._wrench_targets.reshape(-1)
         torques: Array = np.dot(self.controller.problem.torque_matrix, x)
         torques += self._robot.bias[BASE_DOF:]
         return torques
 
-    def _update_area(self) -> None:
-        """Hull of the feet, for the fall test."""
-        feet = tuple(
-            replace(Footstep.of(side, X), roll=0.0, pitch=0.0)
-            for side, X in zip(SIDES, self._soles, strict=True)
-        )
-        self._area = support_area(feet, self._sizes)
+    def _schedule_stiffness(self, scheduler: StiffnessScheduler, measurement: Measurement) -> Array:
+        """Stiffness of both soles, Nm/rad, from the state of the swing."""
+        phases = self.walk.phases
+        progress = min(phases.elapsed / max(phases.duration, self.dt), 1.0)
+        remaining = max(phases.duration - phases.elapsed, 0.0)
+        landing = None if phases.swing is None else phases.plan.steps[phases.step].position
+        estimate = self.control.observer.robot
+        return scheduler.update(phases.swing, progress, remaining, estimate, measurement, landing)
 
-    def _watch(self) -> None:
-        """Notice a fall."""
+    def _support_area(self) -> tuple[Array, Array]:
+        """Half-planes of the hull of both soles as they are now, for the fall test."""
+        feet = tuple(
+            replace(Footstep.of(side, sole), roll=0.0, pitch=0.0)
+            for side, sole in zip(SIDES, self._soles, strict=True)
+        )
+        return support_area(feet, self._sizes)
+
+    def _detect_fall(self) -> None:
         if self.reference is None:
             return
         estimate, pendulum = self.control.observer.robot, self.reference.pendulum
@@ -456,11 +303,7 @@ class WalkingControl:
 
 
 def _check_start(robot: Robot, plan: FootstepPlan) -> None:
-    """Refuse a plan that begins elsewhere than where the robot stands.
-
-    Raises:
-        InputError: A sole is further from its place in the plan than a step could hide.
-    """
+    """Check that a plan begins where the robot stands, as closely as a first step can make good."""
     for sole, foot in zip(robot.soles, (plan.left, plan.right), strict=True):
         stands = Footstep.of(foot.side, robot.placement(sole.frame))
         forward, left, up, turn = stands.seen_from(foot)
@@ -472,8 +315,3 @@ def _check_start(robot: Robot, plan: FootstepPlan) -> None:
                 f"the plan must begin where the robot stands, within 0.02 m (0.05 m in height) and 0.05 rad; its "
                 f"{foot.side} foot is at {planned}, that of the robot at {real}"
             )
-
-
-def _turn(yaw: float) -> Array:
-    """Rotation about the vertical."""
-    return np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, yaw))

@@ -1,18 +1,19 @@
-"""Has the robot fallen, and why? The first reason found is the answer and stays so."""
+"""Fall detector: the first reason of a fall is kept."""
 
 from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, positive, whole_number
+from wbc.core.errors import Array
+from wbc.core.settings import Count, Positive, settings
 
 
 class FallReason(enum.Enum):
-    """Why a walk has ended early."""
+    """Reason of a fall."""
 
     DIVERGED = "the simulation diverged"
     SOLVER = "the quadratic program failed"
@@ -21,40 +22,35 @@ class FallReason(enum.Enum):
     DCM = "the DCM is out of reach"
 
 
-@dataclass(frozen=True)
+@settings
 class FallSettings:
-    """Limits. The defaults for height and tilt are those that a first study of walks used for its fall test.
+    """Limits beyond which a walk counts as a fall; the defaults of drop and tilt are those of the first study of walks.
 
     Attributes:
-        drop: How far the CoM, or in the true state the pelvis, may sink below where it should be, m.
-        tilt: Angle of the torso to the vertical, rad; acos(0.8).
-        dcm: How far the DCM may be beyond an edge of the hull of both soles as they stood when a foot was last lifted
-            or put down, m.
-        dcm_time: How long it may stay there, s.
-        failures: Failed programs in a row.
-        speed: Greatest joint or base speed that can be real, m/s or rad/s.
+        drop: Greatest distance of the CoM, or in the true state of the pelvis, below its target, m.
+        tilt: Greatest angle of the torso to the vertical, rad; acos(0.8).
+        dcm: Greatest distance of the DCM beyond an edge of the hull of both soles, as they stood when a foot was last
+            lifted or put down, m.
+        dcm_time: Longest time of the DCM beyond that distance, s.
+        failures: Number of failed QPs in a row.
+        speed: Greatest speed of joints and base, m/s and rad/s; a faster simulation has diverged.
     """
 
-    drop: float = 0.18
-    tilt: float = 0.6435
-    dcm: float = 0.3
-    dcm_time: float = 0.1
-    failures: int = 20
-    speed: float = 100.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"fall limit {field.name}", getattr(self, field.name))
-        whole_number("fall limit failures", self.failures, low=1)
+    drop: Annotated[Positive, "m"] = 0.18
+    tilt: Annotated[Positive, "rad"] = 0.6435
+    dcm: Annotated[Positive, "m"] = 0.3
+    dcm_time: Annotated[Positive, "s"] = 0.1
+    failures: Count = 20
+    speed: Annotated[Positive, "m/s, rad/s"] = 100.0
 
 
 class FallDetector:
-    """Watches one walk.
+    """Fall detector of one walk.
 
     Attributes:
         settings: Limits.
-        reason: Why it has fallen; None while it has not.
-        time: When, s; None while it has not.
+        reason: Reason of the fall; None before a fall.
+        time: Time of the fall, s; None before a fall.
     """
 
     def __init__(self, settings: FallSettings | None = None) -> None:
@@ -76,18 +72,17 @@ class FallDetector:
         dcm_distance: float = 0.0,
         solved: bool = True,
     ) -> FallReason | None:
-        """Look at one tick.
+        """Check one tick.
 
         Args:
             time: Now, s.
             dt: Control period, s.
             q: Configuration, for divergence.
             v: Velocity, for divergence.
-            drop: How far the robot is below where it should be, m: its CoM, or its pelvis.
+            drop: Distance of the CoM, or of the pelvis, below its target, m.
             torso_up: Vertical axis of the torso in the world, shape (3,).
-            dcm_distance: How far the DCM is beyond the edge of the area of the feet that it is furthest beyond, m;
-                negative inside.
-            solved: The tick's quadratic program was solved.
+            dcm_distance: Greatest distance of the DCM beyond an edge of the area of the feet, m; negative inside.
+            solved: True if the QP of the tick was solved.
 
         Returns:
             The reason, or None.
@@ -97,7 +92,7 @@ class FallDetector:
         s = self.settings
         self._away = self._away + dt if dcm_distance > s.dcm else 0.0
         self._failures = 0 if solved else self._failures + 1
-        # NaN is below nothing. No speed exceeds the length of them all, which is quicker to see.
+        # NaN fails every comparison. No speed exceeds the norm of all, which is quicker to compute.
         slow = v.dot(v) < s.speed**2 or np.abs(v).max(initial=0.0) < s.speed
         if not (math.isfinite(q.dot(q)) and slow):
             self.reason = FallReason.DIVERGED

@@ -1,9 +1,9 @@
-"""One walk, tick by tick: phases, pattern, swing foot and step adjustment put together.
+"""References of a walk, tick by tick: phases, pattern, swing foot and step adjustment put together.
 
     foot loads, DCM, soles  →  phases  →  (events: swing, landing)  →  pattern  →  references for this tick
 
-It knows neither the quadratic program nor the simulator; what it hands out are targets. Everything that could be
-wrong with a plan is refused when the walk is made.
+A walk knows neither the QP nor the simulator; it hands out targets. Everything that could be wrong with a plan is
+refused when the walk is made.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, positive
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.pattern.analytic import Pattern
+from wbc.core.settings import Positive, Share, settings
 from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
@@ -34,53 +35,46 @@ logger = logging.getLogger(__name__)
 TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
 
 
-@dataclass(frozen=True)
+@settings
 class WalkSettings:
     """Settings of a walk.
 
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
             robots outward.
-        climbing_inward: The same, at most, for a plan with stairs, m: the further inward the ZMP, the more torque the
-            hips need, and on a stair they have none to spare.
-        phases: When phases change.
+        climbing_inward: Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further
+            inward the ZMP, the more torque the hips need, and on a stair they have none to spare.
+        phases: Loads and times at which phases change.
         adjustment: Step adjustment; None for none.
-        replan: Time between plans of the pattern, s; it is planned anew at each event as well.
+        replan: Time between plans of the pattern, s; each event plans it anew as well.
         feedback: Share of the measured DCM error from which the pattern is planned: 0 plans on from the plan and
             leaves the error to the stabilizer, 1 plans from where the robot is.
-        ground_memory: Share of an unexpected height of a landing that the next landings expect too.
-        rise_memory: Share of it by which the expected rise from step to step changes. Where the ground keeps rising, or
-            the estimate keeps drifting, as it does by a millimetre or two a step, feet would always land too early.
+        ground_memory: Share of the unexpected height of a landing by which the next landings are moved.
+        rise_memory: Share of that height by which the expected rise from step to step changes. Where the ground keeps
+            rising, or the estimate drifts (by a millimetre or two a step), feet would always land too early.
     """
 
     preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
-    climbing_inward: float = 0.01
+    climbing_inward: Annotated[float, "m"] = 0.01
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
-    replan: float = 0.1
-    feedback: float = 0.0
-    ground_memory: float = 0.5
-    rise_memory: float = 0.1
-
-    def __post_init__(self) -> None:
-        finite_scalar("climbing_inward (m)", self.climbing_inward)
-        positive("time between plans (s)", self.replan)
-        finite_scalar("feedback of the pattern", self.feedback, low=0.0, high=1.0)
-        finite_scalar("ground_memory", self.ground_memory, low=0.0, high=1.0)
-        finite_scalar("rise_memory", self.rise_memory, low=0.0, high=1.0)
+    replan: Annotated[Positive, "s"] = 0.1
+    feedback: Share = 0.0
+    ground_memory: Share = 0.5
+    rise_memory: Share = 0.1
 
 
 class WalkReference(NamedTuple):
-    """What one tick of a walk asks for.
+    """References of one tick.
 
     Attributes:
         pendulum: CoM, ZMP and their derivatives.
-        feet: Where left and right sole should be.
-        contact: Which of them are on the ground.
-        heading: Where pelvis and torso should look, rad.
-        phase: What the feet do.
+        feet: Motions of left and right sole.
+        contact: True for each foot on the ground, left and right.
+        heading: Heading of pelvis and torso, rad.
+        phase: Phase of the feet.
         step: Index of the step that swings, or that swings next.
-        events: What happened in this tick.
+        events: Events of this tick.
     """
 
     pendulum: Pendulum
@@ -93,16 +87,16 @@ class WalkReference(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Swing:
-    """A swing as it was planned.
+class _PlannedSwing:
+    """The plan that a swing is adjusted against.
 
     Attributes:
         pattern: Pattern of the pendulum.
-        begin: When the pattern begins, from lift-off, s.
-        landing: Where the foot lands.
+        begin: Start of the pattern, from lift-off, s.
+        landing: Landing of the foot.
         duration: Time of touch-down from lift-off, s.
-        transfer: Time from there until the new foot has taken over, s.
-        dcm: DCM at that time, shape (2,), m.
+        transfer: Time from touch-down until the new foot has taken over, s.
+        dcm: DCM when the new foot has taken over, shape (2,), m.
     """
 
     pattern: Pattern
@@ -119,8 +113,9 @@ class Walk:
     Attributes:
         phases: State machine, with the plan as it is now.
         settings: Settings.
-        notes: What was changed to make the plan walkable: timings rounded to the control period.
-        reach: What steps the robot can take.
+        notes: One message for each timing of the plan that was rounded to the control period.
+        reach: Reach of the robot's legs.
+        sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
     """
 
@@ -144,7 +139,7 @@ class Walk:
             com_height: Height of the CoM over the support while walking, m.
             period: Control period, s.
             settings: Settings; the defaults when None.
-            reach: What the robot can reach; derived from the legs when None.
+            reach: Reach of the robot; derived from the legs when None.
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
             com: CoM at the start, shape (3,), m; over the middle of the feet at `com_height` when None. From another
                 height it goes there in the first double support.
@@ -157,45 +152,42 @@ class Walk:
         self._period = positive("control period (s)", period)
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.on_grid(period)
-        least = shortest_swing(gait)
-        if gait.single_support < least:
+        if gait.single_support < shortest_swing(gait):
             raise InputError(
-                f"single_support must be at least {least:g} s for take-off, swing and landing, got "
+                f"single_support must be at least {shortest_swing(gait):g} s for take-off, swing and landing, got "
                 f"{gait.single_support:g} s"
             )
         plan = replace(plan, gait=gait)
         check_plan(plan, robot, self.reach, extent)
-        self._sizes: SoleSizes = (
-            (robot.soles[0].length, robot.soles[0].width),
-            (robot.soles[1].length, robot.soles[1].width),
-        )
-        preview = s.preview
-        self._gait = gait  # of the swings
+        left, right = robot.soles[:2]
+        self.sole_sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
+        preview, self._swing_gait = s.preview, gait
         if plan.climbs:  # as planned: on rough ground, landings make a plan that climbs, too
-            self._gait = gait.for_stairs()
+            self._swing_gait = gait.for_stairs()
             if preview.target.inward > s.climbing_inward:
                 preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
-        self._preview = PreviewController(self._sizes, com_height, preview)
+        self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega = self._preview.omega
-        self._adjuster = (
-            None if s.adjustment is None else StepAdjuster(self.omega, self.reach, self._sizes, s.adjustment)
-        )
+        self._adjuster: StepAdjuster | None = None
+        if s.adjustment is not None:
+            self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
+
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
+        self._events: tuple[Event, ...] = ()  # those of `start`, for the next update
         self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
         self._yaws = [heading(motion.placement.rotation) for motion in self._feet]
         self._swing: SwingFoot | None = None
-        self._nominal: _Swing | None = None
+        self._planned_swing: _PlannedSwing | None = None
         middle = 0.5 * (plan.left.position + plan.right.position)
         if com is None:
             com = middle + (0.0, 0.0, com_height)
         rest = Pendulum.at_rest(com, float(middle[2]))
-        self._rest = rest if len(plan) else None  # until it walks
+        self._rest = rest if len(plan) else None  # until the walk starts
         self._pattern = self._preview.plan(self.phases.supports(), rest)
-        self._time = 0.0  # since the pattern was planned
-        self._planned = self._preview.status
-        self._ground = 0.0  # height that landings have had over the plan
-        self._rise = 0.0  # by how much it grows from step to step
-        self._events: tuple[Event, ...] = ()
+        self._pattern_status = self._preview.status
+        self._time = 0.0  # since the pattern was planned, s
+        self._ground = 0.0  # height of the ground over the plan, as landings have found it, m
+        self._rise = 0.0  # growth of that height from step to step, m
 
     @property
     def finished(self) -> bool:
@@ -211,14 +203,14 @@ class Walk:
         """Begin to walk with the next update.
 
         Raises:
-            InputError: It walks already, or there is nothing to walk.
+            InputError: The robot walks already, or there is no step to take.
         """
         self._events = (self.phases.start(),)
         self._rest, self._time = None, 0.0
         self._replan(None)
 
     def stop(self) -> None:
-        """Come to a stand safely; saying it again, or to a walk that stands, changes nothing."""
+        """Come to a stand safely; a walk that stands, or stops already, is left alone."""
         if self._rest is not None:
             return
         plan, last = self.phases.plan, self.phases.step - (self._swing is None)
@@ -227,12 +219,12 @@ class Walk:
             return
         plan = self.phases.plan
         if len(plan) > last + 1:
-            # The step that closes up is at the height of the last landing, which the ground is in already.
+            # The step that closes up is at the height of the last landing, which contains that of the ground.
             closing = plan.steps[-1]
             self.phases.plan = plan.with_step(len(plan) - 1, replace(closing, z=closing.z - self._ground))
         self._replan(None)
         if self._swing is not None:
-            self._compare_with(self._swing.landing)
+            self._plan_swing(self._swing.landing)
 
     def update(
         self,
@@ -244,16 +236,15 @@ class Walk:
 
         Args:
             loads: Normal force on left and right foot, N.
-            soles: Where the controller has its soles now, with all corrections: a swing starts there, and a
-                landing ends there. The feet asked for in the last tick when None.
-            dcm: Measured DCM, shape (2,) or (3,), m; without it nothing is adjusted.
+            soles: Placements of both soles now, with all corrections: a swing starts there, and a landing ends there.
+                The references of the last tick when None.
+            dcm: Measured DCM, shape (2,) or (3,), m; without it no step is adjusted.
 
         Returns:
             The references.
         """
-        dt = self._period
-        self._time += dt
-        events = self._events + self.phases.update(loads, dt)
+        self._time += self._period
+        events = self._events + self.phases.update(loads, self._period)
         self._events = ()
         placements = [motion.placement for motion in self._feet] if soles is None else list(soles)
         for event in events:
@@ -262,14 +253,12 @@ class Walk:
             elif event in TOUCH_DOWNS:
                 self._land(placements)
         overdue = self.phases.overdue
-        if self._rest is None and (
-            events
-            or self._time >= (0.5 * self.settings.phases.hold if overdue else self.settings.replan) - 1e-9
-        ):
+        interval = 0.5 * self.settings.phases.hold if overdue else self.settings.replan
+        if self._rest is None and (events or self._time >= interval - 1e-9):
             if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
                 self._replan(dcm)
         elif dcm is not None and self._adjuster is not None and self._swing is not None and not overdue:
-            self._adjust(dcm)
+            self._adjust(dcm, self._adjuster, self._swing)
         if self._swing is not None:
             side = SIDES.index(self._swing.landing.side)
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
@@ -278,41 +267,42 @@ class Walk:
             self._pattern.at(self._time) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
             self.phases.contact,
-            mean_heading(*self._yaws),  # of the feet as they are asked for
+            mean_heading(*self._yaws),
             self.phases.phase,
             self.phases.step,
             events,
         )
 
     def _lift(self, placements: list[pin.SE3]) -> None:
-        """Start a swing from where the foot is."""
+        """Start a swing from the foot's placement."""
         plan = self.phases.plan
         step = plan.steps[self.phases.step]
         self._ground += self._rise
         landing = replace(step, z=step.z + self._ground)
         self.phases.land(landing, carry=False)
         side = SIDES.index(step.side)
-        self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._gait)
+        self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait)
         self._replan(None)
-        self._compare_with(landing)
+        self._plan_swing(landing)
 
     def _land(self, placements: list[pin.SE3]) -> None:
-        """The foot stands where it has come to; the plan takes it from there."""
+        """End a swing: the foot stands at its placement, and the plan goes on from there."""
         assert self._swing is not None
-        wanted = self._swing.landing
-        side = SIDES.index(wanted.side)
+        planned = self._swing.landing
+        side = SIDES.index(planned.side)
         # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
         self._yaws[side] = heading(motion.placement.rotation)
-        landed = Footstep.of(wanted.side, placements[side])
-        surprise = landed.z - wanted.z
+        landed = Footstep.of(planned.side, placements[side])
+        surprise = landed.z - planned.z
         self._ground += self.settings.ground_memory * surprise
         self._rise += self.settings.rise_memory * surprise
-        # Its tilt is that of a stone or of a correction: the pattern wants to know place and heading alone.
-        self.phases.land(replace(landed, pitch=wanted.pitch, roll=wanted.roll), carry=False)
+        # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
+        self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
 
     def _replan(self, dcm: Array | None) -> None:
+        """Plan the pattern anew, from the pendulum as planned or partly as measured."""
         start = self._pattern.at(self._time)
         if dcm is not None and self.settings.feedback > 0.0:
             error = self.settings.feedback * (np.asarray(dcm[:2]) - start.dcm[:2])
@@ -322,48 +312,46 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), start)
         self._time = 0.0
         status = self._preview.status
-        if not status.ok and self._planned.ok:
+        if not status.ok and self._pattern_status.ok:
             logger.warning("no ZMP could be planned (%s); it follows the reference", status.name)
-        self._planned = status
+        self._pattern_status = status
 
-    def _compare_with(self, landing: Footstep) -> None:
-        """Take the swing as it is planned now for what it is adjusted against."""
+    def _plan_swing(self, landing: Footstep) -> None:
+        """Keep the swing as it is planned now: adjustments are made against it."""
         phases, gait = self.phases, self.phases.plan.gait
         last = phases.step + 1 >= len(phases.plan)
         transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
         begin, duration = phases.elapsed, phases.duration
         dcm = self._pattern.dcm_at(duration - begin + transfer)
-        self._nominal = _Swing(self._pattern, begin, landing, duration, transfer, dcm)
+        self._planned_swing = _PlannedSwing(self._pattern, begin, landing, duration, transfer, dcm)
 
-    def _adjust(self, dcm: Array) -> None:
-        """Move the landing and its time where the pendulum asks for it.
+    def _adjust(self, dcm: Array, adjuster: StepAdjuster, swing: SwingFoot) -> None:
+        """Move the landing and its time such that the pendulum can be caught.
 
-        The measured DCM is always compared with what was planned at lift-off (or when it was said to stop), for the
-        landing planned then: adjusting again does not add up.
+        The measured DCM is compared with the plan made at lift-off (or by `stop`), for the landing planned then: one
+        adjustment does not add to another.
         """
-        assert self._adjuster is not None and self._swing is not None and self._nominal is not None
-        phases, settings = self.phases, self._adjuster.settings
-        if phases.remaining <= settings.freeze:
+        assert self._planned_swing is not None
+        phases, settings, planned = self.phases, adjuster.settings, self._planned_swing
+        elapsed, remaining = phases.elapsed, planned.duration - phases.elapsed
+        if phases.remaining <= settings.freeze or remaining <= settings.freeze:
             return
-        nominal, plan, elapsed = self._nominal, phases.plan, phases.elapsed
-        if nominal.duration - elapsed <= settings.freeze:
-            return
-        adjusted = self._adjuster.adjust(
+        adjusted = adjuster.adjust(
             np.asarray(dcm),
-            nominal.pattern.dcm_at(elapsed - nominal.begin),
-            nominal.dcm,
-            nominal.landing,
-            plan.stance(phases.step),
-            nominal.duration - elapsed,
-            nominal.transfer,
+            planned.pattern.dcm_at(elapsed - planned.begin),
+            planned.dcm,
+            planned.landing,
+            phases.plan.stance(phases.step),
+            remaining,
+            planned.transfer,
             self._preview.settings.target,
         )
-        landing, now = adjusted.landing, plan.steps[phases.step]
+        landing, now = adjusted.landing, phases.plan.steps[phases.step]
         time = max(self._period, round(adjusted.remaining / self._period) * self._period)
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
         if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self._period:
             return
         phases.land(landing, carry=True)
         phases.retime(time)
-        self._swing.retarget(elapsed, landing, elapsed + time)
+        swing.retarget(elapsed, landing, elapsed + time)
         self._replan(None)

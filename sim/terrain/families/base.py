@@ -1,12 +1,12 @@
-"""What a family of grounds is: parameters, a way to build the rough part, and a register of names.
+"""Family: parameters of a kind of ground, how its rough part is built, and the registry of all families.
 
-A family of one's own is one class::
+A new family is one class::
 
     @family("waves")
     class Waves(FieldFamily):
         \"\"\"Sine waves along the track.\"\"\"
 
-        wavelength: float = param(0.3, "m", "Crest to crest")
+        wavelength: Annotated[Positive, "m"] = param(0.3, "Crest to crest")
 
         @property
         def smallest_feature(self) -> float:
@@ -24,12 +24,15 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import Field, dataclass, field, fields
-from typing import Any, ClassVar, TypeVar, dataclass_transform
+from dataclasses import field, fields
+from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, choose, finite_scalar, unknown_name
+from wbc.core.errors import Array, InputError
+from wbc.core.registry import Registry, call_checked
+from wbc.core.settings import settings
 from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Shape
@@ -37,37 +40,26 @@ from wbc.sim.terrain.shapes import Shape
 LATERAL_CELLS = 3
 """Cells across a ground that does not vary across; odd, so that no grid line runs along y = 0."""
 
-FINEST_DEFAULT = 0.007
-"""Widest cell a height field gets unless told otherwise, m: the radius of the sole's spheres and the grid of the
-public profiles of the paper's authors (429 samples on 3 m)."""
+DEFAULT_CELL = 0.007
+"""Widest cell of a height field by default, m: the radius of the sole's spheres and the grid of the public profiles of
+the paper's authors (429 samples on 3 m)."""
+
+PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
+"""A number above zero, up to one."""
 
 
-def param(
-    default: Any,
-    unit: str,
-    about: str,
-    *,
-    low: float = 0.0,
-    high: float = math.inf,
-    open_low: bool = False,
-    choices: tuple[str, ...] = (),
-) -> Any:
-    """Declare a parameter of a family.
+def param(default: Any, about: str, *, at_least: str | None = None) -> Any:
+    """Declare a parameter of a family; its annotation states type, range, choices and unit, as in all settings.
 
     Args:
-        default: Its value unless told otherwise; its type is the parameter's type.
-        unit: Unit, "1" where there is none.
-        about: What it means.
-        low: Least value (numbers).
-        high: Greatest value (numbers).
-        open_low: True if `low` itself is not allowed.
-        choices: Values allowed (text).
+        default: Its value by default.
+        about: Its meaning, for `wbc terrains`.
+        at_least: Name of another parameter that it must not be below.
     """
-    rule = {"low": low, "high": high, "open_low": open_low}
-    return field(default=default, metadata={"unit": unit, "about": about, "rule": rule, "choices": choices})
+    return field(default=default, metadata={"about": about, "at_least": at_least})
 
 
-@dataclass(frozen=True)
+@settings
 class Family(ABC):
     """Parameters of a family of grounds; see `ShapeFamily` and `FieldFamily` for the two kinds."""
 
@@ -76,44 +68,32 @@ class Family(ABC):
     """The height of the paper's hardest training grounds is 40 mm, of its small stones 25 mm; m."""
 
     def __post_init__(self) -> None:
-        """Check every parameter against the rule it was declared with."""
+        """Check the parameters that must not be below others."""
         for f in fields(self):
-            object.__setattr__(self, f.name, self._checked(f, getattr(self, f.name)))
-
-    def _checked(self, f: Field[Any], value: Any) -> Any:
-        unit = f.metadata.get("unit", "1")
-        what = f"{self.name} parameter {f.name}" + (f" ({unit})" if unit != "1" else "")
-        if isinstance(f.default, bool):
-            if not isinstance(value, bool):
-                raise InputError(f"{what} must be true or false, got {value!r}")
-            return value
-        if isinstance(f.default, int):
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-                raise InputError(f"{what} must be a whole number, got {value!r}")
-            return int(finite_scalar(what, value, **f.metadata["rule"]))
-        if isinstance(f.default, float):
-            return finite_scalar(what, value, **f.metadata["rule"])
-        if isinstance(f.default, str) and f.metadata.get("choices"):
-            return choose(what, value, f.metadata["choices"])
-        return value
+            other = f.metadata.get("at_least")
+            if other is not None and getattr(self, f.name) < getattr(self, other):
+                raise InputError(
+                    f"{self.name}: {other} ({getattr(self, other):g}) must not exceed "
+                    f"{f.name} ({getattr(self, f.name):g})"
+                )
 
     @classmethod
     def summary(cls) -> str:
-        """First line of the family's documentation."""
+        """Return the first line of the family's documentation."""
         return (inspect.getdoc(cls) or "").splitlines()[0]
 
     @property
     @abstractmethod
     def smallest_feature(self) -> float:
-        """Size of the smallest thing a foot can feel on this ground (a stone, a joint, half a wave), m."""
+        """Size of the smallest feature that a foot can feel (a stone, a joint, half a wave), m."""
 
     def feature_at(self, amplitude: float) -> float:
-        """Return the smallest feature of a ground of this amplitude, m; families whose things grow with it say so."""
+        """Return the smallest feature at this amplitude, m; in some families it grows with the amplitude."""
         del amplitude
         return self.smallest_feature
 
     def rise_at(self, amplitude: float) -> float:
-        """Return how high a foot must be lifted in one step on a ground of this amplitude, m; climbs need less."""
+        """Return the height by which a foot must be lifted in one step, m: the amplitude (m), or less on climbs."""
         return amplitude
 
     @property
@@ -139,7 +119,7 @@ class Family(ABC):
         del length, width
 
     def facts(self, site: Site) -> dict[str, Any]:
-        """Say more about a ground, for people: JSON-able names and values, with the unit in the name."""
+        """Return further facts about a ground as JSON values, with the unit in the name."""
         del site
         return {}
 
@@ -152,21 +132,21 @@ class ShapeFamily(Family):
 
     @abstractmethod
     def shapes(self, site: Site) -> Iterable[Shape]:
-        """Build the solids of the rough part; all of them inside it."""
+        """Return the solids of the rough part, all of them inside it."""
 
     def floor(self, site: Site) -> float:
-        """Level of the endless floor, m; the start strip is at 0."""
+        """Return the level of the endless floor, m; the start strip is at 0."""
         del site
         return 0.0
 
     def stop(self, site: Site) -> float:
-        """Level of the stop strip, m."""
+        """Return the level of the stop strip, m."""
         del site
         return 0.0
 
 
 class FieldFamily(Family):
-    """A family given by heights on a grid; the scale is set afterwards, so that the amplitude is met exactly."""
+    """A family given by heights on a grid, which are then scaled to the amplitude."""
 
     @abstractmethod
     def heights(self, site: Site, x: Array, y: Array) -> Array:
@@ -193,14 +173,19 @@ class FieldFamily(Family):
 
     @property
     def grid(self) -> float:
-        """Cell length unless told otherwise, m: eight cells a feature keep a sine to 2 % of its height."""
-        return min(FINEST_DEFAULT, self.smallest_feature / 8.0)
+        """Default cell, m: eight cells a feature keep a sine to 2 % of its height."""
+        return min(DEFAULT_CELL, self.smallest_feature / 8.0)
 
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
         """Shift raw heights to the flat strips.
 
         A ground that varies along the track only starts at 0 and its stop strip continues its end. One that
         varies both ways is taken about its mean and blended into strips at 0.
+
+        Args:
+            site: Place of the rough part.
+            x: Stations along the track, shape (n,), m.
+            raw: Heights, shape (rows, n), in the scale of the family.
 
         Returns:
             Heights, and the levels of the start and stop strips, all in the raw scale.
@@ -253,31 +238,28 @@ class FieldFamily(Family):
         return HeightMap(site.x0, site.x1, -half, half, z), start * scale, stop * scale
 
 
-_FAMILIES: dict[str, type[Family]] = {}
+_FAMILIES: Registry[type[Family]] = Registry("terrain")
 _F = TypeVar("_F", bound=Family)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(param,))
 def family(name: str) -> Callable[[type[_F]], type[_F]]:
-    """Register a class as a family of grounds and make it a frozen dataclass.
+    """Register a class as a family of grounds and make it settings (`wbc.core.settings`).
 
     Args:
-        name: What `terrain(name, …)` will call it.
+        name: Name for `terrain(name, …)` and the command line.
 
     Raises:
-        InputError: The name is taken by another class.
+        InputError: The name is taken by another class; the same class may be defined again, as notebooks do.
     """
 
     def register(cls: type[_F]) -> type[_F]:
         known = _FAMILIES.get(name)
-        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise InputError(
-                f"terrain family '{name}' exists already ({known.__module__}.{known.__qualname__})"
-            )
+        if known is not None and (known.__module__, known.__qualname__) == (cls.__module__, cls.__qualname__):
+            del _FAMILIES[name]
+        _FAMILIES.add(name, cls)
         cls.name = name
-        made = dataclass(frozen=True)(cls)
-        _FAMILIES[name] = made
-        return made
+        return settings(cls)
 
     return register
 
@@ -287,18 +269,11 @@ def terrain_families() -> dict[str, type[Family]]:
     return dict(sorted(_FAMILIES.items()))
 
 
-def make(name: str, params: Mapping[str, Any]) -> Family:
-    """Make the parameters of a family.
+def make_family(name: str, params: Mapping[str, Any]) -> Family:
+    """Return the parameters of a family by its name, some of them changed.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.
         InputError: A parameter is out of range.
     """
-    if name not in _FAMILIES:
-        unknown_name("terrain", name, _FAMILIES)
-    cls = _FAMILIES[name]
-    known = [f.name for f in fields(cls)]
-    for key in params:
-        if key not in known:
-            unknown_name(f"parameter of terrain '{name}' called", key, known)
-    return cls(**params)
+    return call_checked(f"terrain '{name}'", _FAMILIES[name], params)

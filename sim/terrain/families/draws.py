@@ -21,21 +21,17 @@ class Draws:
 
         Args:
             seed: Zero or a positive integer.
-            name: Gives streams of their own to families that share a seed.
+            name: Name of the family; families that share a seed get different streams.
+
+        Raises:
+            InputError: The seed is not an integer, or negative.
         """
-        self._bits = np.random.PCG64(np.random.SeedSequence([check_seed(seed), zlib.crc32(name.encode())]))
+        self._bits = np.random.PCG64(
+            np.random.SeedSequence([whole_number("seed", seed, low=0), zlib.crc32(name.encode())])
+        )
 
     def uniform(self, low: float, high: float, count: int) -> Array:
         """Draw `count` numbers from [low, high), shape (count,)."""
         words = self._bits.random_raw(count)
         unit = (np.asarray(words, dtype=np.uint64) >> np.uint64(11)) * 2.0**-53
         return np.asarray(low + (high - low) * unit, dtype=np.float64)
-
-
-def check_seed(seed: int) -> int:
-    """Return the seed as an int.
-
-    Raises:
-        InputError: Not a whole number, or negative.
-    """
-    return whole_number("seed", seed, low=0)

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from wbc.core.errors import Array, InputError
+from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site, cells
 
@@ -29,8 +31,10 @@ class Random(FieldFamily):
     a random walk and hardly changes any more.
     """
 
-    cutoff: float = param(0.01, "1", "Cut-off as a share of the Nyquist frequency", high=0.99, open_low=True)
-    spacing: float = param(0.007, "m", "Distance between noise samples", open_low=True)
+    cutoff: Annotated[float, Field(gt=0.0, le=0.99)] = param(
+        0.01, "Cut-off as a share of the Nyquist frequency"
+    )
+    spacing: Annotated[Positive, "m"] = param(0.007, "Distance between noise samples")
 
     @property
     def smallest_feature(self) -> float:
@@ -80,11 +84,11 @@ class Iso8608(FieldFamily):
     Gd(n0) and the ISO class follow from it and are reported.
     """
 
-    low: float = param(0.5, "1/m", "Longest waves, per metre", open_low=True)
-    high: float = param(5.0, "1/m", "Shortest waves, per metre", open_low=True)
-    waviness: float = param(2.0, "1", "Exponent of the spectrum; ISO 8608 has 2", high=6.0)
-    isotropic: bool = param(False, "1", "Waves of every heading; otherwise constant across the track")
-    waves: int = param(64, "1", "Number of waves", low=2, high=2000)
+    low: Annotated[Positive, "1/m"] = param(0.5, "Longest waves, per metre")
+    high: Annotated[Positive, "1/m"] = param(5.0, "Shortest waves, per metre")
+    waviness: Annotated[float, Field(ge=0.0, le=6.0)] = param(2.0, "Exponent of the spectrum; ISO 8608 has 2")
+    isotropic: bool = param(False, "Waves of every heading; otherwise constant across the track")
+    waves: Annotated[int, Field(ge=2, le=2000)] = param(64, "Number of waves")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,7 +134,7 @@ class Iso8608(FieldFamily):
 class MetalSheets(FieldFamily):
     """Corrugated iron sheets with their ridges across the track."""
 
-    period: float = param(0.076, "m", "Ridge to ridge", open_low=True)
+    period: Annotated[Positive, "m"] = param(0.076, "Ridge to ridge")
 
     default_amplitude = 0.02
 

@@ -7,11 +7,12 @@ import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.heightmap import HeightMap
@@ -40,7 +41,7 @@ class GreyMap:
         return np.frombuffer(self.data, dtype="<f8").reshape(self.rows, self.columns)
 
     def __str__(self) -> str:
-        """Return size and hash: what tells one image from another."""
+        """Return size and hash of the image."""
         return f"{self.rows} x {self.columns} pixels, sha256 {hashlib.sha256(self.data).hexdigest()[:16]}"
 
     __repr__ = __str__
@@ -100,16 +101,15 @@ class Image(FieldFamily):
     """Heights from the brightness of a grey image or the values of an array, black lowest."""
 
     source: Any = param(
-        None, "1", "Path of an image, .npy or .csv file, or a 2-D array; columns along x, first row left"
+        None, "Path of an image, .npy or .csv file, or a 2-D array; columns along x, first row left"
     )
-    metres_per_pixel: float | None = param(None, "m", "Scale")
+    metres_per_pixel: Annotated[Positive, "m"] | None = param(None, "Scale")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "source", GreyMap.of(self.source))
         if self.metres_per_pixel is None:
             raise InputError("image has no scale: give metres_per_pixel (m)")
-        scale = positive("image parameter metres_per_pixel (m)", self.metres_per_pixel)
-        object.__setattr__(self, "metres_per_pixel", scale)
 
     @property
     def _pixel(self) -> float:
@@ -145,7 +145,7 @@ class Image(FieldFamily):
         return self._pixel
 
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
-        """Put the darkest point at the level of the strips: the user's heights are not touched otherwise."""
+        """Put the darkest point at the level of the strips: no other change is made to the user's heights."""
         del site, x
         return raw - raw.min(), 0.0, 0.0
 

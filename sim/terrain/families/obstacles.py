@@ -1,15 +1,17 @@
-"""Grounds with single things lying on a floor: bars, pyramids, ellipsoids, sticks, boards; and slats over a pit."""
+"""Grounds with obstacles lying on a floor: bars, pyramids, ellipsoids, sticks, boards; and slats over a pit."""
 # ruff: noqa: D102 - overrides are documented where they are declared
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import InputError
-from wbc.sim.terrain.families.base import ShapeFamily, family, param
+from wbc.core.settings import NonNegative, Positive
+from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.families.solids import bar, footprint_margin, plate, stone
 from wbc.sim.terrain.shapes import Capsule, Pyramid, Shape
@@ -24,26 +26,20 @@ def _stations(site: Site, low: float, high: float, margin: float) -> list[float]
     return [float(v) for v in x if v <= site.x1 - margin] or [(site.x0 + site.x1) / 2.0]
 
 
-def _ordered(name: str, low: float, high: float) -> None:
-    if low > high:
-        raise InputError(f"{name}: the smallest ({low:g}) must not exceed the largest ({high:g})")
-
-
 @family("cylinder_obstacles")
 class CylinderObstacles(ShapeFamily):
     """Round-topped bars across the track, nearly straight, at uneven distances."""
 
-    width_min: float = param(0.03, "m", "Narrowest bar", open_low=True)
-    width_max: float = param(0.06, "m", "Widest bar", open_low=True)
-    spacing_min: float = param(0.4, "m", "Shortest distance between bars", open_low=True)
-    spacing_max: float = param(1.2, "m", "Longest distance between bars", open_low=True)
-    lowest: float = param(0.5, "1", "Lowest bar, as a share of the amplitude", high=1.0, open_low=True)
-    yaw: float = param(0.1, "rad", "Greatest turn from the transverse direction", high=1.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ordered("cylinder_obstacles width (m)", self.width_min, self.width_max)
-        _ordered("cylinder_obstacles spacing (m)", self.spacing_min, self.spacing_max)
+    width_min: Annotated[Positive, "m"] = param(0.03, "Narrowest bar")
+    width_max: Annotated[Positive, "m"] = param(0.06, "Widest bar", at_least="width_min")
+    spacing_min: Annotated[Positive, "m"] = param(0.4, "Shortest distance between bars")
+    spacing_max: Annotated[Positive, "m"] = param(
+        1.2, "Longest distance between bars", at_least="spacing_min"
+    )
+    lowest: PositiveShare = param(0.5, "Lowest bar, as a share of the amplitude")
+    yaw: Annotated[float, Field(ge=0.0, le=1.0), "rad"] = param(
+        0.1, "Greatest turn from the transverse direction"
+    )
 
     @property
     def smallest_feature(self) -> float:
@@ -64,9 +60,9 @@ class CylinderObstacles(ShapeFamily):
 class PyramidalStones(ShapeFamily):
     """Square pyramids scattered at random."""
 
-    density: float = param(4.8, "1/m2", "Pyramids on a square metre", open_low=True)
-    base: float = param(0.047, "m", "Side of the base", open_low=True)
-    lowest: float = param(0.5, "1", "Lowest pyramid, as a share of the amplitude", high=1.0, open_low=True)
+    density: Annotated[Positive, "1/m2"] = param(4.8, "Pyramids on a square metre")
+    base: Annotated[Positive, "m"] = param(0.047, "Side of the base")
+    lowest: PositiveShare = param(0.5, "Lowest pyramid, as a share of the amplitude")
 
     @property
     def smallest_feature(self) -> float:
@@ -84,10 +80,10 @@ class PyramidalStones(ShapeFamily):
 class Ellipsoids(ShapeFamily):
     """Half ellipsoids in staggered rows, each turned at random."""
 
-    pitch: float = param(0.126, "m", "Distance between neighbours", open_low=True)
-    half_length: float = param(0.072, "m", "Longer semi-axis", open_low=True)
-    half_width: float = param(0.032, "m", "Shorter semi-axis", open_low=True)
-    lowest: float = param(0.6, "1", "Lowest one, as a share of the amplitude", high=1.0, open_low=True)
+    pitch: Annotated[Positive, "m"] = param(0.126, "Distance between neighbours")
+    half_length: Annotated[Positive, "m"] = param(0.072, "Longer semi-axis")
+    half_width: Annotated[Positive, "m"] = param(0.032, "Shorter semi-axis")
+    lowest: PositiveShare = param(0.6, "Lowest one, as a share of the amplitude")
 
     @property
     def smallest_feature(self) -> float:
@@ -106,14 +102,10 @@ class Ellipsoids(ShapeFamily):
 class Sticks(ShapeFamily):
     """Round sticks scattered on the floor at any angle."""
 
-    density: float = param(15.6, "1/m2", "Sticks on a square metre", open_low=True)
-    shortest: float = param(0.16, "m", "Shortest stick", open_low=True)
-    longest: float = param(0.5, "m", "Longest stick", open_low=True)
-    lowest: float = param(0.5, "1", "Thinnest stick, as a share of the amplitude", high=1.0, open_low=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ordered("sticks length (m)", self.shortest, self.longest)
+    density: Annotated[Positive, "1/m2"] = param(15.6, "Sticks on a square metre")
+    shortest: Annotated[Positive, "m"] = param(0.16, "Shortest stick")
+    longest: Annotated[Positive, "m"] = param(0.5, "Longest stick", at_least="shortest")
+    lowest: PositiveShare = param(0.5, "Thinnest stick, as a share of the amplitude")
 
     @property
     def smallest_feature(self) -> float:
@@ -142,20 +134,15 @@ class Sticks(ShapeFamily):
 class Boards(ShapeFamily):
     """Single boards on the floor, short along the track, narrow or as wide as the track, turned at random."""
 
-    shortest: float = param(0.05, "m", "Shortest board along the track", open_low=True)
-    longest: float = param(0.25, "m", "Longest board along the track", open_low=True)
-    narrow: float = param(0.2, "m", "Extent across of the narrow half of the boards", open_low=True)
-    gap_min: float = param(0.1, "m", "Shortest distance between boards")
-    gap_max: float = param(0.4, "m", "Longest distance between boards")
-    lowest: float = param(0.5, "1", "Thinnest board, as a share of the amplitude", high=1.0, open_low=True)
-    yaw: float = param(
-        0.4, "rad", "Greatest turn of a narrow board; wide ones turn a quarter of it", high=1.0
+    shortest: Annotated[Positive, "m"] = param(0.05, "Shortest board along the track")
+    longest: Annotated[Positive, "m"] = param(0.25, "Longest board along the track", at_least="shortest")
+    narrow: Annotated[Positive, "m"] = param(0.2, "Extent across of the narrow half of the boards")
+    gap_min: Annotated[NonNegative, "m"] = param(0.1, "Shortest distance between boards")
+    gap_max: Annotated[NonNegative, "m"] = param(0.4, "Longest distance between boards", at_least="gap_min")
+    lowest: PositiveShare = param(0.5, "Thinnest board, as a share of the amplitude")
+    yaw: Annotated[float, Field(ge=0.0, le=1.0), "rad"] = param(
+        0.4, "Greatest turn of a narrow board; wide ones turn a quarter of it"
     )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ordered("boards length (m)", self.shortest, self.longest)
-        _ordered("boards gap (m)", self.gap_min, self.gap_max)
 
     @property
     def smallest_feature(self) -> float:
@@ -189,22 +176,19 @@ class Boards(ShapeFamily):
 class Slats(ShapeFamily):
     """Slats across a pit that is as deep as the amplitude, some lower than others and slightly tilted."""
 
-    width_min: float = param(0.02, "m", "Narrowest slat along the track", open_low=True)
-    width_max: float = param(0.035, "m", "Widest slat along the track", open_low=True)
-    gap_min: float = param(0.06, "m", "Narrowest gap", open_low=True)
-    gap_max: float = param(0.11, "m", "Widest gap", open_low=True)
-    sag: float = param(
-        0.3, "1", "How far the lowest slat lies below the edge, as a share of the depth", high=0.9
+    width_min: Annotated[Positive, "m"] = param(0.02, "Narrowest slat along the track")
+    width_max: Annotated[Positive, "m"] = param(0.035, "Widest slat along the track", at_least="width_min")
+    gap_min: Annotated[Positive, "m"] = param(0.06, "Narrowest gap")
+    gap_max: Annotated[Positive, "m"] = param(0.11, "Widest gap", at_least="gap_min")
+    sag: Annotated[float, Field(ge=0.0, le=0.9)] = param(
+        0.3, "How far the lowest slat lies below the edge, as a share of the depth"
     )
-    tilt: float = param(0.02, "rad", "Greatest slope of a slat along and across the track", high=0.3)
-    thickness: float = param(0.02, "m", "Thickness of a slat", open_low=True)
+    tilt: Annotated[float, Field(ge=0.0, le=0.3), "rad"] = param(
+        0.02, "Greatest slope of a slat along and across the track"
+    )
+    thickness: Annotated[Positive, "m"] = param(0.02, "Thickness of a slat")
 
     default_amplitude = 0.05
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ordered("slats width (m)", self.width_min, self.width_max)
-        _ordered("slats gap (m)", self.gap_min, self.gap_max)
 
     @property
     def smallest_feature(self) -> float:

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.families.base import ShapeFamily, family, param
+from wbc.core.errors import Array
+from wbc.core.settings import Positive, Share
+from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site, centred
 from wbc.sim.terrain.families.solids import BURIED, plate
 from wbc.sim.terrain.shapes import Cylinder, Shape
@@ -53,11 +56,11 @@ def _laid(
 class StoneBricks(ShapeFamily):
     """Bricks in running bond, each at its own height and slightly tilted."""
 
-    length: float = param(0.2, "m", "Brick along the track", open_low=True)
-    breadth: float = param(0.1, "m", "Brick across the track", open_low=True)
-    joint: float = param(0.01, "m", "Joint between bricks", open_low=True)
-    lowest: float = param(0.4, "1", "Lowest brick, as a share of the amplitude", high=1.0)
-    tilt: float = param(0.2, "1", "Greatest rise over a brick, as a share of the amplitude", high=1.0)
+    length: Annotated[Positive, "m"] = param(0.2, "Brick along the track")
+    breadth: Annotated[Positive, "m"] = param(0.1, "Brick across the track")
+    joint: Annotated[Positive, "m"] = param(0.01, "Joint between bricks")
+    lowest: Share = param(0.4, "Lowest brick, as a share of the amplitude")
+    tilt: Share = param(0.2, "Greatest rise over a brick, as a share of the amplitude")
 
     @property
     def smallest_feature(self) -> float:
@@ -71,10 +74,10 @@ class StoneBricks(ShapeFamily):
 class FloorTiles(ShapeFamily):
     """Small square tiles with wide joints, each at its own height and slightly tilted."""
 
-    side: float = param(0.051, "m", "Side of a tile", open_low=True)
-    joint: float = param(0.017, "m", "Joint between tiles", open_low=True)
-    lowest: float = param(0.2, "1", "Lowest tile, as a share of the amplitude", high=1.0)
-    tilt: float = param(0.2, "1", "Greatest rise over a tile, as a share of the amplitude", high=1.0)
+    side: Annotated[Positive, "m"] = param(0.051, "Side of a tile")
+    joint: Annotated[Positive, "m"] = param(0.017, "Joint between tiles")
+    lowest: Share = param(0.2, "Lowest tile, as a share of the amplitude")
+    tilt: Share = param(0.2, "Greatest rise over a tile, as a share of the amplitude")
 
     default_amplitude = 0.02
 
@@ -87,39 +90,29 @@ class FloorTiles(ShapeFamily):
 
 
 @family("large_floor_tiles")
-class LargeFloorTiles(ShapeFamily):
+class LargeFloorTiles(FloorTiles):
     """Tiles about as long as a foot, each at its own height and tilted, with narrow joints."""
 
-    side: float = param(0.3, "m", "Side of a tile", open_low=True)
-    joint: float = param(0.01, "m", "Joint between tiles", open_low=True)
-    lowest: float = param(0.3, "1", "Lowest tile, as a share of the amplitude", high=1.0)
-    tilt: float = param(0.5, "1", "Greatest rise over a tile, as a share of the amplitude", high=1.0)
+    side: Annotated[Positive, "m"] = param(0.3, "Side of a tile")
+    joint: Annotated[Positive, "m"] = param(0.01, "Joint between tiles")
+    lowest: Share = param(0.3, "Lowest tile, as a share of the amplitude")
+    tilt: Share = param(0.5, "Greatest rise over a tile, as a share of the amplitude")
 
-    @property
-    def smallest_feature(self) -> float:
-        return min(self.side, self.joint)
-
-    def shapes(self, site: Site) -> Iterator[Shape]:
-        return _laid(site, (self.side, self.side), self.joint, 0.0, self.lowest, self.tilt)
+    default_amplitude = 0.03
 
 
 @family("roof_tiles")
 class RoofTiles(ShapeFamily):
     """Barrel tiles: a saw-tooth along the track on round ridges side by side, each tile at its own height."""
 
-    period_min: float = param(0.2, "m", "Shortest tile along the track", open_low=True)
-    period_max: float = param(0.25, "m", "Longest tile along the track", open_low=True)
-    breadth: float = param(0.2, "m", "Distance between ridges", open_low=True)
-    heel: float = param(0.2, "1", "Height of a tile's low end, as a share of its high end", high=0.9)
-    lowest: float = param(0.6, "1", "Lowest tile, as a share of the amplitude", high=1.0, open_low=True)
-    rising: bool = param(True, "1", "The tiles rise along +x and drop; otherwise they step up and fall")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.period_min > self.period_max:
-            raise InputError(
-                f"roof_tiles: period_min ({self.period_min:g} m) must not exceed period_max ({self.period_max:g} m)"
-            )
+    period_min: Annotated[Positive, "m"] = param(0.2, "Shortest tile along the track")
+    period_max: Annotated[Positive, "m"] = param(0.25, "Longest tile along the track", at_least="period_min")
+    breadth: Annotated[Positive, "m"] = param(0.2, "Distance between ridges")
+    heel: Annotated[float, Field(ge=0.0, le=0.9)] = param(
+        0.2, "Height of a tile's low end, as a share of its high end"
+    )
+    lowest: PositiveShare = param(0.6, "Lowest tile, as a share of the amplitude")
+    rising: bool = param(True, "The tiles rise along +x and drop; otherwise they step up and fall")
 
     @property
     def smallest_feature(self) -> float:

@@ -1,4 +1,4 @@
-"""Where the rough part lies, and layouts inside it that families share."""
+"""Site: the rough part of a terrain, and layouts inside it that families share."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from wbc.sim.terrain.families.draws import Draws
 
 @dataclass(frozen=True)
 class Site:
-    """Where the rough part lies and what it is drawn from.
+    """Place, size and random numbers of the rough part of a terrain.
 
     Args:
         x0: Start of the rough part, m.
         x1: End of the rough part, m.
         width: Extent across, centred on y = 0, m.
-        amplitude: Highest minus lowest point asked for, m.
-        draws: Uniform numbers.
+        amplitude: Highest minus lowest point, m.
+        draws: Source of uniform random numbers.
     """
 
     x0: float

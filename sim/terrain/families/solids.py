@@ -1,4 +1,4 @@
-"""Solids in the terms families speak: where they stand, how wide they are, how high their top is."""
+"""Solids of families, by their place on the floor, their width and the height of their top."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wbc.core.errors import Array
 from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation, yaw_rotation
 
 BURIED = 0.005
-"""How far solids reach into the floor, m: no gap shows at a tilted base."""
+"""Depth of solids below the floor, m: no gap shows at a tilted base."""
 
 
 def dome(x: float, y: float, radius: float, top: float) -> Shape:
@@ -94,6 +94,6 @@ def plate(
 
 
 def footprint_margin(size: tuple[float, float], yaw: float) -> Array:
-    """Half extents along x and y of a rectangle turned by yaw (rad), shape (2,), m."""
+    """Return the half extents along x and y of a rectangle turned by yaw (rad), shape (2,), m."""
     c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
     return np.array([c * size[0] + s * size[1], s * size[0] + c * size[1]]) / 2.0

@@ -5,17 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from wbc.core.errors import InputError
+from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.ground import STRIP_DEPTH
 from wbc.sim.terrain.shapes import Box, Shape, tilted_rotation
 
-DIRECTIONS = ("up", "down", "up_down")
+Direction = Literal["up", "down", "up_down"]
 
 
 @family("flat")
@@ -42,9 +43,9 @@ class Flat(ShapeFamily):
 
 
 class _Climb(ShapeFamily):
-    """What stairs and ramps share: a direction, and levels that follow from it."""
+    """Stairs or a ramp: a direction, and the levels that follow from it."""
 
-    direction: str
+    direction: Direction
 
     @property
     def unidirectional(self) -> bool:
@@ -67,10 +68,10 @@ class _Climb(ShapeFamily):
 class Steps(_Climb):
     """Stairs; the amplitude is the whole climb, divided into equal risers."""
 
-    riser: float = param(0.03, "m", "Greatest height of one step", open_low=True)
-    tread: float = param(0.3, "m", "Depth of one step", open_low=True)
-    landing: float = param(0.6, "m", "Length of the top between climb and descent", open_low=True)
-    direction: str = param("up_down", "1", "Where the stairs lead", choices=DIRECTIONS)
+    riser: Annotated[Positive, "m"] = param(0.03, "Greatest height of one step")
+    tread: Annotated[Positive, "m"] = param(0.3, "Depth of one step")
+    landing: Annotated[Positive, "m"] = param(0.6, "Length of the top between climb and descent")
+    direction: Direction = param("up_down", "Where the stairs lead")
 
     default_amplitude = 0.09
 
@@ -79,7 +80,7 @@ class Steps(_Climb):
         return self.tread
 
     def risers(self, amplitude: float) -> int:
-        """Count the steps of one flight."""
+        """Return the number of steps of one flight."""
         return max(1, math.ceil(amplitude / self.riser - 1e-9))
 
     def rise_at(self, amplitude: float) -> float:
@@ -124,8 +125,8 @@ class Steps(_Climb):
 class Slope(_Climb):
     """A ramp; the amplitude is its rise, the track's length its run."""
 
-    landing: float = param(0.6, "m", "Length of the top between climb and descent", open_low=True)
-    direction: str = param("up_down", "1", "Where the ramp leads", choices=DIRECTIONS)
+    landing: Annotated[Positive, "m"] = param(0.6, "Length of the top between climb and descent")
+    direction: Direction = param("up_down", "Where the ramp leads")
 
     default_amplitude = 0.1
 

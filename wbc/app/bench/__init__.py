@@ -1,1 +1,5 @@
-"""Benchmarks behind `wbc bench`: tick, solver, physics and walk. A new benchmark is a file here."""
+"""Benchmarks behind `wbc bench`: tick, solver (with its problem streams), physics and walk; and the cost of a terrain.
+
+A new benchmark is a module with a settings class `Bench…Options` and a function `bench_…`, and a command in
+`wbc.app.commands.bench`.
+"""

@@ -1,56 +1,57 @@
-"""How fast the physics of a standing robot is, on each sole and ground."""
+"""Speed of the physics of a standing robot, on each sole and ground."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated
 
 import mujoco
 import numpy as np
 
-from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.errors import InputError
+from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet import Foot, foot
 from wbc.robots import load
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.terrain import Terrain, terrain
 
 CONTROL_PERIOD = 0.004
-"""Of the plant, s: a multiple of both steps."""
+"""Control period of the plant, s: a multiple of both physics steps."""
 
 BEFORE = 1.0
-"""Rough ground before the robot, m, so that it stands on it."""
+"""Rough ground behind the robot, m, so that it stands on rough ground."""
 
 SPANS = 5
-"""The time that is measured is cut into so many spans, and the fastest counts: other work only slows down."""
+"""Number of spans that are timed; the fastest counts, as other work on the machine only slows down."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpeedOptions:
-    """What stands on what.
+@settings(kw_only=True)
+class BenchPhysicsOptions:
+    """Robot, feet, grounds and physics steps that are timed.
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
         foot: Feet, those that `wbc feet` lists.
         terrain: Grounds, families that `wbc terrains` lists.
         amplitude: Highest minus lowest point of grounds that are not flat, m; on higher ones servos alone do not stand.
-        seed: Of the grounds.
+        seed: Seed of the grounds.
         timestep: Physics steps, s.
-        seconds: Simulated time that is measured, s.
+        seconds: Simulated time that is timed, s.
         settle: Simulated time before, s.
     """
 
     robot: str = "hrp4_class"
     foot: tuple[str, ...] = ("flat", "rigid", "soft", "variable")
     terrain: tuple[str, ...] = ("flat", "random", "stones")
-    amplitude: float = 0.01
-    seed: int = 1
-    timestep: tuple[float, ...] = (0.001, 0.002)
-    seconds: float = 1.0
-    settle: float = 1.0
+    amplitude: Annotated[NonNegative, "m"] = 0.01
+    seed: Seed = 1
+    timestep: tuple[Annotated[Positive, "s"], ...] = (0.001, 0.002)
+    seconds: Annotated[Positive, "s"] = 1.0
+    settle: Annotated[NonNegative, "s"] = 1.0
 
     def __post_init__(self) -> None:
         load(self.robot)
@@ -62,11 +63,9 @@ class SpeedOptions:
         self.grounds()
         for timestep in self.timestep:
             steps_per_tick(CONTROL_PERIOD, timestep)
-        positive("measured time (s)", self.seconds)
-        non_negative("time before (s)", self.settle)
 
     def grounds(self) -> tuple[Terrain, ...]:
-        """The grounds; the robot stands in their rough part."""
+        """Return the grounds; the robot stands in their rough part."""
         return tuple(
             terrain(name, 0.0 if name == "flat" else self.amplitude, self.seed, start=-BEFORE)
             for name in self.terrain
@@ -74,18 +73,18 @@ class SpeedOptions:
 
 
 @dataclass(frozen=True)
-class Speed:
+class PhysicsSpeed:
     """Speed of one robot on one ground.
 
     Attributes:
-        robot: Its name.
+        robot: Name of the robot.
         foot: Name of its feet.
         terrain: Family of the ground.
-        amplitude: Of the ground, m.
+        amplitude: Amplitude of the ground, m.
         timestep: Physics step, s.
         steps_per_s: Physics steps of MuJoCo per second of processor time on one core.
-        real_time_factor: Simulated time over that time.
-        plant_real_time_factor: The same of the whole plant: with servos, sensors and ground truth.
+        real_time_factor: Simulated time over processor time, of MuJoCo alone.
+        plant_real_time_factor: Simulated time over processor time, of the plant: with servos, sensors and ground truth.
         contacts: Mean number of contacts.
         nv: Degrees of freedom, those of the soles included.
         upright: True if the robot still stood at the end.
@@ -103,20 +102,18 @@ class Speed:
     nv: int
     upright: bool
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
 
-
-def standing_speeds(options: SpeedOptions) -> Iterator[Speed]:
-    """Measure every physics step, ground and foot."""
+def bench_physics(options: BenchPhysicsOptions) -> Iterator[PhysicsSpeed]:
+    """Time every foot on every ground at every physics step."""
     for timestep in options.timestep:
         for ground in options.grounds():
             for name in options.foot:
-                yield _measured(options, name, foot(name), ground, timestep)
+                yield _speed(options, name, foot(name), ground, timestep)
 
 
-def _measured(options: SpeedOptions, name: str, design: Foot, ground: Terrain, timestep: float) -> Speed:
+def _speed(
+    options: BenchPhysicsOptions, name: str, design: Foot, ground: Terrain, timestep: float
+) -> PhysicsSpeed:
     plant = Plant(
         load(options.robot), foot=design, terrain=ground, timestep=timestep, control_period=CONTROL_PERIOD
     )
@@ -140,7 +137,7 @@ def _measured(options: SpeedOptions, name: str, design: Foot, ground: Terrain, t
         alone.append(time.process_time() - before)
     plant.step(command)  # the truth is that of the plant
     rate = count / min(alone)
-    return Speed(
+    return PhysicsSpeed(
         robot=options.robot,
         foot=name,
         terrain=ground.name,
@@ -151,5 +148,5 @@ def _measured(options: SpeedOptions, name: str, design: Foot, ground: Terrain, t
         plant_real_time_factor=ticks * CONTROL_PERIOD / min(whole),
         contacts=float(np.mean(contacts)),
         nv=int(model.nv),
-        upright=plant.diverged is None and not FallDetector(plant.robot).fallen(plant.truth().q),
+        upright=plant.diverged is None and not TrueFallDetector(plant.robot).fallen(plant.truth().q),
     )

@@ -1,4 +1,4 @@
-"""How reliable the solver is: many ticks of random problems, every solution checked, a sample compared with DAQP."""
+"""Reliability of the solver: ticks of random problems, every solution checked, a sample compared with DAQP."""
 
 from __future__ import annotations
 
@@ -8,63 +8,56 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from time import thread_time
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import qpsolvers
 
 from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import solver_counts
-from wbc.core.errors import InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings, standard_form
+from wbc.core.settings import Count, Positive, Seed, Share, settings, to_json
 from wbc.robots import load, names
 
 SLOW = 5e-3
-"""A tick that takes longer than this is too late for a 200 Hz controller, s."""
+"""Time from which a tick is too late for a 200 Hz controller, s."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class BenchSolverOptions:
-    """How many random problems, and which.
+    """Number and kind of the random problems.
 
     Attributes:
         ticks: Feasible problems to solve, over all robots.
         robot: Robots that take turns, out of those that `wbc robots` lists.
         stream: Longest stream from one random start, ticks.
         scattered: Share of streams whose every tick has a random state of its own.
-        sample: Every how many ticks DAQP solves the same problem.
+        sample: DAQP solves the same problem every so many ticks.
         agreement: Largest difference from DAQP that counts as the same solution, m/s² and rad/s².
-        seed: Fixes every random draw.
-        repeat: How often all of it is solved. A tick's time is its shortest: ticks repeat bit for bit, while the
+        seed: Seed of every random draw.
+        repeat: Number of passes over all problems. A tick's time is its shortest: ticks repeat bit for bit, while the
             machine's own pauses (14 in 100,000 ticks, up to 30 ms, where this was written) fall on other ticks.
     """
 
-    ticks: int = 100_000
+    ticks: Count = 100_000
     robot: tuple[str, ...] = names()
-    stream: int = 1000
-    scattered: float = 0.2
-    sample: int = 50
-    agreement: float = 1e-3
-    seed: int = 0
-    repeat: int = 2
+    stream: Count = 1000
+    scattered: Share = 0.2
+    sample: Count = 50
+    agreement: Annotated[Positive, "rad/s²"] = 1e-3
+    seed: Seed = 0
+    repeat: Count = 2
 
     def __post_init__(self) -> None:
-        for name in ("ticks", "stream", "sample", "repeat"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} must be at least 1, got {getattr(self, name)}")
-        positive("agreement (rad/s²)", self.agreement)
-        if not 0.0 <= self.scattered <= 1.0:
-            raise InputError(f"the share of scattered streams must lie in [0, 1], got {self.scattered}")
         for robot in self.robot:
             load(robot)
 
 
 class _Tally:
-    """What has been seen so far."""
+    """Counts and times of one pass over the problems."""
 
     def __init__(self, options: BenchSolverOptions) -> None:
         self.options = options
@@ -80,7 +73,7 @@ class _Tally:
         self.infeasible_times: list[float] = []
 
     def run(self, stream: ProblemStream) -> None:
-        """Solve the problems of a stream until it ends or there were enough."""
+        """Solve the problems of a stream until it ends or enough are solved."""
         for _ in range(self.options.stream):
             start = thread_time()
             solution = stream.step()
@@ -104,7 +97,7 @@ class _Tally:
                 break
 
     def solved(self, problem: Problem, solution: Solution, cpu: float) -> None:
-        """Check a solution, and now and then compare it."""
+        """Check a solution, and compare a sample with DAQP."""
         self.wall.append(solution.timings.solve)
         self.cpu.append(cpu)
         self.active.append(int(np.count_nonzero(np.abs(solution.multipliers) > 1e-9)))
@@ -129,14 +122,14 @@ class _Tally:
 def bench_solver(
     options: BenchSolverOptions, *, progress: Callable[[int], None] | None = None
 ) -> dict[str, Any]:
-    """Solve random problems until there were enough feasible ones.
+    """Solve random problems until enough feasible ones are solved.
 
     A problem that was not solved goes to a linear program: if that, too, finds no point within the tolerance, the
     problem is infeasible, is not counted as a tick, and a new stream begins; otherwise it counts as unsolved.
 
     Args:
-        options: How many, and which.
-        progress: Called with the number of ticks so far, now and then.
+        options: Number and kind of the problems.
+        progress: Called with the number of ticks solved, after each stream.
 
     Returns:
         Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_daqp` should be zero.
@@ -189,7 +182,7 @@ def _no_garbage_collection() -> Iterator[None]:
 
 
 def primal_residual(problem: Problem, solution: Solution) -> float:
-    """Largest violation of any constraint, computed from the solution alone."""
+    """Return the largest violation of any constraint, computed from the solution alone."""
     x = solution.variables
     equality = np.abs(problem.equality @ x - problem.equality_target).max(initial=0.0)
     values = problem.inequality @ x
@@ -223,7 +216,7 @@ def _facts(tally: _Tally, first: np.ndarray[Any, Any]) -> dict[str, Any]:
             "longest_solve_ms": round(1e3 * max(tally.infeasible_times, default=0.0), 2),
         },
         "streams_ended_by_a_fall": tally.counts["fallen"],
-        "options": asdict(tally.options),
+        "options": to_json(tally.options),
     }
 
 

@@ -1,8 +1,8 @@
-"""Streams of random control problems: robots that sway widely, switch feet and reach for what they cannot have.
+"""Streams of random control problems: robots that sway widely, switch feet and reach for targets out of reach.
 
-A stream starts from a random state and goes on in closed loop: the accelerations of each solution lead to the next
-state, as on a robot. What the tasks ask for is random and soft, so it never makes a problem infeasible; states do,
-when a robot has tipped over or has no strength left. Feasibility is not asked of the solver under test: see
+A stream starts from a random state and continues in closed loop: the accelerations of each solution lead to the next
+state, as on a robot. Task targets are random and soft, so they never make a problem infeasible; states do, when a robot
+has tipped over or its torques do not suffice. Feasibility is judged apart from the solver under test: see
 `least_violation`.
 """
 
@@ -23,7 +23,7 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF
 from wbc.robots.description import RobotDescription
-from wbc.sim.balance.falls import FallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.posture import PostureTask
@@ -38,11 +38,11 @@ class ProblemStream:
     Attributes:
         controller: Its controller; `step` has written the present problem into it.
         scattered: True if every tick has a random state of its own, so that no tick is like the one before.
-        switches: How often a contact was made or broken so far.
+        switches: Number of contacts made or broken so far.
     """
 
     def __init__(self, description: RobotDescription, rng: np.random.Generator, *, scattered: bool) -> None:
-        """Draw everything that stays the same over the stream.
+        """Draw everything that is constant over the stream.
 
         Args:
             description: The robot.
@@ -51,7 +51,7 @@ class ProblemStream:
         """
         self._rng, self.scattered = rng, scattered
         self._robot = robot = description.robot()
-        self._falls = FallDetector(robot)
+        self._falls = TrueFallDetector(robot)
         self._dt = float(rng.choice([0.001, 0.002, 0.005]))
         self.controller = Controller(robot, self._dt)
         self._feet = [
@@ -87,7 +87,7 @@ class ProblemStream:
         self._phase = next(self._plan)
         self._time = 0.0
         self.switches = 0
-        self._wish()
+        self._draw_targets()
 
     def step(self) -> Solution:
         """Set the targets of this tick, solve, and move on to the next state."""
@@ -97,7 +97,7 @@ class ProblemStream:
             for foot in self._feet:
                 self._switch(foot, active=bool(rng.random() < 0.85))
         if rng.random() < self._dt / 0.3:
-            self._wish()
+            self._draw_targets()
         self._follow_plan()
         self.controller.update(self._q, self._v)
         if self.scattered:
@@ -113,11 +113,11 @@ class ProblemStream:
 
     @property
     def fallen(self) -> bool:
-        """True once the robot lies rather than stands: its problems are no longer those of a controller."""
+        """True once the robot lies rather than stands."""
         return self._falls.fallen(self._q) or not np.isfinite(self._v).all()
 
     def _state(self) -> tuple[Array, Array]:
-        """A random posture around half-sitting with feet that do not move, and a random velocity that keeps them."""
+        """Draw a posture around half-sitting, and a velocity at which the feet do not move."""
         rng, robot = self._rng, self._robot
         q = np.array(robot.half_sitting)
         q[7:] += rng.normal(0.0, 0.15, robot.na)
@@ -141,8 +141,8 @@ class ProblemStream:
         self.switches += foot.active != active
         foot.active = active
 
-    def _wish(self) -> None:
-        """Ask for something else: a posture that may lie beyond the limits, hands somewhere out of reach."""
+    def _draw_targets(self) -> None:
+        """Draw other targets: a posture that may lie beyond the limits, hands out of reach."""
         rng, robot = self._rng, self._robot
         reach = rng.choice([0.1, 0.5, 2.0])
         self._posture.target = robot.half_sitting[7:] + rng.normal(0.0, reach, robot.na) * (
@@ -152,7 +152,7 @@ class ProblemStream:
             hand.target = self._start + rng.uniform(-0.8, 0.8, 3)
 
     def _phases(self) -> Iterator[tuple[float, int | None, bool]]:
-        """How feet are switched: end of a phase (s), stance foot if the weight goes to one, other foot in the air."""
+        """Yield phases: end (s), stance foot if the weight goes to one, True if the other foot is in the air."""
         rng, end = self._rng, 0.0
         stance = int(rng.integers(2))
         while True:
@@ -191,15 +191,15 @@ class ProblemStream:
 
 
 def least_violation(problem: Problem) -> float:
-    """Smallest violation of the inequalities with which the equalities can be kept; zero for feasible problems.
+    """Return the smallest violation of the inequalities under the equalities; zero for feasible problems.
 
-    A linear program, solved by HiGHS: another algorithm and another code than any that controls.
+    A linear program, solved by HiGHS: another algorithm and another code than any in the controller.
 
     Args:
         problem: An assembled problem.
 
     Returns:
-        In units of the rows; infinite if the equalities contradict each other.
+        Violation in units of the rows; infinite if the equalities contradict each other.
     """
     p = problem
     n = p.diagonal.size

@@ -1,27 +1,25 @@
-"""Where the time of a simulated walk goes."""
+"""Wall time of a simulated walk, divided into parts."""
 
 from __future__ import annotations
 
 import functools
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import mujoco
 
-from wbc.core.errors import positive, whole_number
-from wbc.sim.walks.plans import WalkPlan
-from wbc.sim.walks.run import WalkTrial, run_walk
-from wbc.sim.walks.spec import WalkSpec
+from wbc.core.settings import Count, Positive, Seed, settings
+from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial, walk
 
 PARTS = ("physics", "sensors", "observer", "walk", "stabilizer", "program", "rest of the tick", "figures")
-"""What the time of a control period is divided into.
+"""Parts of a control period.
 
 Of the tick: the observer, the walk (phases, pattern, step adjustment), the stabilizer with its distribution, the
-whole-body program from assembly to solution, and the rest: targets, servo references, fall test. Figures are what the
-result and the fall test on the true state take. The whole is timed in walks of their own: the clocks around the parts
-cost about a hundredth of it, and the parts are scaled down by that.
+whole-body QP ("program") from assembly to solution, and the rest: targets, servo references, fall test. Figures are the
+result and the fall test on the true state. The whole is timed in separate walks: the clocks around the parts cost about
+a hundredth of it, and the parts are scaled down by that.
 """
 
 SOFT: dict[str, Any] = {"foot": "soft", "stiffness": 5.0, "amplitude": 0.02}
@@ -40,48 +38,44 @@ CASES: dict[str, dict[str, Any]] = {
     "flat floor, flat soles, fast mode": FAST,
     "stones of 20 mm, soft soles, fast mode": {"terrain": "stones", **SOFT, **FAST},
 }
-"""Walks that are timed: light and heavy contacts, on bodies and on a height field; and the fast mode."""
+"""Walks that are timed: light and heavy contacts, on solids and on a height field; and the fast mode."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class WalkCostOptions:
-    """What is timed.
+@settings(kw_only=True)
+class BenchWalkOptions:
+    """Length, seed and number of the walks that are timed.
 
     Attributes:
-        distance: Of the walks, m.
-        seed: Of ground and noise.
+        distance: Length of the walks, m.
+        seed: Seed of ground and noise.
         repeats: Times that each is walked; the fastest counts, as other work only slows down.
     """
 
-    distance: float = 3.0
-    seed: int = 0
-    repeats: int = 3
-
-    def __post_init__(self) -> None:
-        positive("distance (m)", self.distance)
-        whole_number("repeats", self.repeats, low=1)
+    distance: Annotated[Positive, "m"] = 3.0
+    seed: Seed = 0
+    repeats: Count = 3
 
     def cases(self) -> dict[str, WalkSpec]:
-        """The walks."""
+        """Return the walks: name → spec."""
         plan = WalkPlan(distance=self.distance)
         return {name: WalkSpec(plan=plan, seed=self.seed, **values) for name, values in CASES.items()}
 
 
 @dataclass(frozen=True)
 class WalkCost:
-    """Where the time of one walk went; times are means over all control periods, on one core.
+    """Wall time of one walk; times are means over all control periods, on one core.
 
     Attributes:
-        name: The case.
+        name: Name of the case.
         timestep: Physics step, s.
-        control_period: s.
+        control_period: Time between two commands, s.
         steps_done: Steps of the walk; one that falls early is no measure.
-        steps_planned: Steps it should have.
+        steps_planned: Steps of its plan.
         real_time_factor: Simulated time over wall time.
-        period_us: Wall time of a control period.
-        parts_us: The same by `PARTS`.
-        collision_share: Part of the physics that looks for contacts.
-        constraint_share: Part of the physics that finds their forces.
+        period_us: Wall time of a control period, µs.
+        parts_us: Wall time of a control period by `PARTS`, µs.
+        collision_share: Share of the physics spent on collision detection.
+        constraint_share: Share of the physics spent on contact forces.
     """
 
     name: str
@@ -95,18 +89,16 @@ class WalkCost:
     collision_share: float
     constraint_share: float
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
 
-
-def walk_costs(options: WalkCostOptions) -> Iterator[WalkCost]:
+def bench_walk(options: BenchWalkOptions) -> Iterator[WalkCost]:
     """Time every case."""
     for name, spec in options.cases().items():
         shares = _physics_shares(spec)
-        parts = min((_parted(spec) for _ in range(options.repeats)), key=lambda parts: sum(parts.values()))
+        parts = min(
+            (_time_by_part(spec) for _ in range(options.repeats)), key=lambda parts: sum(parts.values())
+        )
         whole = sum(parts.values())
-        results = [run_walk(spec) for _ in range(options.repeats)]
+        results = [walk(spec) for _ in range(options.repeats)]
         factor = max(result.clock.real_time_factor for result in results if result.clock is not None)
         period = 1e6 * spec.period / factor
         yield WalkCost(
@@ -123,8 +115,8 @@ def walk_costs(options: WalkCostOptions) -> Iterator[WalkCost]:
         )
 
 
-def _parted(spec: WalkSpec) -> dict[str, float]:
-    """Time of one walk by `PARTS`, s."""
+def _time_by_part(spec: WalkSpec) -> dict[str, float]:
+    """Walk once, and return the time by `PARTS`, s."""
     trial = WalkTrial(spec)
     plant, walking = trial.plant, trial.walking
     spent: dict[str, float] = {}
@@ -138,7 +130,7 @@ def _parted(spec: WalkSpec) -> dict[str, float]:
         ("program", walking.controller, "solve"),
     ):
         spent[part] = 0.0
-        setattr(owner, method, _stopped(getattr(owner, method), part, spent))
+        setattr(owner, method, _timed(getattr(owner, method), part, spent))
     result = trial.run()
     assert result.clock is not None, "a walk that has just been run has been timed"
     whole = plant.time / result.clock.real_time_factor
@@ -148,8 +140,8 @@ def _parted(spec: WalkSpec) -> dict[str, float]:
     return {part: spent[part] for part in PARTS}
 
 
-def _stopped(method: Callable[..., Any], part: str, spent: dict[str, float]) -> Callable[..., Any]:
-    """A method that adds up how long it took."""
+def _timed(method: Callable[..., Any], part: str, spent: dict[str, float]) -> Callable[..., Any]:
+    """Return a method that adds its time to that of a part."""
     clock = time.perf_counter
 
     @functools.wraps(method)
@@ -164,7 +156,7 @@ def _stopped(method: Callable[..., Any], part: str, spent: dict[str, float]) -> 
 
 
 def _physics_shares(spec: WalkSpec) -> tuple[float, float]:
-    """Parts of MuJoCo's time in collision and in constraints, by its own timers, which make it slower by themselves."""
+    """Return the shares of collision and constraints in MuJoCo's time, by its own timers, which slow it down."""
     mujoco.set_mjcb_time(time.perf_counter)
     try:
         trial = WalkTrial(spec)

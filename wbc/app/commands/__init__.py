@@ -1,27 +1,27 @@
-"""The commands of `wbc`, one module each; this table is the one place where a command is made known.
+"""The commands of `wbc`: one module a subject; a new command is a function here with a line in `COMMANDS`.
 
-A command is a function that takes its configuration class as `options: Flat[…]` and `output: OutputOptions`, is
-decorated with `wbc.app.output.reports`, and returns `output.report(…)`. Its options, their defaults and their help
-come from the configuration class; nothing is written twice.
+Words such as the name of a study are parameters of the function. Options are the fields of a settings class (or of
+several) that it takes as `options: Flat[…]`; their defaults, ranges, choices and help come from that class. The
+function also takes `output: OutputOptions`, is decorated with `wbc.app.output.reports` and returns `output.report(…)`.
 """
 
 GROUPS = {
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
-    "study": "Run many walks, and go on where they stopped.",
+    "study": "Run many walks, and continue where they stopped.",
     "stiffness": "Learn the stiffness of a sole from the roughness of the ground.",
 }
 """Commands that have commands of their own."""
 
 COMMANDS = {
     "robots": "wbc.app.commands.robots:robots",
-    "stand": "wbc.app.commands.stand:stand",
+    "stand": "wbc.app.commands.balance:stand",
     "walk": "wbc.app.commands.walk:walk",
-    "push": "wbc.app.commands.push:push",
+    "push": "wbc.app.commands.balance:push",
     "bench tick": "wbc.app.commands.bench:tick",
     "bench solver": "wbc.app.commands.bench:solver",
-    "bench physics": "wbc.app.commands.physics:physics",
-    "bench walk": "wbc.app.commands.walk_cost:walk",
+    "bench physics": "wbc.app.commands.bench:physics",
+    "bench walk": "wbc.app.commands.bench:walk",
     "feet": "wbc.app.commands.feet:feet",
     "foot press": "wbc.app.commands.foot:press",
     "foot drop": "wbc.app.commands.foot:drop",
@@ -38,12 +38,12 @@ COMMANDS = {
     "study plot": "wbc.app.commands.study:plot",
     "study export": "wbc.app.commands.study:export",
     "study swings": "wbc.app.commands.study:swings",
-    "study best": "wbc.app.commands.study:best",
-    "study heights": "wbc.app.commands.study:heights",
-    "study dataset": "wbc.app.commands.study:dataset",
+    "study best": "wbc.app.commands.study_stiffness:best",
+    "study heights": "wbc.app.commands.study_stiffness:heights",
+    "study dataset": "wbc.app.commands.study_stiffness:dataset",
     "stiffness train": "wbc.app.commands.stiffness:train",
     "stiffness judge": "wbc.app.commands.stiffness:judge",
     "plot": "wbc.app.commands.plot:plot",
     "view": "wbc.app.commands.view_log:view",
 }
-"""Words of a command → where its function is. A module is imported when its command, or the help, needs it."""
+"""Words of a command → module and name of its function. A module is imported when its command or the help needs it."""

@@ -1,12 +1,15 @@
-"""`wbc bench tick` and `wbc bench solver`: how fast the controller is, and how reliable."""
+"""`wbc bench`: how fast and how reliable the controller is, and how fast the simulation."""
 
 from __future__ import annotations
 
-from rich.progress import Progress
+from rich.progress import Progress, track
 
+from wbc.app.bench.physics import BenchPhysicsOptions, bench_physics
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver
 from wbc.app.bench.tick import BenchTickOptions, bench_tick
+from wbc.app.bench.walk import CASES, PARTS, BenchWalkOptions, bench_walk
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.core.settings import to_json
 
 
 @reports
@@ -55,6 +58,51 @@ def solver(
     if infeasible["problems"]:
         text += f", which violate their limits by {infeasible['least_violation']:.2g} and more"
     return output.report(facts, text)
+
+
+@reports
+def physics(
+    options: Flat[BenchPhysicsOptions] = BenchPhysicsOptions(),
+    *,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Steps per second of a robot that its servos keep standing, with each sole on each ground."""
+    total = len(options.timestep) * len(options.terrain) * len(options.foot)
+    rows = list(track(bench_physics(options), "standing", total, console=progress_console()))
+    lines = [
+        "| step (ms) | ground | foot | dof | contacts | steps/s | x real time | plant, x real time | stood |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {1e3 * row.timestep:g} | {row.terrain} {1e3 * row.amplitude:g} mm | {row.foot} | {row.nv} "
+        f"| {row.contacts:.0f} | {row.steps_per_s:.0f} | {row.real_time_factor:.1f} "
+        f"| {row.plant_real_time_factor:.1f} | {'yes' if row.upright else 'NO'} |"
+        for row in rows
+    ]
+    return output.report({"rows": to_json(rows)}, "\n".join(lines))
+
+
+@reports
+def walk(
+    options: Flat[BenchWalkOptions] = BenchWalkOptions(),
+    *,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Time the closed loop of walks, and divide it: physics, observer, stabilizer, QP and the rest."""
+    columns = list(track(bench_walk(options), "walking", len(CASES), console=progress_console()))
+    rows = {
+        "us of a control period": [column.name for column in columns],
+        **{part: [f"{column.parts_us[part]:.0f}" for column in columns] for part in PARTS},
+        "all": [f"{column.period_us:.0f}" for column in columns],
+        "x real time": [f"{column.real_time_factor:.1f}" for column in columns],
+        "physics: collision, constraints": [
+            f"{column.collision_share:.0%}, {column.constraint_share:.0%}" for column in columns
+        ],
+        "steps done": [f"{column.steps_done} of {column.steps_planned}" for column in columns],
+    }
+    lines = [f"| {name} | " + " | ".join(values) + " |" for name, values in rows.items()]
+    lines.insert(1, "|---|" + "---:|" * len(columns))
+    return output.report({"rows": to_json(columns)}, "\n".join(lines))
 
 
 def _line(values: dict[str, float]) -> str:

@@ -1,25 +1,25 @@
-"""`wbc feet`: what feet there are, and how they sit under a robot's ankles."""
+"""`wbc feet`: the feet, their parameters and their fit under the ankles of robots."""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import setting_names
 from wbc.core.errors import InputError
+from wbc.core.settings import settings, to_json
 from wbc.feet import Foot, foot, foot_names
 from wbc.robots import load, names
 from wbc.sim.plant.model import sole_geometries
-from wbc.sim.rig import to_json
+from wbc.sim.rig.spec import fit_facts
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class FeetOptions:
-    """Under whose ankles.
+    """Options of `wbc feet`.
 
     Attributes:
         robot: Only this robot; all that `wbc robots` lists when not given.
@@ -39,16 +39,9 @@ def feet(options: Flat[FeetOptions] = FeetOptions(), *, output: OutputOptions = 
         fits: dict[str, dict[str, Any]] = {}
         for robot, sole in soles.items():
             try:
-                fit = design.fit(sole)
+                fits[robot] = fit_facts(design.fit(sole))
             except InputError as error:
                 fits[robot] = {"error": str(error)}
-                continue
-            fits[robot] = {
-                "footprint_m": [fit.sole.length, fit.sole.width],
-                "ankle_in_sole_m": fit.sole.ankle.tolist(),
-                "added_mass_kg": fit.mass,
-                "height_change_m": fit.height_change,
-            }
         listed.append(
             {"name": name, "summary": _summary(type(design)), "fits": fits, "parameters": parameters(design)}
         )
@@ -56,25 +49,20 @@ def feet(options: Flat[FeetOptions] = FeetOptions(), *, output: OutputOptions = 
 
 
 def parameters(design: Foot) -> list[dict[str, Any]]:
-    """Everything about a foot that can be changed: name, default and meaning, with its unit."""
-    found = []
+    """Return the parameters of a foot: name, default and meaning, with its unit."""
+    listed = []
     for path in setting_names(design):
         owner: Any = design
         *groups, name = path.split(".")
         for group in groups:
             owner = getattr(owner, group)
-        found.append(
-            {
-                "name": path,
-                "default": to_json(getattr(owner, name)),
-                "about": attribute_docs(type(owner)).get(name, ""),
-            }
-        )
-    return found
+        default, about = to_json(getattr(owner, name)), attribute_docs(type(owner)).get(name, "")
+        listed.append({"name": path, "default": default, "about": about})
+    return listed
 
 
 def attribute_docs(kind: type) -> dict[str, str]:
-    """What the documentation of a dataclass, and of the classes it derives from, says of each field."""
+    """Return the documentation of each field of a dataclass, from it and the classes it derives from."""
     found: dict[str, str] = {}
     for cls in reversed(kind.__mro__):
         if not dataclasses.is_dataclass(cls):

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
+from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.rig_options import RigOptions
+from wbc.core.settings import settings, to_json
 from wbc.sim import rig as bench
-from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult, to_json
-from wbc.sim.terrain.drawing import checked_path
+from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult
+
+Result = TypeVar("Result", PressResult, SlideResult, PitchResult)
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PressOptions:
-    """How a foot is pressed.
+    """Options of `wbc foot press`.
 
     Attributes:
         drop: Height over the ground from which the foot is let fall, m.
@@ -27,9 +30,9 @@ class PressOptions:
     plot: Path | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class DropOptions:
-    """How a foot is dropped.
+    """Options of `wbc foot drop`.
 
     Attributes:
         height: Of the sole over the highest point under it, m.
@@ -40,9 +43,9 @@ class DropOptions:
     plot: Path | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class SlideOptions:
-    """How a foot is pushed along.
+    """Options of `wbc foot slide`.
 
     Attributes:
         shear_share: Shear over weight while creep is measured.
@@ -53,9 +56,9 @@ class SlideOptions:
     ramp: float = 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PitchOptions:
-    """How a foot is pitched.
+    """Options of `wbc foot pitch`.
 
     Attributes:
         angle: Largest pitch that the ankle is asked for, degrees.
@@ -76,8 +79,8 @@ def press(
     output: OutputOptions = Output(),
 ) -> Report:
     """Drop one foot onto a ground, let it settle under a load and look at it: forces, contacts, support, sole."""
-    test = rig.test(options.drop)
-    return _pressed(test, bench.press, options.plot, output)
+    test, target = rig.test(options.drop), check_picture(options.plot)
+    return _report(output, test, bench.press(test), _press_lines, bench.plot_press, target)
 
 
 @reports
@@ -88,8 +91,9 @@ def drop(
     output: OutputOptions = Output(),
 ) -> Report:
     """Drop one foot from higher up: what its sole takes of a hard landing."""
-    test = rig.test()
-    return _pressed(test, lambda t: bench.drop(t, height=options.height), options.plot, output)
+    test, target = rig.test(), check_picture(options.plot)
+    result = bench.drop(test, height=options.height)
+    return _report(output, test, result, _press_lines, bench.plot_press, target)
 
 
 @reports
@@ -102,7 +106,7 @@ def slide(
     """Push one loaded foot forward: how it creeps under a shear, and at which shear it slides."""
     test = rig.test()
     result = bench.slide(test, shear_share=options.shear_share, ramp=options.ramp)
-    return output.report(facts(test, result), "\n".join([headline(test), *_slide_lines(result)]))
+    return _report(output, test, result, _slide_lines)
 
 
 @reports
@@ -113,46 +117,42 @@ def pitch(
     output: OutputOptions = Output(),
 ) -> Report:
     """Pitch the ankle of one loaded foot toe down, toe up and back: how the centre of pressure follows."""
-    test = rig.test()
-    target = None if options.plot is None else checked_path(options.plot)
+    test, target = rig.test(), check_picture(options.plot)
     result = bench.pitch(test, amplitude=math.radians(options.angle), rate=math.radians(options.rate))
-    data = facts(test, result)
-    if target is not None and not result.diverged:
-        bench.plot_pitch(test, result, target)
+    return _report(output, test, result, _pitch_lines, bench.plot_pitch, target)
+
+
+def _report(
+    output: Output,
+    test: FootTest,
+    result: Result,
+    lines: Callable[[Result], list[str]],
+    plot: Callable[[FootTest, Result, Path], None] | None = None,
+    target: Path | None = None,
+) -> Report:
+    """Draw a result if asked to, and report test and result."""
+    data = {**test.describe(), **to_json(result)}
+    if plot is not None and target is not None and not result.diverged:
+        plot(test, result, target)
         data["plot"] = str(target)
-    return output.report(data, "\n".join([headline(test), *_pitch_lines(result)]))
+    return output.report(data, "\n".join([_headline(test), *lines(result)]))
 
 
-def facts(test: FootTest, result: Any) -> dict[str, Any]:
-    """Test and result as plain values."""
-    return {**test.describe(), **to_json(result)}
-
-
-def headline(test: FootTest) -> str:
-    """What is tested, in a line or two."""
-    said, ground = test.describe(), test.ground
+def _headline(test: FootTest) -> str:
+    """Return foot, ground and load as text for people."""
+    description, ground = test.describe(), test.ground
     on = (
         f"{ground.name}, {1e3 * ground.amplitude:.0f} mm, seed {ground.seed}"
         if ground.amplitude
         else "flat ground"
     )
-    length, width = (1e3 * size for size in said["footprint_m"])
+    length, width = (1e3 * size for size in description["footprint_m"])
     stiffness = f" of {test.foot.stiffness:g} Nm/rad" if hasattr(test.foot, "stiffness") else ""
     return (
-        f"{said['foot']} foot{stiffness} on {on}, {test.load:g} N on the ankle\n"
-        f"  foot      {length:.0f} x {width:.0f} mm, {said['added_mass_kg']:.2f} kg more and "
-        f"{1e3 * said['height_change_m']:.0f} mm higher than the ankle's own sole"
+        f"{description['foot']} foot{stiffness} on {on}, {test.load:g} N on the ankle\n"
+        f"  foot      {length:.0f} x {width:.0f} mm, {description['added_mass_kg']:.2f} kg more and "
+        f"{1e3 * description['height_change_m']:.0f} mm higher than the ankle's own sole"
     )
-
-
-def _pressed(test: FootTest, action: Any, plot: Path | None, output: Output) -> Report:
-    target = None if plot is None else checked_path(plot)
-    result: PressResult = action(test)
-    data = facts(test, result)
-    if target is not None and not result.diverged:
-        bench.plot_press(test, result, target)
-        data["plot"] = str(target)
-    return output.report(data, "\n".join([headline(test), *_press_lines(result)]))
 
 
 def _press_lines(result: PressResult) -> list[str]:

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from rich.progress import Progress
 
+from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.app.rig_options import Several, StudyOptions
+from wbc.core.settings import settings, to_json
 from wbc.feet import RigidFoot, SoftFoot
 from wbc.sim import rig as bench
-from wbc.sim.rig import LOADS, Deflection, FootTest, StiffnessRow, to_json
+from wbc.sim.rig import LOADS, Deflection, FootTest, StiffnessRow
 from wbc.sim.rig.study import rising_loads, with_stiffness
-from wbc.sim.terrain.drawing import checked_path
 
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class CurvesOptions:
-    """What is drawn beside the curves over stiffness.
+    """Options of `wbc foot curves`.
 
     Attributes:
         loads: Loads of the force–deflection curves over a bar as high as the grounds, N.
@@ -33,9 +34,9 @@ class CurvesOptions:
     plot: Path | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class StabilityOptions:
-    """At which physics steps.
+    """Options of `wbc foot stability`.
 
     Attributes:
         timesteps: Physics steps, s.
@@ -56,7 +57,7 @@ def curves(
     A rigid foot of the same footprint is tried beside the soft one.
     """
     test, grounds = study.test(), study.grounds()
-    target = None if options.plot is None else checked_path(options.plot)
+    target = check_picture(options.plot)
     tests = _versions(test, study.stiffness)
     first, *further = rising_loads(options.loads)
     bars = [replace(bench.over_bar(each, study.amplitude), load=first) for each in tests]
@@ -102,7 +103,7 @@ def stability(
     test, grounds = study.test(), study.grounds()
     total = len(study.stiffness) * len(grounds) * len(options.timesteps)
     cells = bench.stability(test, stiffnesses=study.stiffness, grounds=grounds, timesteps=options.timesteps)
-    rows = list(_shown(cells, total))
+    rows = list(_with_progress(cells, total))
     data = {
         "test": test.describe(),
         "cells": len(rows),
@@ -113,7 +114,7 @@ def stability(
 
 
 def _versions(test: FootTest, stiffnesses: Iterable[float]) -> list[FootTest]:
-    """The foot at every stiffness and a rigid one of its size; a rigid foot alone."""
+    """Return the foot at every stiffness and a rigid one of its size; a rigid foot alone."""
     if not isinstance(test.foot, SoftFoot):
         return [test]
     soft = test.foot
@@ -130,8 +131,8 @@ def _versions(test: FootTest, stiffnesses: Iterable[float]) -> list[FootTest]:
     return [replace(test, foot=design) for design in designs]
 
 
-def _shown(rows: Iterable[T], total: int) -> Iterable[T]:
-    """The rows as they come, with a bar on stderr."""
+def _with_progress(rows: Iterable[T], total: int) -> Iterable[T]:
+    """Yield the rows as they come, with a progress bar on stderr."""
     with Progress(console=progress_console()) as bar:
         task = bar.add_task("pressing", total=total)
         for row in rows:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,13 +12,14 @@ from cyclopts import Parameter
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
+from wbc.core.settings import settings
 
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PlotOptions:
-    """What becomes of the figures.
+    """File of the figures.
 
     Attributes:
         out: File to write, ending in .png, .svg or .pdf; several figures become the pages of one PDF, or files whose
@@ -39,11 +39,11 @@ def plot(
 ) -> Report:
     """Draw figures from one log, or compare several: balance, plan, feet, torque, timing, stiffness, any signals.
 
-    Logs come first. What follows are ready-made figures, or signals: a name, the beginning of names such as
+    Logs come first. Then come ready-made figures, or signals: a name, the beginning of names such as
     `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any, all ready-made figures are
     drawn.
     """
-    paths, wanted = _sorted_out(words)
+    paths, drawings = _logs_and_drawings(words)
     logs = [Log.open(path) for path in paths]
     notes = [f"{log.path} ends early ({log.broken}); {len(log)} ticks are read" for log in logs if log.broken]
     if options.list:
@@ -52,11 +52,14 @@ def plot(
     from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select  # noqa: PLC0415 - slow to import
     from wbc.app.plot.output import check_output  # noqa: PLC0415
 
-    figures, signals = [word for word in wanted if word in FIGURES], [w for w in wanted if w not in FIGURES]
+    figures, signals = (
+        [word for word in drawings if word in FIGURES],
+        [w for w in drawings if w not in FIGURES],
+    )
     target = check_output(options.out or f"{logs[0].path.stem}.png")
     if signals:
-        _choose(logs, signals, FIGURES, select)
-    if not wanted:
+        _check_signals(logs, signals, FIGURES, select)
+    if not drawings:
         for name in FIGURES:
             lacks = [f"{log.path} {lack}" for log in logs if (lack := missing(name, log)) is not None]
             if lacks:
@@ -80,16 +83,16 @@ def plot(
     return output.report(facts, "\n".join(str(path) for path in written))
 
 
-def _sorted_out(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Tell logs from what is to be drawn: what is a file, or has the ending of a log, is a log."""
+def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Separate logs, which are files or have the ending of a log, from figures and signals."""
     paths = [Path(w) for i, w in enumerate(words) if i == 0 or w.endswith(".arrow") or Path(w).is_file()]
     if not paths:
         raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
     return paths, [word for word in words if Path(word) not in paths]
 
 
-def _choose(logs: Sequence[Log], signals: Sequence[str], figures: Any, select: Any) -> None:
-    """Check the signals before anything is drawn; the message names the figures, too."""
+def _check_signals(logs: Sequence[Log], signals: Sequence[str], figures: Any, select: Any) -> None:
+    """Check the signals before anything is drawn; the message names the ready-made figures, too."""
     try:
         select(logs, signals)
     except LookupError as error:
@@ -115,5 +118,5 @@ def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
 
 
 def _brief(log: Log) -> dict[str, Any]:
-    """The header without what only a replay needs."""
+    """Return the header without the model of the plant, which only a replay needs."""
     return {key: value for key, value in log.header.items() if key != "plant"}

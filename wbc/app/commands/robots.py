@@ -1,4 +1,4 @@
-"""`wbc robots`: what robots there are, and all about one."""
+"""`wbc robots`: a table of the robots, or the description of one."""
 
 from __future__ import annotations
 

@@ -1,29 +1,23 @@
-"""`wbc stiffness`: from a table of grounds and their best stiffness to a model, and how good that is."""
+"""`wbc stiffness`: a stiffness model from a table of grounds and their best stiffness, and its validation."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
+from pydantic import Field
 
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.core.errors import InputError
-from wbc.feet.stiffness.comparison import (
-    amplitude_trends,
-    candidates,
-    compare,
-    comparison_table,
-    learning_curve,
-    principal_components,
-)
+from wbc.core.settings import Count, settings, to_json
+from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
+from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
+from wbc.feet.stiffness.figures import PICTURES, draw_model
 from wbc.feet.stiffness.model import DEFAULT_TABLE, Kind, ModelSettings, StiffnessModel
-from wbc.feet.stiffness.plot import PICTURES, draw_model
 from wbc.feet.stiffness.validation import Candidate
 
 TablePath = Annotated[
@@ -34,28 +28,52 @@ TablePath = Annotated[
 ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class ModelOptions:
-    """What kind of model.
+    """Settings of a stiffness model.
 
     Attributes:
-        features: What it looks at: paper (six powers of three parameters), window (chosen for what a foot sees), or
-            select (chosen from the table).
-        neighbours: Neighbours that have a say.
-        kind: classification (a range of stiffness is chosen) or regression (a weighted mean).
+        features: Features: six powers of three parameters (paper), those chosen for the scan of a foot (window), or
+            those chosen from the table (select).
+        neighbours: Number of neighbours.
+        kind: A class of stiffnesses is chosen (classification), or their weighted mean (regression).
     """
 
-    features: str = "paper"
-    neighbours: int = ModelSettings.neighbours
+    features: Literal["paper", "window", "select"] = "paper"
+    neighbours: Count = ModelSettings.neighbours
     kind: Kind = "classification"
 
     def settings(self, table: StiffnessTable) -> ModelSettings:
-        """The settings of the model."""
-        named = {"paper": PAPER_FEATURES, "window": WINDOW_FEATURES}
-        if self.features not in (*named, "select"):
-            raise InputError(f"features must be paper, window or select, got '{self.features}'")
-        chosen = named.get(self.features) or select_features(table.values).kept
-        return ModelSettings(features=chosen, neighbours=self.neighbours, kind=self.kind)
+        """Return the settings of the model of a table."""
+        if self.features == "select":
+            features = select_features(table.values).kept
+        else:
+            features = {"paper": PAPER_FEATURES, "window": WINDOW_FEATURES}[self.features]
+        return ModelSettings(features=features, neighbours=self.neighbours, kind=self.kind)
+
+
+@settings(kw_only=True)
+class TrainOptions(ModelOptions):
+    """Settings of a stiffness model, and its file.
+
+    Attributes:
+        out: Model to write (.json).
+    """
+
+    out: Annotated[Path, Parameter(name=("--output", "-o"))]
+
+
+@settings(kw_only=True)
+class JudgeOptions(ModelOptions):
+    """Settings of a stiffness model, and of its validation.
+
+    Attributes:
+        plot: Picture to write.
+        folds: Folds of the cross-validations.
+    """
+
+    plot: Path | None = None
+    folds: Annotated[int, Field(ge=2)] = 10
 
 
 @reports
@@ -63,28 +81,27 @@ def train(
     table: TablePath = DEFAULT_TABLE,
     /,
     *,
-    output_file: Annotated[Path, Parameter(name=("--output", "-o"), help="Model to write (.json).")],
-    model: Flat[ModelOptions] = ModelOptions(),
+    options: Flat[TrainOptions],
     output: OutputOptions = Output(),
 ) -> Report:
     """Make a stiffness model of a table, and write it as plain numbers."""
-    target = check_target("a stiffness model", output_file, (".json",))
+    target = check_target("a stiffness model", options.out, (".json",))
     data = StiffnessTable.load(table)
-    settings = model.settings(data)
-    made = StiffnessModel.fit(data, settings)
+    chosen = options.settings(data)
+    made = StiffnessModel.fit(data, chosen)
     made.save(target)
     facts = {
         "model": str(target),
         "table": str(table),
         "rows": len(data),
-        "features": list(settings.features),
-        "neighbours": settings.neighbours,
-        "kind": settings.kind,
+        "features": list(chosen.features),
+        "neighbours": chosen.neighbours,
+        "kind": chosen.kind,
         "reach": made.reach,
     }
     text = (
-        f"{target}: {settings.neighbours} nearest of {len(data)} profiles by {', '.join(settings.features)} "
-        f"({settings.kind})"
+        f"{target}: {chosen.neighbours} nearest of {len(data)} profiles by {', '.join(chosen.features)} "
+        f"({chosen.kind})"
     )
     return output.report(facts, text)
 
@@ -94,34 +111,32 @@ def judge(
     table: TablePath = DEFAULT_TABLE,
     /,
     *,
-    model: Flat[ModelOptions] = ModelOptions(),
-    plot: Annotated[Path | None, Parameter(help="Picture to write.")] = None,
-    folds: Annotated[int, Parameter(help="Folds of the cross-validations.")] = 10,
+    options: Flat[JudgeOptions] = JudgeOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Judge models on grounds that they have not seen, and tell what the table says; about a minute.
+    """Validate models on grounds that they were not trained on, and analyse the table; about a minute.
 
-    Cross-validations by ground, by ground and amplitude, shuffled, and in the paper's way; how accuracy grows with the
-    number of grounds; how the best stiffness goes with the amplitude; which features the table itself would choose.
+    Cross-validations by ground, by ground and amplitude, shuffled, and as in the paper; accuracy over the number of
+    grounds; correlation of the best stiffness with the amplitude; features that the table itself would choose.
     """
     data = StiffnessTable.load(table)
-    settings = model.settings(data)
-    if plot is not None:
-        check_target("a picture", plot, PICTURES)
+    chosen = options.settings(data)
+    if options.plot is not None:
+        check_target("a picture", options.plot, PICTURES)
     judged = candidates()
-    if settings != ModelSettings():
-        judged = (Candidate.of(settings, "the model asked for"), *judged)
-    curve = learning_curve(data, settings)
-    results = compare(data, judged, folds=folds)
-    if plot is not None:
-        draw_model(data, plot, settings)
+    if chosen != ModelSettings():
+        judged = (Candidate.of(chosen, "the model asked for"), *judged)
+    curve = learning_curve(data, chosen)
+    results = compare(data, judged, folds=options.folds)
+    if options.plot is not None:
+        draw_model(data, options.plot, chosen)
     trends = amplitude_trends(data)
-    components = principal_components(data, settings.features)
+    components = principal_components(data, chosen.features)
     selection = select_features(data.values)
     facts: dict[str, Any] = {
         "table": str(table),
         "rows": len(data),
-        "clusters": np.unique(settings.clusters.of(data.stiffness), return_counts=True)[1].tolist(),
+        "clusters": np.unique(chosen.clusters.of(data.stiffness), return_counts=True)[1].tolist(),
         "validation": [
             {
                 "split": r.protocol,
@@ -141,7 +156,7 @@ def judge(
         },
         "amplitude_trends": trends,
         "explained_variance": components.explained.tolist(),
-        "selection": asdict(selection),
+        "selection": to_json(selection),
     }
     parts = [
         comparison_table(results),

@@ -1,13 +1,10 @@
-"""`wbc study`: many trials, written down in a journal, and the tables that they make."""
+"""`wbc study`: the trials of a study, run and written to a journal, and its tables and figures."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections import Counter
-from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,31 +18,25 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from wbc.app.commands.walk import read_json
-from wbc.app.files import check_target
+from wbc.app.files import check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.core.errors import InputError, choose
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, Positive, settings, to_json
 from wbc.sim.studies.catalog import STUDIES, study_by_name
-from wbc.sim.studies.journal import SYNCS, Entry, Journal, check_journal_path, read_journal
-from wbc.sim.studies.labels import Label, check_windows, labels, stiffness_table
-from wbc.sim.studies.stiffness import dataset as make_dataset
-from wbc.sim.studies.stiffness import half_heights
-from wbc.sim.studies.study import Study, found_entries
+from wbc.sim.studies.journal import Entry, Journal, Sync, check_journal_path, read_journal
+from wbc.sim.studies.study import Study
+from wbc.sim.studies.study_table import StudyTable, study_rows, study_table
 from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.swings import swing_report, swing_text
-from wbc.sim.studies.tables import StudyTable, study_rows, study_table
+from wbc.sim.studies.swing_summary import swing_summaries, swing_table
 
 StudyName = Annotated[
     str, Parameter(help="Study: the name of one that `wbc study list` shows, or a file with one as JSON.")
 ]
 
 
-JournalPath = Annotated[Path, Parameter(help="File that `wbc study run` has written.")]
-
-
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class PartOptions:
-    """Which part of a study.
+    """Part of a study.
 
     Attributes:
         cell: Only these cells, by name or beginning of a name.
@@ -60,122 +51,103 @@ class PartOptions:
     any_code: bool = False
 
     def part(self, study: str) -> Study:
-        """That part of a study."""
+        """Return this part of a study."""
         return read_study(study).narrowed(self.cell, self.arm, self.seeds)
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class RunOptions:
-    """How the trials of a study are run.
+    """Options of a sweep over the trials of a study.
 
     Attributes:
         journal: File that every trial is written to as soon as it has ended; what is in it is not run again.
         workers: Number of processes on this machine.
         cluster: Run through Dask instead: address of a scheduler, or "local" for a cluster of --workers processes.
         timeout: Wall time that a trial may take, s.
-        retry: Run those again that crashed or took too long.
-        sync: When a line must be on the disk itself: always, second or never.
+        retry: Run trials again that crashed or timed out.
+        sync: When a line is forced to the disk.
     """
 
     journal: Path
-    workers: int = 1
+    workers: Count = 1
     cluster: str | None = None
-    timeout: float = TIMEOUT
+    timeout: Annotated[Positive, "s"] = TIMEOUT
     retry: bool = False
-    sync: str = "second"
+    sync: Sync = "second"
 
     def __post_init__(self) -> None:
-        choose("sync policy", self.sync, SYNCS)
         check_journal_path(self.journal)
-        if self.workers < 1:
-            raise InputError(f"workers must be at least 1, got {self.workers}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DatasetOptions:
-    """How much is tried, and where the table goes.
-
-    Attributes:
-        output: Table to write (.csv).
-        seeds: Grounds of each kind and amplitude.
-        amplitudes: Amplitudes of each of the twelve kinds of ground.
-        evaluations: Stiffnesses that are tried on each ground.
-        distance: Length of a walk, m.
-        height: Amplitudes over those of the paper; higher grounds tell more where every walk is survived.
-        windows: Profiles that are cut out of each ground, as long as a foot's scan.
-        separate: Find the best stiffness of each ground from its own walks alone, as in the paper; otherwise what all
-            grounds have in common fills in what these leave open.
-        any_code: Take walks of other versions of the code, too.
-    """
-
-    output: Path
-    seeds: int = 2
-    amplitudes: int = 5
-    evaluations: int = 16
-    distance: float = 3.0
-    height: float = 1.0
-    windows: int = 6
-    separate: bool = False
-    any_code: bool = False
-
-    def __post_init__(self) -> None:
-        check_windows(self.windows)
-
-    def study(self) -> Study:
-        """The walks."""
-        return make_dataset(self.seeds, self.amplitudes, self.evaluations, self.distance, self.height)
-
-    def command(self) -> str:
-        """The command that makes the same table."""
-        names = ("seeds", "amplitudes", "evaluations", "distance", "height", "windows")
-        words = "wbc study dataset " + " ".join(f"--{name} {getattr(self, name):g}" for name in names)
-        return words + (" --separate" if self.separate else "")
-
-
-@dataclass(frozen=True, kw_only=True)
-class BestOptions:
-    """From which walks.
+@settings(kw_only=True)
+class JournalOptions:
+    """Journal that a result is made from.
 
     Attributes:
         journal: File that `wbc study run` has written.
-        separate: Find the best stiffness of each cell from its own walks alone; otherwise what the others have in
-            common fills in what these leave open.
-        any_code: Take walks of other versions of the code, too.
     """
 
     journal: Path
-    separate: bool = False
-    any_code: bool = False
+
+    def entries(self) -> dict[str, Entry]:
+        """Return the entries of the journal.
+
+        Raises:
+            InputError: There is no journal.
+        """
+        if not self.journal.exists():
+            raise InputError(f"there is no journal {self.journal}; `wbc study run` writes it")
+        return read_journal(self.journal)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TableOptions:
-    """Which table.
+@settings(kw_only=True)
+class TableOptions(JournalOptions):
+    """Metric and rows of a table.
 
     Attributes:
-        journal: File that `wbc study run` has written.
-        metric: Part of the results, such as steps_done, zmp_error.mean or peak_torque_ratio; the study's own when
+        metric: Part of the results, such as steps_done, zmp_error.mean or peak_torque_ratio; that of the study when
             not given.
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
     """
 
-    journal: Path
     metric: str | None = None
     completed: bool = False
     by: tuple[str, ...] = ()
 
     def table(self, study: str, part: PartOptions) -> StudyTable:
-        """The table."""
+        """Return the table."""
         return study_table(
             part.part(study),
-            entries_of(self.journal),
+            self.entries(),
             metric=self.metric,
             completed_only=self.completed,
             by=self.by,
             any_code=part.any_code,
         )
+
+
+@settings(kw_only=True)
+class FigureOptions(TableOptions):
+    """Metric and rows of a table, and the figure of it.
+
+    Attributes:
+        out: Figure to write (.png, .svg or .pdf).
+    """
+
+    out: Annotated[Path, Parameter(alias="-o")]
+
+
+@settings(kw_only=True)
+class ExportOptions(JournalOptions):
+    """Journal and the spreadsheet made from it.
+
+    Attributes:
+        out: Table to write (.csv), a row for each trial.
+    """
+
+    out: Annotated[Path, Parameter(alias="-o")]
 
 
 @reports
@@ -187,7 +159,7 @@ def list_studies(*, output: OutputOptions = Output()) -> Report:
 
 
 def study_facts(name: str) -> dict[str, Any]:
-    """What there is to say of a study; of one that rests on another that has not been run, what is missing."""
+    """Return name, question and number of trials of a study; the reason if it depends on one that was not run."""
     try:
         study = study_by_name(name)
     except InputError as error:
@@ -213,7 +185,7 @@ def run(
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Run the trials of a study that its journal does not have. Stopped at any time, it goes on from there."""
+    """Run the trials of a study that its journal does not have. It can be stopped, and continues from there."""
     chosen = part.part(study)
     summary = run_trials(chosen, options, any_code=part.any_code)
     data = {"study": chosen.name, "journal": str(options.journal), **summary.to_json()}
@@ -221,95 +193,90 @@ def run(
 
 
 @reports
-def dataset(
-    *,
-    options: Flat[RunOptions],
-    size: Flat[DatasetOptions],
-    output: OutputOptions = Output(),
-) -> Report:
-    """Find the best stiffness for ground and amplitude, and write the table that a stiffness model learns from.
-
-    The walks that the journal does not have are run first; the size says how many there are, from minutes to the
-    paper's 6,000 walks (50 evaluations, 2 seeds). `wbc stiffness train` makes a model of the table.
-    """
-    study = size.study()
-    target = check_target("a stiffness table", size.output, (".csv",))
-    summary = run_trials(study, options, any_code=size.any_code)
-    entries = read_journal(options.journal)
-    found = labels(study, entries, pooled=not size.separate, any_code=size.any_code)
-    made = {"command": size.command(), **origin(study, entries, any_code=size.any_code)}
-    table = stiffness_table(study, found, windows=size.windows, made=made)
-    table.save(target)
-    data = {
-        "table": str(target),
-        "rows": len(table),
-        "labels": {cell: asdict(label) for cell, label in found.items()},
-        **summary.to_json(),
-    }
-    lines = [
-        summary_text(study, options, summary),
-        labels_text(found),
-        f"{len(table)} rows written to {target}",
-    ]
-    return output.report(data, "\n".join(lines))
-
-
-@reports
-def best(
+def table(
     study: StudyName,
     /,
     *,
-    options: Flat[BestOptions],
-    output: OutputOptions = Output(),
-) -> Report:
-    """Find the best stiffness of each cell of a study whose arms are stiffnesses, from what its journal has."""
-    chosen, entries = read_study(study), entries_of(options.journal)
-    found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
-    if not found:
-        raise InputError(
-            f"{options.journal} has no cell of '{chosen.name}' with walks of enough stiffnesses; run the study"
-        )
-    data = {
-        "study": chosen.name,
-        "separate": options.separate,
-        **origin(chosen, entries, any_code=options.any_code),
-        "labels": {cell: asdict(label) for cell, label in found.items()},
-    }
-    return output.report(data, labels_text(found))
-
-
-@reports
-def heights(
-    study: StudyName = "halfway",
-    /,
-    *,
-    journal: JournalPath,
+    options: Flat[TableOptions],
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Find the height of each ground at which half of the walks are completed, from what a journal has."""
-    chosen, entries = part.part(study), entries_of(journal)
-    found = half_heights(chosen, entries, any_code=part.any_code)
-    if not found:
-        raise InputError(f"{journal} has no walks of '{chosen.name}'; run the study")
-    data = {"study": chosen.name, **origin(chosen, entries, any_code=part.any_code), "heights_m": found}
-    return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
+    """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
+    made = options.table(study, part)
+    return output.report(made.to_json(), made.markdown())
 
 
-def labels_text(found: Mapping[str, Label]) -> str:
-    """Best stiffness of each ground and amplitude, for people."""
-    lines = [f"{'best stiffness, Nm/rad':<32} best   nearly best     80 % sure        J   gained by it"]
-    for cell, label in found.items():
-        near = f"{label.nearly_low:.3g} … {label.nearly_high:.3g}"
-        sure = f"{label.best_low:.3g} … {label.best_high:.3g}"
-        lines.append(
-            f"  {cell:<30} {label.stiffness:4.3g}  {near:^14} {sure:^14} {label.J:8.3g} {label.gain:8.2g}"
-        )
-    return "\n".join(lines)
+@reports
+def plot(
+    study: StudyName,
+    /,
+    *,
+    options: Flat[FigureOptions],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Draw the table of a study: each arm's mean and its difference to the reference, with intervals."""
+    from wbc.app.plot.output import check_output, save  # noqa: PLC0415 - slow to import
+    from wbc.app.plot.study import study_figure  # noqa: PLC0415
+
+    target = check_output(options.out)
+    made = options.table(study, part)
+    save({made.study.name: study_figure(made)}, target)
+    return output.report({"figure": str(target), **made.to_json()}, str(target))
+
+
+@reports
+def export(
+    study: StudyName,
+    /,
+    *,
+    options: Flat[ExportOptions],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Write all results of a study to a table, for a spreadsheet or a data frame."""
+    target = check_target("a table", options.out, (".csv",))
+    columns, rows = study_rows(part.part(study), options.entries(), any_code=part.any_code)
+    with target.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)
+    data = {"table": str(target), "rows": len(rows), "columns": columns}
+    return output.report(data, f"{len(rows)} rows with {len(columns)} columns written to {target}")
+
+
+@reports
+def swings(
+    study: StudyName,
+    /,
+    *,
+    options: Flat[JournalOptions],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Sum up the swings of soles of variable stiffness: reached in time, error of the scan, time before touch-down."""
+    chosen = part.part(study)
+    summaries = swing_summaries(chosen, options.entries(), any_code=part.any_code)
+    if not summaries:
+        raise InputError(f"{options.journal} has no walk of '{chosen.name}' on soles of variable stiffness")
+    return output.report({"study": chosen.name, "rows": to_json(summaries)}, swing_table(summaries))
+
+
+def read_study(name: str) -> Study:
+    """Return a study by name, or out of a file.
+
+    Raises:
+        UnknownNameError: Neither a study nor a file.
+        InputError: The file holds no study.
+    """
+    path = Path(name)
+    if name in STUDIES or not (path.suffix == ".json" or path.exists()):
+        return study_by_name(name)
+    return Study.from_json(read_object("study", path))
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
-    """Run what a study's journal does not have, with a progress bar."""
+    """Run the trials that a study's journal does not have, with a progress bar."""
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(options.journal, sync=options.sync))
@@ -338,130 +305,13 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
 
 
 def summary_text(study: Study, options: RunOptions, summary: SweepSummary) -> str:
-    """What was run, for people."""
+    """Return the text of a summary."""
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
     rate = "" if summary.per_hour is None else f" ({summary.per_hour:.0f} an hour)"
     return (
         f"{study.name}: {summary.total} trials, {summary.found} were in {options.journal}, {summary.run} run in "
         f"{summary.seconds:.0f} s{rate}\n  {counts}"
     )
-
-
-@reports
-def table(
-    study: StudyName,
-    /,
-    *,
-    options: Flat[TableOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
-    made = options.table(study, part)
-    return output.report(made.to_json(), made.markdown())
-
-
-@reports
-def plot(
-    study: StudyName,
-    /,
-    *,
-    out: Annotated[Path, Parameter(alias="-o", help="Figure to write (.png, .svg or .pdf).")],
-    options: Flat[TableOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Draw what a study found: each arm's mean and its difference to the reference, with intervals."""
-    from wbc.app.plot.output import check_output, save  # noqa: PLC0415 - slow to import
-    from wbc.app.plot.study import study_figure  # noqa: PLC0415
-
-    target = check_output(out)
-    made = options.table(study, part)
-    save({made.study.name: study_figure(made)}, target)
-    return output.report({"figure": str(target), **made.to_json()}, str(target))
-
-
-@reports
-def export(
-    study: StudyName,
-    /,
-    *,
-    journal: JournalPath,
-    out: Annotated[Path, Parameter(alias="-o", help="Table to write (.csv), a row for each trial.")],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Write all results of a study to a table, for a spreadsheet or a data frame."""
-    target = check_target("a table", out, (".csv",))
-    columns, rows = study_rows(part.part(study), entries_of(journal), any_code=part.any_code)
-    with target.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(rows)
-    data = {"table": str(target), "rows": len(rows), "columns": columns}
-    return output.report(data, f"{len(rows)} rows with {len(columns)} columns written to {target}")
-
-
-@reports
-def swings(
-    study: StudyName,
-    /,
-    *,
-    journal: JournalPath,
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Tell what soles of variable stiffness did: how often they were ready, how well the ground was seen, how soon."""
-    chosen = part.part(study)
-    found = swing_report(chosen, entries_of(journal), any_code=part.any_code)
-    if not found:
-        raise InputError(f"{journal} has no walk of '{chosen.name}' on soles of variable stiffness")
-    return output.report(
-        {"study": chosen.name, "rows": {row: summary.to_json() for row, summary in found.items()}},
-        swing_text(found),
-    )
-
-
-def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
-    """What was walked, by which code: counts of trials by status, and the versions that made them."""
-    found = found_entries(study, entries, any_code=any_code)
-    used = {trial: entry for trial, entry in found if entry is not None}
-    versions = {json.dumps(entry.version, sort_keys=True) for entry in used.values()}
-    return {
-        "trials": dict(Counter(entry.status for entry in used.values())),
-        "versions": [json.loads(version) for version in sorted(versions)],
-        "seeds": sorted({trial.seed for trial in used}),
-    }
-
-
-def entries_of(journal: Path) -> dict[str, Entry]:
-    """What a journal has.
-
-    Raises:
-        InputError: There is none.
-    """
-    if not journal.exists():
-        raise InputError(f"there is no journal {journal}; `wbc study run` writes it")
-    return read_journal(journal)
-
-
-def read_study(name: str) -> Study:
-    """A study by name, or out of a file.
-
-    Raises:
-        UnknownNameError: Neither a study nor a file.
-        InputError: The file is no study.
-    """
-    path = Path(name)
-    if name in STUDIES or not (path.suffix == ".json" or path.exists()):
-        return study_by_name(name)
-    data: Any = read_json(path)
-    if not isinstance(data, dict):
-        raise InputError(f"{path} is no study: it must hold a JSON object")
-    try:
-        return Study.from_json(data)
-    except TypeError as error:
-        raise InputError(f"{path} is no study: {error}") from error
 
 
 def _progress() -> Progress:

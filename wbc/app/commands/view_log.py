@@ -1,11 +1,10 @@
-"""`wbc view`: a recorded run once more."""
+"""`wbc view`: replay of a recorded run."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,15 +13,16 @@ from rich.progress import Progress
 
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.core.errors import InputError, positive
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, Positive, settings
 
 FILMS = (".mp4", ".gif")
 EXPORTS = (".html", *FILMS)
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(kw_only=True)
 class ViewOptions:
-    """Where the replay goes to, and how it is made.
+    """Page or file of the replay.
 
     Attributes:
         out: File to write instead of serving a page: .html (one page that opens offline), .mp4 or .gif.
@@ -36,13 +36,11 @@ class ViewOptions:
     out: Annotated[Path | None, Parameter(alias="-o")] = None
     host: str = "127.0.0.1"
     port: int | None = None
-    rate: float = 30.0
-    speed: float = 1.0
-    size: tuple[int, int] = (960, 720)
+    rate: Annotated[Positive, "pictures a second"] = 30.0
+    speed: Positive = 1.0
+    size: tuple[Count, Count] = (960, 720)
 
     def __post_init__(self) -> None:
-        positive("rate (pictures a second)", self.rate)
-        positive("speed", self.speed)
         if self.out is not None and self.out.suffix.lower() not in EXPORTS:
             raise InputError(
                 f"a replay's name must end in one of {', '.join(EXPORTS)}, got '{self.out.name}'"
@@ -59,7 +57,7 @@ def view(
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a page or a film."""
     from wbc.app.replay import Replay, check_film, check_page, render_video, replay_page  # noqa: PLC0415 - slow
-    from wbc.app.replay.serve import Server  # noqa: PLC0415
+    from wbc.app.replay.page_server import PageServer  # noqa: PLC0415
 
     opened = Log.open(log)
     if opened.broken:
@@ -67,7 +65,7 @@ def view(
     out, server = options.out, None
     film = out is not None and out.suffix.lower() in FILMS
     if out is None:
-        server = Server(options.host, options.port)
+        server = PageServer(options.host, options.port)
     elif film:
         check_film(out)
     else:
@@ -98,7 +96,7 @@ def view(
 
 @contextmanager
 def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Show how much is done, and how long the rest takes."""
+    """Show the progress and the time left."""
     with Progress(console=progress_console(), transient=True) as bar:
         task = bar.add_task(what)
         yield lambda done, total: bar.update(task, completed=done, total=total)

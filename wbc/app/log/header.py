@@ -1,15 +1,15 @@
-"""What a log says about itself: one JSON object in the metadata of the file.
+"""Header of a log: one JSON object in the metadata of the file.
 
 format          number of the format, see `FORMAT`
 program         "wbc" and its version
-versions        of everything that the numbers depend on
+versions        of all libraries that the numbers depend on
 created         date and time (UTC)
 title, seed     of the run
 control_period  s
 robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
 spec            the specification of the run: its `to_json()`, else as `wbc.app.log.plain` writes dataclasses; null if
                 there was none
-plant           what the plant was made of, likewise: description, foot, terrain, physics; null without a plant
+plant           parts of the plant, likewise: description, foot, terrain, physics; null without a plant
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from wbc.sim import Plant
 
 FORMAT = 1
-"""Format of the logs that this version writes; it changes when old readers would misunderstand."""
+"""Format of the logs that this version writes; a new number when older readers would misread them."""
 
 KEY = b"wbc"
 """Key of the object in the metadata of the file."""
@@ -45,15 +45,15 @@ def make_header(
     title: str = "",
     seed: int | None = None,
 ) -> dict[str, Any]:
-    """Collect everything.
+    """Return the header of a run.
 
     Args:
         robot: The robot.
         period: Control period, s.
         plant: The plant, if there is one.
-        spec: What the run was specified by: a dataclass, or plain values.
-        title: For people; the robot's name when empty.
-        seed: Of the run; the plant's when None.
+        spec: Specification of the run: a dataclass, or plain values.
+        title: Title of the log; the robot's name when empty.
+        seed: Seed of the run; the plant's when None.
     """
     if seed is None and plant is not None:
         seed = plant.seed
@@ -77,19 +77,19 @@ def make_header(
 
 
 def encode(header: dict[str, Any]) -> bytes:
-    """Return the header as it stands in the file."""
+    """Return the header as bytes."""
     return json.dumps(header, allow_nan=False).encode()
 
 
 def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
-    """Read the header.
+    """Return the header in a file's metadata.
 
     Args:
         where: Name of the file, for messages.
         stored: Metadata of the file.
 
     Raises:
-        InputError: No log of ours, or one of a later format.
+        InputError: Not a log of wbc, or one of another format.
     """
     if not stored or KEY not in stored:
         raise InputError(f"{where} is an Arrow file but no log of wbc: it has no metadata '{KEY.decode()}'")
@@ -118,10 +118,10 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
 
 
 def _versions() -> dict[str, str]:
-    found = {"wbc": __version__, "python": platform.python_version(), "system": platform.platform()}
+    versions = {"wbc": __version__, "python": platform.python_version(), "system": platform.platform()}
     for name in _DISTRIBUTIONS:
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return versions

@@ -1,7 +1,8 @@
-"""Frozen dataclasses as plain JSON values, and back: how a log keeps what a plant was made of.
+"""Plain JSON values of frozen dataclasses, and back: the form in which a log holds the parts of a plant.
 
-What is read from a file is data: only dataclasses and enumerations of modules of this library, or of modules that the
-program has imported itself, are made from it, and their own checks run.
+Classes of this library are written as `wbc:Name` and found by their names alone, so that logs outlive a move between
+modules; other classes as `module:Name`. What is read from a file is data: only dataclasses and enumerations of this
+library, or of modules that the program has imported itself, are made from it, and their own checks run.
 """
 
 from __future__ import annotations
@@ -18,15 +19,21 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, unknown_name
+
+ROOMS = ("wbc.robots", "wbc.feet", "wbc.sim")
+"""Packages whose classes make up a plant; imported when a log names a class of this library."""
+
+RENAMED = {"wbc.feet.contact:SoleContact": "wbc:ContactSpheres"}
+"""Names of renamed classes in earlier logs, and their present names; a move to another module needs no entry."""
 
 
 def to_plain(value: Any) -> Any:
-    """Return a value made of what JSON knows; tags say what it was.
+    """Return a value as objects, lists, numbers and texts; keys with a `$` name its type.
 
     Args:
         value: Numbers, texts, arrays, paths, enumerations, dataclasses, and tuples, lists and mappings of these.
-            Anything else is kept as its text and cannot be brought back.
+            Anything else is written as its `repr` and cannot be read back.
     """
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -63,7 +70,7 @@ def from_plain(plain: Any) -> Any:
     """Return the value that `to_plain` was given.
 
     Raises:
-        InputError: It was of a kind that is kept as text, or its class is not there or does not take these values.
+        InputError: A value written as its `repr`, or a class that does not exist or does not take these values.
     """
     if isinstance(plain, list):
         return [from_plain(item) for item in plain]
@@ -101,22 +108,38 @@ def from_plain(plain: Any) -> Any:
 
 
 def _name(kind: type) -> str:
-    return f"{kind.__module__}:{kind.__qualname__}"
+    module = kind.__module__
+    return f"{'wbc' if module.split('.')[0] == 'wbc' else module}:{kind.__qualname__}"
 
 
 def _kind(name: str) -> Any:
     """Return the class of a name."""
-    module, _, path = name.partition(":")
+    module, _, path = RENAMED.get(name, name).partition(":")
     if module.split(".")[0] == "wbc":
-        importlib.import_module(module)
+        return _class_of_wbc(path)
     if module not in sys.modules:
         raise InputError(f"the log needs {name}; import {module} first")
-    found: Any = sys.modules[module]
+    kind: Any = sys.modules[module]
     for part in path.split("."):
-        found = getattr(found, part)
-    if not isinstance(found, type):
+        kind = getattr(kind, part)
+    if not isinstance(kind, type):
         raise InputError(f"{name} is no class")
-    return found
+    return kind
+
+
+def _class_of_wbc(name: str) -> type:
+    """Return the dataclass or enumeration of this library that has a name, whatever module it is in."""
+    for room in ROOMS:
+        importlib.import_module(room)
+    modules = [module for key, module in sys.modules.items() if key.startswith("wbc.")]
+    kinds = {
+        kind.__qualname__: kind
+        for module in modules
+        for kind in vars(module).values()
+        if isinstance(kind, type) and (is_dataclass(kind) or issubclass(kind, enum.Enum))
+        if kind.__module__ == module.__name__
+    }
+    return kinds.get(name) or unknown_name("class of wbc", name, kinds)
 
 
 def _text(data: bytes) -> str:

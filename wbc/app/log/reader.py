@@ -1,8 +1,7 @@
-"""Reads a log: arrays by the names of the signals."""
+"""Reader of logs: arrays by the names of the signals."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -14,13 +13,13 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 from pyarrow import ipc
 
+from wbc.app.log.columns import Kind, Signal
 from wbc.app.log.header import decode
-from wbc.app.log.table import Kind, Signal
 from wbc.app.log.writer import MAGIC, TYPES
 from wbc.core.errors import Array, InputError, unknown_name
 
 STREAM = 8
-"""Where the Arrow stream begins in an Arrow IPC file: behind the magic bytes and their padding."""
+"""Offset of the Arrow stream in an Arrow IPC file, bytes: after the magic bytes and their padding."""
 
 
 class Log:
@@ -28,15 +27,15 @@ class Log:
 
     Attributes:
         path: The file.
-        header: What the log says about itself, see `wbc.app.log.header`.
+        header: Facts about the run, see `wbc.app.log.header`.
         signals: All signals by name, in the order of the file.
-        broken: Why the log ends early; None if it was ended properly.
+        broken: Reason why the log ends early; None if it is complete.
     """
 
     header: Mapping[str, Any]
 
     def __init__(self, path: Path, table: Any, header: dict[str, Any], broken: str | None) -> None:
-        """Take what `Log.open` has read."""
+        """Make a log from the parts that `Log.open` reads."""
         self.path, self.broken = path, broken
         self.header = MappingProxyType(header)
         self._table = table
@@ -52,7 +51,7 @@ class Log:
             path: The file.
 
         Raises:
-            InputError: No such file, no log, a log of another format, or nothing of it is there.
+            InputError: No such file, not a log, a log of another format, or one without a single batch.
         """
         place = Path(path)
         try:
@@ -91,14 +90,14 @@ class Log:
         return self["time"]
 
     def __getitem__(self, name: str) -> Array:
-        """Values of a signal, or of a group of signals.
+        """Return the values of a signal, or of a group of signals.
 
         Args:
-            name: A signal, or what the names of a group have before their last part: "com/estimated".
+            name: A signal, or the common beginning of a group's names: "com/estimated".
 
         Returns:
-            Shape (ticks,) of a signal, (ticks, parts) of a group, float64; truth values are 0 and 1, NaN is what was
-            not measured.
+            Shape (ticks,) of a signal, (ticks, parts) of a group, float64; truth values are 0 and 1, and
+            values that were not measured are NaN.
 
         Raises:
             UnknownNameError: No such signal or group; the nearest ones are given.
@@ -118,23 +117,23 @@ class Log:
         return values
 
     def parts(self, group: str) -> list[str]:
-        """Names of the signals of a group that hold numbers.
+        """Return the names of the signals of a group that hold numbers.
 
         Raises:
             UnknownNameError: No such group; the nearest names are given.
         """
-        found = [
+        names = [
             name
             for name, signal in self.signals.items()
             if name.rpartition("/")[0] == group and signal.kind not in ("text", "list")
         ]
-        if not found:
+        if not names:
             groups = {name.rpartition("/")[0] for name in self.signals} - {""}
             unknown_name("signal", group, groups | set(self.signals))
-        return found
+        return names
 
     def texts(self, name: str) -> NDArray[np.object_]:
-        """Texts of a signal, shape (ticks,); None where there is none.
+        """Return the texts of a signal, shape (ticks,); None in ticks without one.
 
         Raises:
             UnknownNameError: No such signal.
@@ -143,7 +142,7 @@ class Log:
         return self._objects(name, "text")
 
     def lists(self, name: str) -> list[Array | None]:
-        """Lists of a signal, one a tick; None where there is none.
+        """Return the lists of a signal, one a tick; None in ticks without one.
 
         Raises:
             UnknownNameError: No such signal.
@@ -165,19 +164,15 @@ class Log:
 
     @property
     def events(self) -> list[tuple[float, str]]:
-        """Times (s) and texts of what happened; none if it was not a walk."""
+        """Time (s) and text of each event; empty without a walk."""
         if "walk/event" not in self:
             return []
-        found = zip(self.time.tolist(), self.texts("walk/event"), strict=True)
-        return list(
-            itertools.chain.from_iterable(
-                ((time, part) for part in text.split("; ")) for time, text in found if text is not None
-            )
-        )
+        ticks = zip(self.time.tolist(), self.texts("walk/event"), strict=True)
+        return [(time, event) for time, text in ticks if text is not None for event in text.split("; ")]
 
 
 def _read(path: Path, file: Any) -> tuple[Any, str | None]:
-    """Read the whole file, or what there is before the break."""
+    """Return the table of a file, up to the break if there is one, and the reason for the break."""
     try:
         return ipc.open_file(file).read_all(), None
     except (pa.ArrowException, OSError) as error:

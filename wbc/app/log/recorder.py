@@ -1,6 +1,6 @@
-"""Records a run: called once a tick, it writes down what went over the wire and what was thought about it.
+"""Recorder of runs: called once a tick, it writes measurement, command, estimate, references and ground truth.
 
-It reads and never writes to what it is shown, so that a run gives the same numbers with and without it.
+It only reads the objects of a run, so that a run gives the same numbers with and without it.
 """
 
 from __future__ import annotations
@@ -8,20 +8,19 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc.app.log.columns import XY, XYZ, Columns, Signal
 from wbc.app.log.header import make_header
 from wbc.app.log.sources import sources_for
 from wbc.app.log.stiffness import StiffnessSource
-from wbc.app.log.table import XY, XYZ, Columns, Signal
 from wbc.app.log.tick import Control, Source, Tick
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
-from wbc.sim.walks.hooks import WalkHook
+from wbc.sim.walks import WalkHook
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Recorder(WalkHook):
-    """Writes a log, tick by tick; use it in a `with` block, or as a hook: `run_walk(spec, hooks=[record])`.
+    """A log that is written tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[record])`.
 
     Attributes:
         path: The file.
@@ -48,20 +47,20 @@ class Recorder(WalkHook):
         """Open the file.
 
         Args:
-            path: The file, by custom with the ending .arrow; a log that is there already is replaced.
-            spec: What the run is specified by, kept in the log: a dataclass, or plain values.
-            title: For people; the robot's name when empty.
-            seed: Of the run; the plant's when None.
-            stiffness: Sets the soles: what it has seen and decided is recorded once a step. That of the walk when None.
+            path: The file, by custom with the ending .arrow; an existing log is replaced.
+            spec: Specification of the run, stored in the header: a dataclass, or plain values.
+            title: Title of the log; the robot's name when empty.
+            seed: Seed of the run; the plant's when None.
+            stiffness: Stiffness scheduling, recorded once a step; that of the walk when None.
 
         Raises:
-            InputError: It cannot be written.
+            InputError: The file cannot be written.
         """
         self._writer = LogWriter(path)
         self.path = self._writer.path
         self._spec, self._title, self._seed = spec, title, seed
         self._stiffness = stiffness
-        self._own: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
+        self._added: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
         self._sources: list[Source] | None = None
 
     def add(
@@ -74,19 +73,19 @@ class Recorder(WalkHook):
         axes: tuple[str, ...] | None = None,
         changing: bool = False,
     ) -> None:
-        """Add a signal of one's own.
+        """Add a signal.
 
         Args:
-            name: Its parts are separated by "/".
-            value: Called every tick for a number, a truth value, a text or an array of always the same length; without
+            name: Parts separated by "/".
+            value: Called every tick for a number, a truth value, a text or an array of constant length; without
                 arguments, or with the `Tick` (plant, control, measurement, command).
-            unit: "1" where there is none.
-            about: What it is.
-            axes: Names of the parts of an array; x y z, or their numbers, when None.
-            changing: It is an array whose length changes, or None: kept as a list.
+            unit: "1" without a unit.
+            about: Description.
+            axes: Names of the parts of an array; x y z, or their indices, when None.
+            changing: The value is an array of changing length, or None; stored as a list.
 
         Raises:
-            InputError: A name that is taken or none, no function, or the first tick has been recorded already.
+            InputError: A name that is taken or malformed, no function, or the first tick has been recorded.
         """
         if self._sources is not None:
             raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
@@ -94,26 +93,25 @@ class Recorder(WalkHook):
             raise InputError(
                 f"signal '{name}' needs a function that gives its value, such as lambda: {value!r}"
             )
-        if name in self._own:
+        if name in self._added:
             raise InputError(f"there is a signal '{name}' already; choose another name")
         signal = Signal(name, unit, about, "list" if changing else "number")
         function = value if inspect.signature(value).parameters else _ignoring_the_tick(value)
-        self._own[name] = (signal, function, axes)
+        self._added[name] = (signal, function, axes)
 
     def __call__(
         self, plant: Plant | None, control: Control, measurement: Measurement, command: Command
     ) -> None:
-        """Record one tick: call it when the command is known, before the plant takes it.
+        """Record one tick, after the command has been computed and before the plant takes it.
 
         Args:
-            plant: The plant, for the truth; None if there is none.
+            plant: The plant, for ground truth; None without one.
             control: The walk, or position or torque control.
-            measurement: What the control has been given.
-            command: What it has answered.
+            measurement: Input of the control.
+            command: Output of the control.
 
         Raises:
-            InputError: In the first tick: a signal of one's own whose name is taken or whose value cannot be kept. In
-                later ones: such a value has changed its length.
+            InputError: An added signal whose name is taken, whose value cannot be stored or whose length has changed.
         """
         tick = Tick(plant, control, measurement, command)
         if self._sources is None:
@@ -126,27 +124,27 @@ class Recorder(WalkHook):
         writer.commit()
 
     def start(self, trial: WalkTrial) -> None:
-        """Note what is walked."""
+        """Take specification and seed of the walk; see `WalkHook`."""
         self._spec = self._spec or trial.spec
         self._seed = trial.spec.seed if self._seed is None else self._seed
 
     def tick(self, tick: WalkTick) -> None:
-        """Record one tick."""
+        """Record one tick; see `WalkHook`."""
         self(tick.plant, tick.walking, tick.measurement, tick.command)
 
     def end(self, result: WalkResult) -> None:
-        """End the file."""
+        """End the file; see `WalkHook`."""
         self.close()
 
     def _begin(self, tick: Tick) -> None:
-        """Find out what there is to record."""
+        """Make the sources and write the header."""
         columns = Columns()
         sources = sources_for(columns, tick)
         stiffness = self._stiffness or getattr(tick.control, "stiffness", None)
         if stiffness is not None:
             sources.append(StiffnessSource(columns, stiffness, self._writer.keep))
-        for signal, function, axes in self._own.values():
-            sources.append(_OwnSignal(self._writer, columns, signal, function, axes, function(tick)))
+        for signal, function, axes in self._added.values():
+            sources.append(_AddedSignal(self._writer, columns, signal, function, axes, function(tick)))
         controller = tick.controller
         header = make_header(controller.robot, controller.dt, tick.plant, self._spec, self._title, self._seed)
         self._writer.begin(columns, header, [source.finish for source in sources])
@@ -159,24 +157,22 @@ class Recorder(WalkHook):
 
     @property
     def failure(self) -> str | None:
-        """Why nothing more is written, a full disk for example; None as long as all is well."""
+        """Reason why nothing more is written, such as a full disk; None without a failure."""
         return self._writer.failure
 
     def close(self) -> None:
-        """Write what is left, and end the file."""
+        """Write the last batch and end the file."""
         self._writer.close()
 
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 
-class _OwnSignal(Source):
-    """A signal that somebody has added; its first value says what it is."""
+class _AddedSignal(Source):
+    """A signal of `Recorder.add`; its first value decides its kind and shape."""
 
     def __init__(
         self,
@@ -208,7 +204,7 @@ class _OwnSignal(Source):
             if not shape:
                 self._place = columns.add(name, unit, about)
             else:
-                parts = axes or ((XY, XYZ)[shape[0] - 2] if shape[0] in (2, 3) else _numbered(shape[0]))
+                parts = axes or {2: XY, 3: XYZ}.get(shape[0]) or tuple(map(str, range(shape[0])))
                 if len(parts) != shape[0]:
                     raise InputError(f"signal '{name}' has {shape[0]} parts, but {len(parts)} axes")
                 self._place = columns.group(name, parts, unit, about)
@@ -230,10 +226,6 @@ class _OwnSignal(Source):
             return np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InputError(f"signal '{self._name}' cannot keep {value!r}") from error
-
-
-def _numbered(count: int) -> tuple[str, ...]:
-    return tuple(str(i) for i in range(count))
 
 
 def _ignoring_the_tick(function: Callable[..., Any]) -> Callable[[Tick], Any]:

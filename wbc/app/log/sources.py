@@ -1,8 +1,4 @@
-"""Where the signals of a log come from: clock, measurement, command and controller.
-
-`write` copies values into the row of a tick, and is all that a tick pays for; what can be computed from the row alone
-is computed by `finish`, for a whole batch at a time.
-"""
+"""Sources of signals: clock, measurement, command, estimate and controller."""
 # ruff: noqa: D102 - overrides are documented where they are declared
 
 from __future__ import annotations
@@ -14,8 +10,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.names import foot_names, joint_units, torque_units
-from wbc.app.log.table import QUATERNION, WRENCH, WRENCH_UNITS, XYZ, Columns
+from wbc.app.log.columns import (
+    QUATERNION,
+    WRENCH,
+    WRENCH_UNITS,
+    XYZ,
+    Columns,
+    foot_names,
+    joint_units,
+    torque_units,
+)
 from wbc.app.log.tick import Source, Tick, copy
 from wbc.app.log.truth import TruthSource
 from wbc.app.log.walking import WalkSource
@@ -26,10 +30,10 @@ from wbc.walking.control import WalkingControl
 
 
 def sources_for(columns: Columns, tick: Tick) -> list[Source]:
-    """Make every source that the objects of a run have something for.
+    """Return a source for each object of a run that has signals.
 
     Args:
-        columns: Taken from.
+        columns: Takes the columns of the signals.
         tick: The first tick.
     """
     sources: list[Source] = [ClockSource(columns)]
@@ -46,11 +50,11 @@ def sources_for(columns: Columns, tick: Tick) -> list[Source]:
 
 
 class ClockSource(Source):
-    """Time of the run, and of the clock on the wall."""
+    """Simulated or measured time, and wall-clock time."""
 
     def __init__(self, columns: Columns) -> None:
         self._time = columns.add("time", "s", "time stamp of the measurement", "double")
-        self._clock = columns.add("tick/clock", "s", "clock on the wall when the tick was recorded", "double")
+        self._clock = columns.add("tick/clock", "s", "wall-clock time of the recording", "double")
 
     def write(self, tick: Tick, row: Array) -> None:
         row[self._time] = tick.measurement.time
@@ -58,7 +62,7 @@ class ClockSource(Source):
 
 
 class MeasurementSource(Source):
-    """What the sensors said."""
+    """Measurements of the sensors."""
 
     def __init__(self, columns: Columns, tick: Tick) -> None:
         robot = tick.robot
@@ -70,13 +74,13 @@ class MeasurementSource(Source):
         about = "accelerometer: acceleration minus gravity, IMU frame"
         columns.group("imu/specific_force", XYZ, "m/s²", about)
         feet = foot_names(robot)
-        about = "what the ground does to the sole, sole frame"
+        about = "of the ground on the sole, sole frame"
         for foot in feet:
             columns.group(f"foot/{foot}/wrench_measured", WRENCH, WRENCH_UNITS, about)
-        about = "range sensor under the toe; NaN when it saw nothing"
+        about = "range sensor under the toe; NaN without an echo"
         columns.each([f"foot/{foot}/range" for foot in feet], "m", about)
         columns.each([f"foot/{foot}/stiffness" for foot in feet], "Nm/rad", "actual, of the sole")
-        self._copied = slice(start, len(columns.signals))
+        self._copied = columns.since(start)
 
     def write(self, tick: Tick, row: Array) -> None:
         m = tick.measurement
@@ -93,7 +97,7 @@ class MeasurementSource(Source):
 
 
 class CommandSource(Source):
-    """What the drives were asked for."""
+    """Commands to the joint drives and soles."""
 
     def __init__(self, columns: Columns, tick: Tick) -> None:
         robot = tick.robot
@@ -119,10 +123,10 @@ class CommandSource(Source):
 
 
 class EstimateSource(Source):
-    """Where the controller believes the robot to be and, in position control, where it has commanded it to be.
+    """Estimated state of the robot and, in position control, the commanded base.
 
     Attributes:
-        com: Columns of the centre of mass.
+        com: Columns of the estimated centre of mass.
         com_velocity: Columns of its velocity.
     """
 
@@ -137,7 +141,7 @@ class EstimateSource(Source):
             columns.group(f"foot/{foot}/estimated/orientation", QUATERNION, "1", "sole frame in the world")
         if isinstance(tick.drives, PositionControl):
             _base(columns, "commanded")
-        self._copied = slice(start, len(columns.signals))
+        self._copied = columns.since(start)
 
     def write(self, tick: Tick, row: Array) -> None:
         drives = tick.drives
@@ -152,12 +156,12 @@ class EstimateSource(Source):
 
 
 class SolverSource(Source):
-    """How the problem was solved, and how long it took."""
+    """Status, residuals, active limits and timings of the QP."""
 
     def __init__(self, columns: Columns, tick: Tick) -> None:
         solution = tick.drives.solution
         self._columns = columns
-        self._status = columns.add("solver/status", "1", "how the problem was solved", "text")
+        self._status = columns.add("solver/status", "1", "status of the QP", "text")
         self._iterations = columns.add("solver/iterations", "1", "outer iterations", "whole")
         self._failures = columns.add("solver/failures", "1", "failed ticks so far", "whole")
         self._times = columns.group(
@@ -170,8 +174,8 @@ class SolverSource(Source):
         self._wrenches: list[tuple[slice, slice]] = []
         self._norms: dict[int, slice] = {}
         self._active = -1
-        self._last: tuple[Any, int] = (None, 0)  # status, and number of its text
-        self._patterns: dict[bytes, int] = {}  # sets of active limits that have occurred, and their texts
+        self._last: tuple[Any, int] = (None, 0)  # status, and index of its text
+        self._patterns: dict[bytes, int] = {}  # index of the text of each set of active limits
         if solution is not None:
             self._prepare(columns, tick, solution)
 
@@ -181,25 +185,24 @@ class SolverSource(Source):
         for name, variables in layout.contacts.items():
             parts = WRENCH[: variables.stop - variables.start]
             where = f"foot/{feet[name]}" if name in feet else f"contact/{name}"
-            about = "solution of the quadratic program, sole frame"
+            about = "solution of the QP, sole frame"
             units = WRENCH_UNITS[: len(parts)]
             self._wrenches.append((variables, columns.group(f"{where}/wrench_solved", parts, units, about)))
         self._residuals = columns.hidden(solution.residual_rows.size)
         for name, rows in layout.tasks.items():
-            about = "norm of achieved minus wanted acceleration, torque or wrench"
+            about = "norm of achieved minus desired acceleration, torque or wrench"
             place = columns.add(f"solver/residual/{name}", layout.units[name], about)
             start = self._residuals.start
             self._norms[place] = slice(start + rows.start, start + rows.stop)
-        self._active = columns.add("solver/active_limits", "1", "limits that push, separated by ';'", "text")
+        self._active = columns.add("solver/active_limits", "1", "active limits, separated by ';'", "text")
         self._multipliers = columns.hidden(solution.multipliers.size)
 
     def write(self, tick: Tick, row: Array) -> None:
         drives = tick.drives
         solution = drives.solution
         row[self._failures] = drives.failures
-        if (
-            solution is None or solution.layout is not self._layout
-        ):  # tasks have been added: others than announced
+        # A layout other than that of the first tick: tasks have been added.
+        if solution is None or solution.layout is not self._layout:
             row[self._status] = row[self._iterations] = math.nan
             row[self._times] = math.nan
             if self._layout is not None:
@@ -237,7 +240,7 @@ class SolverSource(Source):
 
 
 def _base(columns: Columns, which: str) -> int:
-    """Take the columns of a base, pose and velocity in its own frame; returns the first of them."""
+    """Add the columns of a base, pose and velocity in its own frame, and return the first."""
     start = columns.group(f"base/{which}/position", XYZ, "m", "world").start
     columns.group(f"base/{which}/orientation", QUATERNION, "1", "base frame in the world")
     columns.group(f"base/{which}/linear_velocity", XYZ, "m/s", "base frame")

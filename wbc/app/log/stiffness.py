@@ -1,4 +1,4 @@
-"""Signals of soles whose stiffness is set: what a swing foot has seen and decided, written when it lands."""
+"""Signals of the stiffness scheduling: scan, decision and result of a step, written at its landing."""
 # ruff: noqa: D102 - overrides are documented where they are declared
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from wbc.app.log.table import Columns
+from wbc.app.log.columns import Columns
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 
@@ -17,31 +17,28 @@ if TYPE_CHECKING:
 
 
 class StiffnessSource(Source):
-    """One set of values for each step, in the tick in which its foot is noticed to have landed."""
+    """One set of values for each step, in the tick in which its landing is detected."""
 
     def __init__(self, columns: Columns, task: StiffnessScheduler, keep: Callable[[Array], int]) -> None:
-        """Take the columns.
+        """Add the columns.
 
         Args:
-            columns: Taken from.
-            task: Sets the soles.
-            keep: Keeps a list and returns its number.
+            columns: Takes the columns.
+            task: Stiffness scheduling.
+            keep: Stores a list and returns its index.
         """
         self._task, self._columns, self._keep = task, columns, keep
         self._last: Any = task.steps[-1] if task.steps else None
-        self._first = len(columns.signals)
-        self._side = columns.add("stiffness/side", "1", "foot that has landed", "text")
+        self._side = columns.add("stiffness/side", "1", "foot that landed", "text")
         self._numbers = columns.group(
             "stiffness",
             ("commanded", "actual", "wanted", "time_before_landing", "computing"),
             ("Nm/rad", "Nm/rad", "Nm/rad", "s", "s"),
-            "at the landing; time_before_landing and computing are those of the decision",
+            "at the landing; time_before_landing and computing belong to the decision",
         )
-        self._cluster = columns.add("stiffness/cluster", "1", "cluster that was decided for", "whole")
-        self._fallback = columns.add(
-            "stiffness/fallback", "1", "why there was no decision of the policy", "text"
-        )
-        self._features = columns.add("stiffness/features", "1", "what the decision rests on, as JSON", "text")
+        self._cluster = columns.add("stiffness/cluster", "1", "cluster chosen by the policy", "whole")
+        self._fallback = columns.add("stiffness/fallback", "1", "reason for the fallback stiffness", "text")
+        self._features = columns.add("stiffness/features", "1", "features of the decision, as JSON", "text")
         self._x = columns.add(
             "stiffness/scan/x",
             "m",
@@ -53,17 +50,23 @@ class StiffnessSource(Source):
             "stiffness/scan/lateral", "m", "profile: to the left of that line", "list"
         )
         self._heading = columns.add("stiffness/scan/heading", "rad", "walking direction of the profile")
-        self._end = len(columns.signals)
+        self._all = columns.since(self._side)
 
     def write(self, tick: Tick, row: Array) -> None:
-        row[self._first : self._end] = math.nan
+        row[self._all] = math.nan
         steps = self._task.steps
         if not steps or steps[-1] is self._last:
             return
         self._last = step = steps[-1]
         text = self._columns.text
         row[self._side] = text(step.side)
-        row[self._numbers] = (step.commanded, step.actual, step.wanted, step.decided_before, step.computing)
+        row[self._numbers] = (
+            step.commanded,
+            step.actual,
+            step.requested,
+            step.decided_before,
+            step.computing,
+        )
         if step.fallback is not None:
             row[self._fallback] = text(step.fallback)
         if step.decision is not None:

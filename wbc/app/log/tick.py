@@ -1,4 +1,4 @@
-"""One tick as a recorder sees it, and what a source of signals is."""
+"""One tick as a recorder gets it, and the base class of sources of signals."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from wbc.sim import Plant
 
 Control = PositionControl | TorqueControl | WalkingControl
-"""What answers a measurement with a command."""
+"""Controllers that answer a measurement with a command."""
 
 
 class Tick(NamedTuple):
-    """What there is to see after a command has been computed and before the plant takes it.
+    """State of a run after a command has been computed and before the plant takes it.
 
     Attributes:
         plant: The plant; None without one.
         control: The walk, or position or torque control.
-        measurement: What the control has been given.
-        command: What it has answered.
+        measurement: Input of the control.
+        command: Output of the control.
     """
 
     plant: Plant | None
@@ -36,7 +36,7 @@ class Tick(NamedTuple):
 
     @property
     def drives(self) -> PositionControl | TorqueControl:
-        """Position or torque control, that of the walk if it is one."""
+        """Position or torque control, also that inside a walk."""
         control = self.control
         return control.control if isinstance(control, WalkingControl) else control
 
@@ -52,13 +52,16 @@ class Tick(NamedTuple):
 
 
 class Source(ABC):
-    """Gives some signals: copies values in every tick, computes from them once for a batch."""
+    """Some signals of a log: `write` copies values in every tick, `finish` computes from them once a batch.
+
+    A control tick pays for `write` alone.
+    """
 
     @abstractmethod
     def write(self, tick: Tick, row: Array) -> None:
-        """Fill its columns of a row; whatever the row held before is gone."""
+        """Fill all columns of this source in a row, whatever the row holds."""
 
-    def finish(self, rows: Array) -> None:  # noqa: B027 - most have nothing to do
+    def finish(self, rows: Array) -> None:  # noqa: B027 - optional
         """Fill columns from others, for many rows at once, shape (rows, columns)."""
 
 

@@ -1,4 +1,4 @@
-"""What is really the case in the simulation, read from MuJoCo's state as it stands; for logs and pictures alone."""
+"""Ground truth of a simulation, copied from MuJoCo's state; for logs and pictures alone."""
 # ruff: noqa: D102 - overrides are documented where they are declared
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.app.log.names import SIDES, position_signal, torque_units
-from wbc.app.log.table import QUATERNION, XY, XYZ, Columns
+from wbc.app.log.columns import QUATERNION, SIDES, XY, XYZ, Columns, position_signal, torque_units
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 
@@ -20,18 +19,18 @@ if TYPE_CHECKING:
 class TruthSource(Source):
     """Base, joints, soles, centre of mass and pushes of a plant.
 
-    `Plant.truth` takes 0.1 ms, mostly for contacts; copying MuJoCo's arrays takes a few microseconds.
+    It copies MuJoCo's arrays in a few microseconds; `Plant.truth` takes 0.1 ms, mostly for contacts.
     """
 
     def __init__(self, columns: Columns, plant: Plant, omega: int | None) -> None:
-        """Take the columns.
+        """Add the columns.
 
         Args:
-            columns: Taken from.
+            columns: Takes the columns.
             plant: The plant.
             omega: Column of the natural frequency, for the DCM; None without a walk.
         """
-        import mujoco  # noqa: PLC0415 - there is a plant, so it is there
+        import mujoco  # noqa: PLC0415 - a plant has imported it
 
         model = plant.model
         self._velocities = mujoco.mj_subtreeVel
@@ -39,21 +38,21 @@ class TruthSource(Source):
         columns.group("truth/base/orientation", QUATERNION, "1", "base frame in the world")
         joints = [model.joint(i) for i in range(1, model.njnt)]
         units = ["m" if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for joint in joints]
-        about = "without errors of the sensors"
-        for joint, unit in zip(joints, units, strict=True):  # in the order of qpos, behind the base
+        about = "without sensor errors"
+        for joint, unit in zip(joints, units, strict=True):  # in the order of qpos, after the base
             columns.add(position_signal(joint.name, plant.robot), unit, about)
         self._q = slice(start, start + model.nq)
         self._quaternion = slice(start + 3, start + 7)
         self._linear = columns.group("truth/base/linear_velocity", XYZ, "m/s", "base frame")
-        self._angular = columns.group("truth/base/angular_velocity", XYZ, "rad/s", "base frame")
+        columns.group("truth/base/angular_velocity", XYZ, "rad/s", "base frame")
         names = plant.robot.joint_names
         torques = torque_units(plant.robot)
-        self._torque = columns.group("truth/joint/torque", names, torques, "what the servos applied last")
+        self._torque = columns.group("truth/joint/torque", names, torques, "last applied by the servos")
         self._com = columns.group("truth/com", XYZ, "m", "of everything, feet included, world")
         self._com_velocity = columns.group("truth/com_velocity", XYZ, "m/s", "world")
         for side in SIDES:
             columns.group(f"truth/foot/{side}/position", XYZ, "m", "sole centre, world")
-        columns.group("truth/push/point", XYZ, "m", "where the largest push attacks, world")
+        columns.group("truth/push/point", XYZ, "m", "point of attack of the largest push, world")
         end = columns.group("truth/push/force", XYZ, "N", "of the largest push, world").stop
         self._copied = slice(start, end)
         self._ratio = columns.group("truth/joint/torque_ratio", names, "1", "torque over its limit")
@@ -86,13 +85,13 @@ class TruthSource(Source):
 
     @staticmethod
     def _largest_push(data: Any) -> Array:
-        """Point and force of the largest push, shape (6,)."""
+        """Return point and force of the largest push, shape (6,)."""
         forces = data.xfrc_applied[:, :3]
         body = int(np.argmax(np.square(forces).sum(axis=1)))
         return np.concatenate([data.xipos[body], forces[body]])
 
     def finish(self, rows: Array) -> None:
-        rows[:, self._quaternion] = rows[:, self._quaternion][:, [1, 2, 3, 0]]  # MuJoCo has w first
+        rows[:, self._quaternion] = rows[:, self._quaternion][:, [1, 2, 3, 0]]  # from MuJoCo's wxyz
         rows[:, self._linear] = into_frame(rows[:, self._quaternion], rows[:, self._linear])
         if self._omega is not None:
             com, velocity = rows[:, self._com][:, :2], rows[:, self._com_velocity][:, :2]
@@ -101,14 +100,11 @@ class TruthSource(Source):
 
 
 def into_frame(quaternions: Array, vectors: Array) -> Array:
-    """Turn vectors of the world into frames.
+    """Return vectors of the world in the axes of frames, shape (n, 3).
 
     Args:
-        quaternions: Frames in the world, xyzw, shape (n, 4).
-        vectors: In the world, shape (n, 3).
-
-    Returns:
-        In the frames, shape (n, 3).
+        quaternions: Orientation of each frame in the world, xyzw, shape (n, 4).
+        vectors: Vectors in the world, shape (n, 3).
     """
     axis, w = -quaternions[:, :3], quaternions[:, 3:]
     turn = 2.0 * np.cross(axis, vectors)

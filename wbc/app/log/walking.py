@@ -1,4 +1,4 @@
-"""Signals of a walk: what the pattern wants, what the stabilizer makes of it, and what happened."""
+"""Signals of a walk: references of the pattern, output of the stabilizer, phases and events."""
 # ruff: noqa: D102 - overrides are documented where they are declared
 
 from __future__ import annotations
@@ -9,70 +9,68 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.names import foot_names
-from wbc.app.log.table import QUATERNION, WRENCH, WRENCH_UNITS, XY, XYZ, Columns
+from wbc.app.log.columns import QUATERNION, WRENCH, WRENCH_UNITS, XY, XYZ, Columns, foot_names
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 from wbc.walking.control import WalkingControl
 from wbc.walking.walk import WalkReference
 
 _NONE = (math.nan,) * 5
-"""Side and landing when no step is left."""
+"""Side and landing after the last step."""
 
 
 class WalkSource(Source):
-    """Everything of a walk; NaN and null in ticks before there was a reference.
+    """Phase, references and stabilizer of a walk; NaN and null in ticks without a reference.
 
-    A tick is written with one assignment for single values and one for arrays: their order is that of the columns.
+    A tick is written with one assignment for single values and one for arrays, in the order of the columns.
 
     Attributes:
         omega: Column of the natural frequency.
     """
 
     def __init__(self, columns: Columns, tick: Tick, com: slice, com_velocity: slice) -> None:
-        """Take the columns.
+        """Add the columns.
 
         Args:
-            columns: Taken from.
+            columns: Takes the columns.
             tick: The first tick.
             com: Columns of the estimated centre of mass.
             com_velocity: Columns of its velocity.
         """
         self._columns, self._fallen = columns, False
         self._estimated = (com, com_velocity)
-        self._phase: tuple[Any, int] = (None, 0)  # phase, and number of its text
-        self._step: tuple[Any, tuple[float, ...]] = (None, _NONE)  # step, and what is written of it
+        self._phase: tuple[Any, int] = (None, 0)  # phase, and index of its text
+        self._step: tuple[Any, tuple[float, ...]] = (None, _NONE)  # step, and its values in the row
         feet = foot_names(tick.robot)
-        first = self._take_values(columns, feet)
-        middle = self._take_arrays(columns, feet)
-        self._values, self._arrays = slice(first, middle), slice(middle, len(columns.signals))
+        self._values = self._add_values(columns, feet)
+        self._arrays = self._add_arrays(columns, feet)
         self._dcm = columns.group("dcm/reference", XY, "m", "world")
         self._dcm_estimated = columns.group("dcm/estimated", XY, "m", "of the estimated CoM, world")
 
-    def _take_values(self, columns: Columns, feet: list[str]) -> int:
-        """Take the columns of single values; returns the first one."""
-        first = columns.add("walk/phase", "1", "what the feet do", "text")
-        columns.add("walk/event", "1", "what happened in this tick, separated by ';'", "text")
+    def _add_values(self, columns: Columns, feet: list[str]) -> slice:
+        """Add the columns of single values."""
+        first = columns.add("walk/phase", "1", "phase of the walk", "text")
+        columns.add("walk/event", "1", "events of this tick, separated by ';'", "text")
         columns.add("walk/step", "1", "index of the step that swings, or swings next", "whole")
         columns.add("walk/steps_done", "1", "single supports that have ended", "whole")
-        columns.add("walk/heading", "rad", "where pelvis and torso should look")
+        columns.add("walk/heading", "rad", "desired heading of pelvis and torso")
         columns.add("step/side", "1", "foot that swings, or swings next", "text")
         place = ("x", "y", "z", "yaw")
-        columns.group("step/landing", place, ("m", "m", "m", "rad"), "where it is to land, world")
+        columns.group("step/landing", place, ("m", "m", "m", "rad"), "planned landing, world")
         self.omega = columns.add("pendulum/omega", "1/s", "natural frequency")
         columns.group(
             "walk/lean", ("roll", "pitch"), ("rad", "rad"), "of the trunk, about x and y of the world"
         )
-        columns.group("stabilizer/bias", XY, "m", "found in the measured DCM, and taken off, world")
-        columns.add("stabilizer/in_air", "1", "neither foot feels the ground", "flag")
+        columns.group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world")
+        columns.add("stabilizer/in_air", "1", "neither foot has contact", "flag")
         for foot in feet:
-            columns.add(f"foot/{foot}/contact", "1", "the walk has it on the ground", "flag")
+            columns.add(f"foot/{foot}/contact", "1", "planned contact", "flag")
             tilts, units = ("roll", "pitch", "height"), ("rad", "rad", "m")
             columns.group(f"foot/{foot}/correction", tilts, units, "added by the stabilizer")
-        return first
+        return columns.since(first)
 
-    def _take_arrays(self, columns: Columns, feet: list[str]) -> int:
-        """Take the columns of arrays; returns the first one."""
+    def _add_arrays(self, columns: Columns, feet: list[str]) -> slice:
+        """Add the columns of arrays."""
         self._com = columns.group("com/reference", XYZ, "m", "world")
         self._velocity = columns.group("com/reference_velocity", XYZ, "m/s", "world")
         columns.group("com/reference_acceleration", XYZ, "m/s²", "world")
@@ -86,7 +84,7 @@ class WalkSource(Source):
         columns.group("stabilizer/net_wrench", WRENCH, WRENCH_UNITS, "desired, at the world origin")
         columns.group("stabilizer/com_offset", XY, "m", "added to the CoM target, world")
         for foot in feet:
-            about = "what the stabilizer wants, sole frame"
+            about = "desired by the stabilizer, sole frame"
             columns.group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about)
         for foot in feet:
             name = f"foot/{foot}/reference"
@@ -94,7 +92,7 @@ class WalkSource(Source):
             columns.group(f"{name}/orientation", QUATERNION, "1", "sole frame in the world")
             columns.group(f"{name}/linear_velocity", XYZ, "m/s", "world")
             columns.group(f"{name}/angular_velocity", XYZ, "rad/s", "world")
-        return int(self._com.start)
+        return columns.since(self._com.start)
 
     def write(self, tick: Tick, row: Array) -> None:
         walk = tick.control
@@ -145,13 +143,13 @@ class WalkSource(Source):
         np.concatenate(parts, out=row[self._arrays])
 
     def _phase_number(self, reference: WalkReference) -> int:
-        """Number of the text that names the phase."""
+        """Return the index of the phase's text."""
         if reference.phase is not self._phase[0]:
             self._phase = (reference.phase, self._columns.text(reference.phase.value))
         return self._phase[1]
 
     def _events(self, walk: WalkingControl, reference: WalkReference) -> float:
-        """Number of the text that names what has happened; NaN if nothing has."""
+        """Return the index of the text of this tick's events; NaN without any."""
         fallen = walk.fallen is not None and not self._fallen
         if not reference.events and not fallen:
             return math.nan
@@ -162,7 +160,7 @@ class WalkSource(Source):
         return self._columns.text("; ".join(events))
 
     def _next_step(self, walk: WalkingControl, reference: WalkReference) -> tuple[float, ...]:
-        """Side (number of its text) and place of the landing that comes next."""
+        """Return side (index of its text) and pose of the next landing."""
         steps = walk.walk.phases.plan.steps
         if reference.step >= len(steps):
             return _NONE

@@ -1,8 +1,8 @@
-"""Writes rows to an Arrow IPC file, a batch at a time, beside the program that fills them.
+"""Writer of rows to an Arrow IPC file, one batch at a time, in a thread.
 
-The caller fills one row after the other in a block of memory. A full block goes to a thread, which turns it into
-columns, compresses and writes them while the caller fills the other block; most of that work is done outside of
-Python and does not stop the caller. A file that ends early holds all batches before the break.
+The caller fills the rows of a block of memory. A full block goes to a thread, which turns it into columns, compresses
+and writes them while the caller fills the other block; most of that work runs outside of Python's lock. A file that
+ends early holds all batches before the break.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
 from pyarrow import ipc
 
+from wbc.app.log.columns import Columns, Kind, Signal
 from wbc.app.log.header import KEY, encode
-from wbc.app.log.table import Columns, Kind, Signal
 from wbc.core.errors import Array, InputError
 
 ROWS = 256
@@ -48,18 +48,18 @@ class LogWriter:
 
     Attributes:
         path: The file.
-        failure: Why nothing more is written; None as long as all is well.
-        rows: Rows taken so far.
+        failure: Reason why nothing more is written; None without a failure.
+        rows: Number of committed rows.
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open the file, so that a path that cannot be written is known before anything else begins.
+        """Open the file.
 
         Args:
-            path: The file; a log that is there already is replaced.
+            path: The file; an existing log is replaced.
 
         Raises:
-            InputError: It cannot be written, or it is there and no log.
+            InputError: The file cannot be written, or exists and is not a log.
         """
         self.path = check_path(path)
         try:
@@ -77,12 +77,12 @@ class LogWriter:
     def begin(
         self, columns: Columns, header: dict[str, Any], finish: Sequence[Callable[[Array], None]] = ()
     ) -> None:
-        """Say what is written. Columns cannot be added afterwards.
+        """Write the schema; columns cannot be added afterwards.
 
         Args:
             columns: Columns of the rows.
-            header: What the log says about itself.
-            finish: Called with the rows of each batch, shape (rows, columns), to fill columns from others.
+            header: Header of the log.
+            finish: Called with the rows of each batch, shape (rows, columns), to compute columns from others.
         """
         self._columns, self._finish = columns, tuple(finish)
         self._written = [(i, s) for i, s in enumerate(columns.signals) if s is not None]
@@ -100,24 +100,24 @@ class LogWriter:
 
     @property
     def row(self) -> Array:
-        """The row to fill next, shape (columns,); it may hold anything."""
+        """The row to fill next, shape (columns,); its values are undefined."""
         row: Array = self._block[self._count]
         return row
 
     def keep(self, values: Array) -> int:
-        """Keep a list for the row that is being filled, and return its number."""
+        """Store a list for the current row and return its index."""
         self._objects.append(np.array(values, dtype=np.float32).reshape(-1))
         return len(self._objects) - 1
 
     def commit(self) -> None:
-        """Take the row."""
+        """Finish the current row."""
         self._count += 1
         self.rows += 1
         if self._count == ROWS:
             self._hand_over()
 
     def _hand_over(self) -> None:
-        """Give the block to the thread, and go on with the other one as soon as that has been written."""
+        """Give the block to the thread, and continue with the other one once that has been written."""
         assert self._thread is not None
         self._wait()
         if self.failure is None:
@@ -126,7 +126,7 @@ class LogWriter:
         self._count, self._objects = 0, []
 
     def _wait(self) -> None:
-        """Wait until the thread has nothing to do."""
+        """Wait until the thread is idle."""
         pending, self._pending = self._pending, None
         if pending is not None:
             self._attempt(pending.result)
@@ -139,7 +139,7 @@ class LogWriter:
             _log.error("the log %s ends here, the run goes on: %s", self.path, error)
 
     def _write(self, rows: Array, objects: list[Any]) -> None:
-        with np.errstate(all="ignore"):  # what is not a number stays so
+        with np.errstate(all="ignore"):  # NaN stays NaN
             for finish in self._finish:
                 finish(rows)
             numbers = rows.T[self._numbers].astype(np.float32)
@@ -153,7 +153,7 @@ class LogWriter:
         self._file.flush()
 
     def _array(self, signal: Signal, column: Array, objects: list[Any]) -> Any:
-        """Return the column of a signal that is no plain number."""
+        """Return the column of a signal of another kind than "number"."""
         assert self._columns is not None
         if signal.kind == "double":
             return pa.array(np.ascontiguousarray(column))
@@ -170,7 +170,7 @@ class LogWriter:
         return pa.array(lists, TYPES["list"])
 
     def close(self) -> None:
-        """Write what is left, and end the file. A second call does nothing."""
+        """Write the last batch and end the file. A second call does nothing."""
         atexit.unregister(self.close)
         if self._file is None:
             return
@@ -179,10 +179,10 @@ class LogWriter:
             self._thread.shutdown()
             if (
                 self._count and self.failure is None
-            ):  # here, not in the thread: Python may be at its end already
+            ):  # not in the thread: the interpreter may be shutting down
                 self._attempt(lambda: self._write(self._block[: self._count], self._objects))
         if self._out is not None:
-            with contextlib.suppress(OSError):  # said already
+            with contextlib.suppress(OSError):  # logged before
                 self._out.close()
         with contextlib.suppress(OSError):
             self._file.close()
@@ -193,7 +193,7 @@ def check_path(path: str | Path) -> Path:
     """Return the path of a log to be written.
 
     Raises:
-        InputError: Its folder is not there, or it is there and no log.
+        InputError: Its folder does not exist, or it exists and is not a log.
     """
     target = Path(path)
     if not target.parent.is_dir():

@@ -1,4 +1,4 @@
-"""Figures from logs: what a walk looked like in numbers.
+"""Figures from logs and studies. A new one is a module with a drawing function and one line in `FIGURES`.
 
     figure = draw("balance", [Log.open("walk.arrow")])
     save({"balance": figure}, "balance.png")

@@ -1,4 +1,4 @@
-"""Centre of mass, DCM and ZMP: over time, and from above."""
+"""Figures of centre of mass, DCM and ZMP: over time, and from above."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from wbc.app.log import Log
+from wbc.app.log.stances import stances, support_box
 from wbc.app.plot.style import (
     BLACK,
     BLUE,
@@ -22,7 +23,6 @@ from wbc.app.plot.style import (
     legend,
     new_figure,
 )
-from wbc.app.plot.support import stances, support_box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ LINES = (
 
 
 def draw_balance(logs: Sequence[Log]) -> Figure:
-    """One column for each log: x, y, and the error of the DCM."""
+    """Draw x, y and the error of the DCM, one column for each log."""
     figure = new_figure(max(11.0, 7.0 * len(logs)), 9.5)
     rows = grid(figure, 3, len(logs), sharex="col", height_ratios=(2.2, 2.2, 1.0))
     for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
@@ -67,7 +67,7 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
 
 
 def draw_plan(logs: Sequence[Log]) -> Figure:
-    """One row for each log: footsteps and paths from above."""
+    """Draw footsteps and paths from above, one row for each log."""
     spans = [_span(log) for log in logs]
     width = 12.0
     heights = [min(6.0, max(1.6, 0.86 * width * (s[3] - s[2]) / (s[1] - s[0]))) for s in spans]
@@ -80,7 +80,7 @@ def draw_plan(logs: Sequence[Log]) -> Figure:
 
 
 def _span(log: Log) -> tuple[float, float, float, float]:
-    """Least and greatest x and y of what is drawn, with room around it, m."""
+    """Return the bounds of the support with a margin: lower and upper x, lower and upper y, m."""
     low, high = support_box(log)
     (x0, y0), (x1, y1) = np.nanmin(low, axis=0), np.nanmax(high, axis=0)
     room = 0.04 + 0.02 * max(x1 - x0, y1 - y0)

@@ -1,4 +1,4 @@
-"""The ready-made figures by name."""
+"""Ready-made figures by name."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class LogFigure:
     """A ready-made figure.
 
     Attributes:
-        about: What it shows.
-        needs: Signals or groups without which it cannot be drawn.
-        draw: Makes it from logs that have these.
+        about: Description.
+        needs: Signals or groups that it requires.
+        draw: Draws it from logs that have these.
     """
 
     about: str
@@ -60,16 +60,16 @@ FIGURES = {
 
 
 def missing(name: str, log: Log) -> str | None:
-    """Say what a log lacks for a figure; None if it can be drawn.
+    """Return what a log lacks for a figure; None if it can be drawn.
 
     Raises:
         UnknownNameError: No such figure.
     """
     drawing = FIGURES[choose("figure", name, FIGURES)]
     groups = {signal.rpartition("/")[0] for signal in log}
-    lacking = [need for need in drawing.needs if need not in log and need not in groups]
-    if lacking:
-        return f"has no {lacking[0]}"
+    absent = [need for need in drawing.needs if need not in log and need not in groups]
+    if absent:
+        return f"has no {absent[0]}"
     if len(log) < 2:
         return f"has {len(log)} ticks"
     if name == "stiffness" and not (log["foot/left/stiffness"] > 0.0).any():
@@ -82,11 +82,11 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
 
     Args:
         name: One of `FIGURES`.
-        logs: One or several, side by side or one over the other.
+        logs: One or several logs, drawn side by side or in the same axes.
 
     Raises:
         UnknownNameError: No such figure.
-        InputError: No logs, or one that has not got what it takes.
+        InputError: No logs, or one that lacks a required signal.
     """
     choose("figure", name, FIGURES)
     if not logs:

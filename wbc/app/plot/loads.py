@@ -1,4 +1,4 @@
-"""Forces on the feet and torques of the joints."""
+"""Figures of the forces on the feet and the torques of the joints."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
+from wbc.app.log.columns import SIDES
 from wbc.app.plot.style import (
     BLACK,
     COLOURS,
@@ -21,7 +22,6 @@ from wbc.app.plot.style import (
     limit_to,
     new_figure,
 )
-from wbc.app.plot.support import SIDES
 from wbc.core.robot import GRAVITY
 
 if TYPE_CHECKING:
@@ -33,11 +33,11 @@ FEET_ROWS = (
     ("roll moment (Nm)", "mx"),
     ("pitch moment (Nm)", "my"),
 )
-"""Rows of the figure and the part of the wrench that each shows; None is the length of the horizontal force."""
+"""Rows of the figure, each with its part of the wrench; None is the norm of the horizontal force."""
 
 
 def draw_feet(logs: Sequence[Log]) -> Figure:
-    """One column for each log; measured wrenches are drawn through, desired ones dashed."""
+    """Draw the wrenches of the feet, measured (solid) and desired (dashed), one column for each log."""
     figure = new_figure(max(11.0, 7.0 * len(logs)), 9.5)
     rows = grid(figure, len(FEET_ROWS), len(logs), sharex=True, sharey="row")
     for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
@@ -74,7 +74,7 @@ def _one_part(ax: Axes, log: Log, part: str | None) -> None:
                 label=f"{side} {which}",
             )
             shown.append(values)
-    # Impacts are ten times as high as everything else: they may leave the picture.
+    # Impacts are ten times as high as the rest and may leave the axes.
     joined = np.concatenate(shown)
     joined = joined[np.isfinite(joined)]
     if joined.size:
@@ -82,7 +82,7 @@ def _one_part(ax: Axes, log: Log, part: str | None) -> None:
 
 
 def draw_torque(logs: Sequence[Log]) -> Figure:
-    """Torque over limit: joint by joint over time for one log, the largest of each joint for several."""
+    """Draw torque over limit: for one log over time, for several the largest of each joint."""
     names = [name.rpartition("/")[2] for name in logs[0].parts("truth/joint/torque_ratio")]
     rows = max(4.0, 0.22 * len(names) + 1.8)
     figure = new_figure(11.0 if len(logs) == 1 else 8.0, rows)

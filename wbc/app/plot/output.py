@@ -1,4 +1,4 @@
-"""Writes figures to files."""
+"""Writer of figures to files."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ DPI = 130
 
 
 def check_output(path: str | Path) -> Path:
-    """Return where figures are to be written.
+    """Return the path of figures to be written.
 
     Raises:
-        InputError: Not the ending of a picture, no such folder, or not writable.
+        InputError: Another file type, no such folder, or not writable.
     """
     return check_target("a figure", path, FORMATS)
 
@@ -27,11 +27,11 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
     """Write figures: several into the pages of one PDF, or into files whose names end in theirs.
 
     Args:
-        figures: Name → figure.
-        path: File to write; its ending says in which format.
+        figures: Figures by name.
+        path: File to write; its ending selects the format.
 
     Returns:
-        Files written.
+        The written files.
 
     Raises:
         InputError: A path that cannot be written.

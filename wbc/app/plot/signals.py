@@ -1,4 +1,4 @@
-"""Any signals of any logs, in one figure."""
+"""Figure of any signals of any logs."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from wbc.core.errors import InputError, unknown_name
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST = 40
-"""More signals than this are not to be told apart in one figure."""
+MAX_SIGNALS = 40
+"""Largest number of signals that can be told apart in one figure."""
 
 
 def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
-    """Find the signals that are meant.
+    """Return the signals that words stand for.
 
     Args:
-        logs: Where to look.
+        logs: The logs.
         words: Each a signal, a group ("com/estimated", "joint/torque_command"), or a pattern with * and ?.
 
     Returns:
-        Their names, each once, in the order of the words.
+        Names without repetitions, in the order of the words.
 
     Raises:
-        UnknownNameError: A word that fits nothing; the nearest names are given.
-        InputError: Lists, which are no curves, or too many signals.
+        UnknownNameError: A word that matches no signal; the nearest names are given.
+        InputError: A signal of lists, or too many signals.
     """
     kinds = {name: signal.kind for log in logs for name, signal in log.signals.items()}
-    found: dict[str, None] = {}
+    chosen: dict[str, None] = {}
     for word in words:
         prefix = word.rstrip("/") + "/"
         names = [word] if word in kinds else [name for name in kinds if name.startswith(prefix)]
@@ -45,10 +45,12 @@ def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
             unknown_name("signal", word, set(kinds) | groups)
         if kinds[names[0]] == "list" and len(names) == 1:
             raise InputError(f"signal '{names[0]}' holds lists and cannot be drawn over time")
-        found |= dict.fromkeys(name for name in names if kinds[name] != "list")
-    if len(found) > MOST:
-        raise InputError(f"{len(found)} signals are too many for one figure, at most {MOST}: choose fewer")
-    return list(found)
+        chosen |= dict.fromkeys(name for name in names if kinds[name] != "list")
+    if len(chosen) > MAX_SIGNALS:
+        raise InputError(
+            f"{len(chosen)} signals are too many for one figure, at most {MAX_SIGNALS}: choose fewer"
+        )
+    return list(chosen)
 
 
 def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
@@ -56,10 +58,10 @@ def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
 
     Args:
         logs: One or several.
-        words: Which signals, see `select`.
+        words: Signals, see `select`.
 
     Raises:
-        UnknownNameError: A word that fits nothing.
+        UnknownNameError: A word that matches no signal.
         InputError: No logs, lists, or too many signals.
     """
     if not logs:
@@ -97,10 +99,10 @@ def _draw_numbers(ax: Axes, logs: Sequence[Log], names: Sequence[str]) -> None:
             style = STYLES[(k // len(COLOURS) if len(logs) == 1 or by_log else j) % len(STYLES)]
             shown = label if by_log and len(logs) > 1 else name if len(logs) == 1 else f"{name}, {label}"
             values = log[name]
-            lonely = (
+            isolated = (
                 np.isfinite(values) & ~np.isfinite(np.roll(values, 1)) & ~np.isfinite(np.roll(values, -1))
             )
-            marker = "." if lonely.any() else ""  # values that come once a step
+            marker = "." if isolated.any() else ""  # values once a step
             ax.plot(
                 log.time,
                 values,
@@ -113,7 +115,7 @@ def _draw_numbers(ax: Axes, logs: Sequence[Log], names: Sequence[str]) -> None:
 
 
 def _draw_text(ax: Axes, logs: Sequence[Log], name: str) -> None:
-    """A level for each text."""
+    """Draw texts over time, each at a level of its own."""
     columns = [(log, log.texts(name)) for log in logs if name in log]
     levels = list(dict.fromkeys(t for _, texts in columns for t in texts if t is not None))
     places = {text: i for i, text in enumerate(levels)}

@@ -1,4 +1,4 @@
-"""Stiffness of the soles, and the ground that was scanned before each decision."""
+"""Figure of the stiffness of the soles, and of the ground that was scanned before each decision."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
+from wbc.app.log.columns import SIDES
 from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, new_figure
-from wbc.app.plot.support import SIDES
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def draw_stiffness(logs: Sequence[Log]) -> Figure:
-    """One column for each log: stiffness over time, range readings, and the scanned ground along the walk."""
+    """Draw stiffness and range over time and the scanned ground along the walk, one column for each log."""
     figure = new_figure(max(9.0, 7.0 * len(logs)), 8.0)
     rows = grid(figure, 3, len(logs))
     for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
@@ -53,7 +53,7 @@ def _one_stiffness(ax: Axes, log: Log) -> None:
 
 
 def _one_ground(ax: Axes, log: Log) -> None:
-    """Profiles of all steps where they lie along the walk, each marked with the stiffness that it led to."""
+    """Draw the profiles of all steps along the walk, each with the commanded stiffness."""
     steps = scans(log)
     if not steps:
         ax.text(0.5, 0.5, "no scanned profiles in this log", ha="center", transform=ax.transAxes, color="0.4")
@@ -76,7 +76,7 @@ def _one_ground(ax: Axes, log: Log) -> None:
 
 
 def scans(log: Log) -> list[tuple[str, Array, Array, float]]:
-    """Side, x (m), z (m) and commanded stiffness (Nm/rad) of each step with a profile."""
+    """Return side, x (m), z (m) and commanded stiffness (Nm/rad) of each step with a profile."""
     if "stiffness/scan/x" not in log:
         return []
     sides, commanded = log.texts("stiffness/side"), log["stiffness/commanded"]

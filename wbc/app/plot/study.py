@@ -1,4 +1,4 @@
-"""What a study found, in one figure."""
+"""Figure of a study's table."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 
 from wbc.app.plot.style import COLOURS, grid, new_figure
 from wbc.core.errors import InputError
-from wbc.sim.studies.comparison import Estimate
-from wbc.sim.studies.tables import StudyTable, TableCell
+from wbc.sim.studies.intervals import Estimate
+from wbc.sim.studies.study_table import StudyTable, TableCell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DODGE = 0.6
-"""Rows share this much of the space between two arms."""
+"""Share of the space between two arms that their rows take."""
 
 MARKERS = "os^DvPX"
 
@@ -26,10 +26,10 @@ def study_figure(table: StudyTable) -> Figure:
     """Draw a table: each arm's mean and its difference to the reference, with intervals; a colour per row.
 
     Args:
-        table: Of up to seven rows.
+        table: Table of at most seven rows.
 
     Raises:
-        InputError: More rows, which nobody could tell apart, or nothing to draw.
+        InputError: More rows, which have no distinct colours, or nothing to draw.
     """
     rows, arms = table.rows, list(table.study.arms)
     if len(rows) > len(COLOURS):
@@ -37,8 +37,8 @@ def study_figure(table: StudyTable) -> Figure:
             f"{len(rows)} rows are too many for one figure, {len(COLOURS)} at most; put cells together by a part of "
             f"their specs, such as 'terrain'"
         )
-    found = table.found
-    means = {row: [_estimate(found, row, arm, False) for arm in arms] for row in rows}
+    cells = table.by_name
+    means = {row: [_estimate(cells, row, arm, False) for arm in arms] for row in rows}
     if not any(e is not None and e.mean is not None for row in means.values() for e in row):
         raise InputError(f"there is nothing to draw: no trial of '{table.study.name}' has a {table.metric}")
     others = [arm for arm in arms if arm != table.reference]
@@ -48,7 +48,7 @@ def study_figure(table: StudyTable) -> Figure:
     _draw(axes[0], arms, means)
     axes[0].set_ylabel(table.metric.replace("_", " ").replace(".", ", "))
     if others:
-        _draw(axes[1], others, {row: [_estimate(found, row, arm, True) for arm in others] for row in rows})
+        _draw(axes[1], others, {row: [_estimate(cells, row, arm, True) for arm in others] for row in rows})
         axes[1].axhline(0.0, color="0.3", linewidth=0.8)
         axes[1].set_ylabel(f"difference to {table.reference}")
     figure.legend(
@@ -58,16 +58,16 @@ def study_figure(table: StudyTable) -> Figure:
 
 
 def _estimate(
-    found: dict[tuple[str, str], TableCell], row: str, arm: str, difference: bool
+    cells: dict[tuple[str, str], TableCell], row: str, arm: str, difference: bool
 ) -> Estimate | None:
-    cell = found.get((row, arm))
+    cell = cells.get((row, arm))
     if cell is None:
         return None
     return cell.difference if difference else cell.estimate
 
 
 def _draw(axes: Axes, arms: list[str], rows: dict[str, list[Estimate | None]]) -> None:
-    """Points with intervals, side by side where several rows share an arm."""
+    """Draw means with intervals, side by side where several rows share an arm."""
     places = np.arange(len(arms), dtype=float)
     for i, (row, estimates) in enumerate(rows.items()):
         shift = DODGE * ((i + 0.5) / len(rows) - 0.5)
@@ -87,7 +87,7 @@ def _draw(axes: Axes, arms: list[str], rows: dict[str, list[Estimate | None]]) -
 
 
 def _numbers(estimate: Estimate | None) -> tuple[float, float, float]:
-    """Mean and ends of the interval; NaN where there is none, no width where one value says nothing of others."""
+    """Return mean and ends of the interval; NaN without a mean, no width for a single value."""
     if estimate is None or estimate.mean is None:
         return math.nan, math.nan, math.nan
     low = estimate.mean if estimate.low is None else estimate.low

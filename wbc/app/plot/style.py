@@ -1,4 +1,4 @@
-"""What all figures share: colours, sizes, labels with units."""
+"""Common style of the figures: colours, axes, labels and legends."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 PINK, SKY, AMBER, BLACK = "#CC79A7", "#56B4E9", "#E69F00", "#222222"
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER, BLACK)
-"""Told apart by the colour-blind: M. Okabe, K. Ito, "Color Universal Design", 2008; vermillion is called orange here,
-yellow is left out, being too light for a line."""
+"""Distinct for the colour-blind: M. Okabe, K. Ito, "Color Universal Design", 2008; orange is its vermillion,
+and its yellow, too light for a line, is left out."""
 
 SIDE_COLOURS = {"left": BLUE, "right": ORANGE}
 STYLES = ("-", "--", ":", "-.")
@@ -28,7 +28,7 @@ SUPPORT = "0.88"
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Make a figure that needs no display; sizes in inches."""
+    """Return a figure that needs no display; sizes in inches."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -45,7 +45,7 @@ def grid(figure: Figure, rows: int, columns: int, **options: Any) -> list[list[A
 
 
 def labels(logs: Sequence[Log]) -> list[str]:
-    """Short names that tell the logs apart: their titles, or their files."""
+    """Return distinct short names of the logs: their titles, or their files."""
     titles = [str(log.header.get("title", "")) for log in logs]
     if len(set(titles)) == len(titles) and all(titles):
         return titles
@@ -54,7 +54,7 @@ def labels(logs: Sequence[Log]) -> list[str]:
 
 
 def legend(axes: Axes, columns: int = 3, **options: Any) -> None:
-    """Put a legend above the axes, where it hides nothing."""
+    """Put a legend above the axes."""
     handles, _ = axes.get_legend_handles_labels()
     if handles:
         axes.legend(
@@ -76,7 +76,7 @@ def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
 
 
 def limit_to(axes: Axes, *values: Array, margin: float = 0.08) -> None:
-    """Let the vertical axis span these values, whatever else is drawn."""
+    """Let the vertical axis span these values."""
     joined = np.concatenate([np.ravel(v) for v in values])
     joined = joined[np.isfinite(joined)]
     if joined.size:

@@ -1,4 +1,4 @@
-"""How long the controller's ticks took."""
+"""Figure of the computing time of the controller's ticks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PARTS = ("model", "assembly", "solve", "decode")
 
 
 def draw_timing(logs: Sequence[Log]) -> Figure:
-    """Ticks over time, and how many of them were slower than what."""
+    """Draw the computing time of the ticks over time, and its exceedance."""
     figure = new_figure(11.0, 5.0)
     left, right = grid(figure, 1, 2, width_ratios=(1.6, 1.0))[0]
     names = labels(logs)
@@ -56,7 +56,7 @@ def draw_timing(logs: Sequence[Log]) -> Figure:
 
 
 def _exceedance(ax: Axes, times: Array, colour: str, label: str) -> None:
-    """Share of the values above each value."""
+    """Draw the share of the values above each value."""
     values = np.sort(times[np.isfinite(times)])
     share = 1.0 - np.arange(values.size) / values.size
     ax.plot(values, share, color=colour, linewidth=1.4, label=label, drawstyle="steps-post")

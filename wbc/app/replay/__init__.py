@@ -1,4 +1,4 @@
-"""Replays logs: in the browser with a time slider, as one HTML page that opens offline, as a film.
+"""Replays of logs: a page with a time slider that opens offline, or a film. A new format of export is a new module.
 
 replay = Replay(Log.open("walk.arrow"))
 Path("walk.html").write_text(replay_page(replay))

@@ -1,4 +1,4 @@
-"""Films of a replay: MP4 or GIF, drawn offscreen by MuJoCo."""
+"""Films of a replay: MP4 or GIF, rendered offscreen by MuJoCo."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.files import check_target
-from wbc.app.replay.overlays import DCM_COLOUR
+from wbc.app.replay.caption import caption
+from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.replay import Replay
-from wbc.app.replay.stage import Stage
-from wbc.app.replay.texts import caption
-from wbc.app.view.scene import ARROW_COLOURS, COM_COLOUR, ZMP_COLOUR, Snapshot
+from wbc.app.scene.colours import ARROW_COLOURS, COM_COLOUR, DCM_COLOUR, ZMP_COLOUR
+from wbc.app.scene.shapes import disc
 from wbc.core.errors import Array, InputError, WbcError
 
 Picture = NDArray[np.uint8]
@@ -36,21 +36,21 @@ FFMPEG_HELP = (
     "MP4 needs the program ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg); GIF needs nothing"
 )
 GIF_RATE = 20.0
-"""Players round the time between two pictures of a GIF to hundredths of a second."""
+"""Largest rate of a GIF, 1/s: players round the time between two pictures to hundredths of a second."""
 
 FOLLOW_TIME = 0.5
 """Time constant with which the camera follows the robot, s."""
 
 
 class RenderError(WbcError):
-    """Pictures cannot be drawn or written on this machine."""
+    """Pictures cannot be rendered or written on this machine."""
 
 
 def check_film(path: str | Path) -> Path:
-    """Return where a film is to be written, and see that it can be made here.
+    """Return the path of a film to be written, after a check that it can be made here.
 
     Raises:
-        InputError: Not the ending of a film, no such folder, or not writable.
+        InputError: Another file type, no such folder, or not writable.
         RenderError: No ffmpeg for MP4, or no offscreen rendering; the message says what to install.
     """
     target = check_target("a film", path, FILMS)
@@ -62,15 +62,15 @@ def check_film(path: str | Path) -> Path:
 
 
 def find_ffmpeg() -> str:
-    """Return the ffmpeg of the system. No package brings one along: those that exist are under the GPL.
+    """Return the path of the system's ffmpeg; packages that bring one are under the GPL.
 
     Raises:
-        RenderError: There is none.
+        RenderError: It is not installed.
     """
-    found = shutil.which("ffmpeg")
-    if found is None:
+    path = shutil.which("ffmpeg")
+    if path is None:
         raise RenderError(FFMPEG_HELP)
-    return found
+    return path
 
 
 def render_video(
@@ -85,12 +85,12 @@ def render_video(
     """Film a replay.
 
     Args:
-        replay: What to show.
+        replay: The replay.
         path: File to write, .mp4 or .gif.
         rate: Pictures a second; a GIF takes at most 20.
         speed: Seconds of the run in a second of the film.
         size: Width and height, pixels; even numbers.
-        progress: Called with the number of pictures made, and of all, after each.
+        progress: Called after each picture with the number of finished pictures and of all.
 
     Returns:
         Number of pictures.
@@ -118,29 +118,30 @@ def _pictures(
     size: tuple[int, int],
     progress: Callable[[int, int], None] | None,
 ) -> Iterator[Picture]:
-    """Draw one picture after the other."""
+    """Yield the pictures."""
     width, height = size
-    stage, writing = Stage(replay, width, height), _Writing(replay, height)
+    drawn = MujocoScene(replay.scene, replay.plant.terrain, width, height, replay.sole_paths)
+    captions = _Captions(replay, height)
     camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.size, 130.0, -12.0
+    camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.com_height, 130.0, -12.0
     places = replay.log["truth/base/position"]
-    camera.lookat[:] = (*places[ticks[0], :2], replay.scene.floor + 0.85 * replay.scene.size)
+    camera.lookat[:] = (*places[ticks[0], :2], replay.scene.floor + 0.85 * replay.scene.com_height)
     share = 1.0 - np.exp(-1.0 / (rate * FOLLOW_TIME))
     with _drawing_context(width, height):
-        context = mujoco.MjrContext(stage.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        context = mujoco.MjrContext(drawn.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        scene, option = mujoco.MjvScene(stage.model, maxgeom=20_000), mujoco.MjvOption()
+        scene, option = mujoco.MjvScene(drawn.model, maxgeom=20_000), mujoco.MjvOption()
         view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), dtype=np.uint8)
         try:
             for i, tick in enumerate(ticks):
                 camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
-                stage.set(replay.frame(tick), replay.sole_colours(tick))
+                drawn.set(replay.frame(tick), replay.sole_colours(tick))
                 everything = mujoco.mjtCatBit.mjCAT_ALL
-                mujoco.mjv_updateScene(stage.model, stage.data, option, None, camera, everything, scene)
+                mujoco.mjv_updateScene(drawn.model, drawn.data, option, None, camera, everything, scene)
                 _mark(scene, replay, tick)
                 mujoco.mjr_render(view, scene, context)
                 mujoco.mjr_readPixels(pixels, None, view, context)
-                yield writing.on(pixels[::-1], tick)
+                yield captions.on(pixels[::-1], tick)
                 if progress is not None:
                     progress(i + 1, len(ticks))
         finally:
@@ -148,19 +149,19 @@ def _pictures(
 
 
 def _mark(scene: Any, replay: Replay, tick: int) -> None:
-    """Add centre of mass, ZMP, DCM and forces to what is drawn."""
-    snapshot: Snapshot = replay.snapshot(tick)
-    size = replay.scene.size
-    ball, disc = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER
-    _add_marker(scene, ball, (0.022 * size, 0.0, 0.0), snapshot.com, COM_COLOUR)
-    flat = (0.022 * size, 0.004 * size, 0.0)
+    """Add centre of mass, ZMP, DCM and forces to the picture."""
+    snapshot, com_height = replay.snapshot(tick), replay.scene.com_height
+    ball, cylinder = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER
+    mark = disc(com_height)
+    _add_marker(scene, ball, (mark.radius, 0.0, 0.0), snapshot.com, COM_COLOUR)
+    flat = (mark.radius, mark.length, 0.0)
     if snapshot.zmp is not None:
-        _add_marker(scene, disc, flat, snapshot.zmp + (0.0, 0.0, 0.006), ZMP_COLOUR)
+        _add_marker(scene, cylinder, flat, snapshot.zmp + (0.0, 0.0, 0.006), ZMP_COLOUR)
     dcm = replay.overlays.dcm(tick)
     if dcm is not None:
-        _add_marker(scene, disc, flat, dcm + (0.0, 0.0, 0.006), DCM_COLOUR)
+        _add_marker(scene, cylinder, flat, dcm + (0.0, 0.0, 0.006), DCM_COLOUR)
     for kind, point, force in snapshot.forces:
-        reach = replay.scene.newton * force
+        reach = replay.scene.metres_per_newton * force
         if np.linalg.norm(reach) < 1e-3 or scene.ngeom >= scene.maxgeom:
             continue
         start, end = (point - reach, point) if kind == "push" else (point, point + reach)
@@ -168,7 +169,7 @@ def _mark(scene: Any, replay: Replay, tick: int) -> None:
         colour = np.array(ARROW_COLOURS[kind], dtype=np.float32)
         arrow = mujoco.mjtGeom.mjGEOM_ARROW
         mujoco.mjv_initGeom(geom, arrow, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-        mujoco.mjv_connector(geom, arrow, 0.02 * size, start, end)
+        mujoco.mjv_connector(geom, arrow, 0.02 * com_height, start, end)
         scene.ngeom += 1
 
 
@@ -185,8 +186,8 @@ def _add_marker(scene: Any, kind: Any, size: tuple[float, float, float], place: 
         scene.ngeom += 1
 
 
-class _Writing:
-    """Writes title, time and caption into pictures."""
+class _Captions:
+    """Title, time and caption in the pictures."""
 
     def __init__(self, replay: Replay, height: int) -> None:
         self._log = replay.log
@@ -195,7 +196,7 @@ class _Writing:
         self._title = str(replay.log.header.get("title") or replay.scene.title)
 
     def on(self, pixels: Picture, tick: int) -> Picture:
-        """Return a picture with the text of a tick on it."""
+        """Return a picture with the text of a tick."""
         picture = Image.fromarray(np.ascontiguousarray(pixels))
         text = f"{self._title}   {self._log.time[tick]:.2f} s\n{caption(self._log, tick)}"
         ImageDraw.Draw(picture).multiline_text(
@@ -206,10 +207,10 @@ class _Writing:
 
 @contextmanager
 def _drawing_context(width: int, height: int) -> Iterator[None]:
-    """Have OpenGL draw into memory.
+    """Make an offscreen OpenGL context.
 
     Raises:
-        RenderError: There is no OpenGL for that.
+        RenderError: OpenGL is not available.
     """
     usual = "cgl" if sys.platform == "darwin" else "egl"
     kind = os.environ.get("MUJOCO_GL", "").strip().lower()
@@ -219,7 +220,7 @@ def _drawing_context(width: int, height: int) -> Iterator[None]:
     try:
         context = importlib.import_module(f"mujoco.{kind}").GLContext(width, height)
         context.make_current()
-    except Exception as error:  # whatever a missing library makes of it
+    except Exception as error:  # depends on the missing library
         reason = str(error) or type(error).__name__
         raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
     try:
@@ -241,9 +242,9 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float, size: tuple
             pass
         finally:
             process.stdin.close()
-            said = process.stderr.read().decode(errors="replace").strip()
+            message = process.stderr.read().decode(errors="replace").strip()
     if process.returncode != 0:
-        raise RenderError(f"ffmpeg could not write {path}: {said or process.returncode}")
+        raise RenderError(f"ffmpeg could not write {path}: {message or process.returncode}")
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float, size: tuple[int, int]) -> None:

@@ -1,4 +1,4 @@
-"""A recorded run as it was: the plant built again, put into the state of any tick."""
+"""Replay of a log: the plant rebuilt from the header and put into the state of any tick."""
 
 from __future__ import annotations
 
@@ -9,20 +9,19 @@ import mujoco
 import numpy as np
 
 from wbc.app.log import Log
-from wbc.app.log.names import SIDES, position_signal
+from wbc.app.log.columns import SIDES, position_signal
 from wbc.app.log.plain import from_plain
-from wbc.app.replay.overlays import make_overlays
-from wbc.app.view.layers import stiffness_colour
-from wbc.app.view.scene import Scene, Snapshot
-from wbc.app.view.shapes import Colour
-from wbc.app.view.source import FOOT, PlantSource
+from wbc.app.replay.overlays import Overlays
+from wbc.app.scene.colours import stiffness_colour
+from wbc.app.scene.layers import sole_paths
+from wbc.app.scene.scene import Scene, Snapshot
+from wbc.app.scene.shapes import Colour
+from wbc.app.scene.sources import Force, PlantSource, sole_force
 from wbc.core.errors import Array, InputError, positive
-from wbc.feet import FootParts
 from wbc.sim.plant.plant import Plant
-from wbc.walking.pattern.zmp import NoContactForceError, cop
 
-LEAST_LOAD = 1.0
-"""Forces below this are not shown, N."""
+MIN_LOAD = 1.0
+"""Smallest contact force that is shown, N."""
 
 
 class Replay:
@@ -30,15 +29,14 @@ class Replay:
 
     Attributes:
         log: The log.
-        plant: The plant, built from what the log says about it; it shows states and is never stepped.
-        scene: What is drawn, with what `overlays` adds to it.
+        plant: The plant of the log's header; it shows states and is never stepped.
+        scene: The scene, with the overlays.
         overlays: Footsteps, support region and DCM of a walk.
-        moving: Paths that a frame moves, in the order of its matrices.
-        sole_paths: Paths of each foot that have the colour of its stiffness; none of a fixed one.
+        sole_paths: Paths of each foot in the colour of its stiffness; empty for a passive foot.
     """
 
     def __init__(self, log: Log) -> None:
-        """Build the plant.
+        """Rebuild the plant.
 
         Args:
             log: A log that was recorded with a plant.
@@ -50,19 +48,16 @@ class Replay:
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
         self.plant = rebuild_plant(log)
-        scene = PlantSource(self.plant).scene
-        self.overlays = make_overlays(log, scene.size)
-        self.scene: Scene = self.overlays.added_to(scene)
-        self.moving = (*scene.moving, *self.overlays.moving)
-        model = self.plant.model
-        names = [body.removeprefix(FOOT) for body in self.scene.bodies]
-        self._bodies = np.array([model.body(name).id for name in names])
+        self._source = PlantSource(self.plant)
+        scene, model = self._source.scene, self.plant.model
+        self.overlays = Overlays(log, scene.com_height)
+        self.scene: Scene = scene.extended(self.overlays.objects, self.overlays.moving, self.overlays.legend)
         self._q = self._configurations()
         self._soles = [model.site(foot.wrench_site).id for foot in self.plant.feet]
         self._com = log["truth/com"]
         self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
         self._zmp = log["zmp/measured"] if "zmp/measured/x" in log else None
-        self.sole_paths = tuple(self._sole_paths(foot) for foot in self.plant.feet)
+        self.sole_paths = tuple(sole_paths(model, foot) for foot in self.plant.feet)
         self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
         self._push = (log["truth/push/point"], log["truth/push/force"])
 
@@ -70,7 +65,7 @@ class Replay:
         return len(self.log)
 
     def ticks(self, rate: float, speed: float = 1.0) -> list[int]:
-        """Ticks to show for so many pictures a second.
+        """Return the ticks nearest to equally spaced times.
 
         Args:
             rate: Pictures for each second of the film, 1/s.
@@ -81,61 +76,44 @@ class Replay:
         """
         step = positive("speed of the replay", speed) / positive("pictures a second (1/s)", rate)
         time = self.log.time
-        wanted = np.arange(time[0], time[-1] + 1e-9, step)
-        after = np.minimum(np.searchsorted(time, wanted), len(self) - 1)
+        times = np.arange(time[0], time[-1] + 1e-9, step)
+        after = np.minimum(np.searchsorted(time, times), len(self) - 1)
         before = np.maximum(after - 1, 0)
-        nearest = np.where(time[after] - wanted <= wanted - time[before], after, before)
+        nearest = np.where(time[after] - times <= times - time[before], after, before)
         return [int(i) for i in np.unique(nearest)]
 
     def show(self, tick: int) -> None:
-        """Put the plant into the state of a tick: positions of all bodies, nothing else."""
+        """Put all bodies of the plant into their positions at a tick."""
         self.plant.data.qpos[:] = self._q[tick]
         mujoco.mj_kinematics(self.plant.model, self.plant.data)
 
     def frame(self, tick: int) -> Array:
-        """One matrix for each moving path at a tick, shape (len(moving), 4, 4)."""
+        """Return one matrix for each moving path of the scene at a tick, shape (len(scene.moving), 4, 4)."""
         return np.concatenate([self.scene.frame(self.snapshot(tick)), self.overlays.frame(tick)])
 
     def sole_colours(self, tick: int) -> list[Colour]:
-        """Colour of each foot's `sole_paths` at a tick, by stiffness as in the live view."""
+        """Return the colour of each foot's `sole_paths` at a tick."""
         values = [float(stiffness[tick]) for stiffness in self._stiffness]
         return [stiffness_colour(value if math.isfinite(value) else 0.0) for value in values]
 
-    def _sole_paths(self, foot: FootParts) -> tuple[str, ...]:
-        """Paths of a foot's bodies whose hinges change their stiffness."""
-        model = self.plant.model
-        bodies = sorted({int(model.joint(name).bodyid[0]) for name in foot.variable_joints})
-        names = [FOOT + str(model.body(body).name) for body in bodies]
-        return tuple(
-            self.moving[self.scene.bodies.index(name)] for name in names if name in self.scene.bodies
-        )
-
     def snapshot(self, tick: int) -> Snapshot:
-        """What the live view shows at a tick; forces are those of the foot sensors."""
+        """Return the state at a tick; forces are those of the foot sensors."""
         self.show(tick)
         data = self.plant.data
-        poses = np.tile(np.eye(4), (self._bodies.size, 1, 1))
-        poses[:, :3, :3] = data.xmat[self._bodies].reshape(-1, 3, 3)
-        poses[:, :3, 3] = data.xpos[self._bodies]
-        forces: list[tuple[str, Array, Array]] = []
+        forces: list[Force] = []
         for site, wrenches in zip(self._soles, self._wrenches, strict=True):
             wrench = wrenches[tick]
-            if not np.isfinite(wrench).all() or wrench[2] < LEAST_LOAD:
-                continue
-            rotation = data.site_xmat[site].reshape(3, 3)
-            try:
-                point = data.site_xpos[site] + rotation[:, :2] @ cop(wrench)
-            except NoContactForceError:
-                continue
-            forces.append(("ground", point, rotation @ wrench[:3]))
+            if np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD:
+                rotation = data.site_xmat[site].reshape(3, 3)
+                forces += sole_force(data.site_xpos[site], rotation, wrench)
         point, force = (values[tick] for values in self._push)
         if np.isfinite(point).all() and force.any():
             forces.append(("push", point, force))
         zmp = None if self._zmp is None or not np.isfinite(self._zmp[tick]).all() else self._zmp[tick]
-        return Snapshot(float(self.log.time[tick]), poses, self._com[tick], zmp, forces)
+        return Snapshot(float(self.log.time[tick]), self._source.poses(), self._com[tick], zmp, forces)
 
     def _configurations(self) -> Array:
-        """MuJoCo's positions of all ticks, shape (ticks, nq)."""
+        """Return MuJoCo's positions of all ticks, shape (ticks, nq)."""
         log, model = self.log, self.plant.model
         q = np.empty((len(log), model.nq))
         q[:, :3] = log["truth/base/position"]
@@ -154,14 +132,14 @@ class Replay:
 
 
 def rebuild_plant(log: Log) -> Plant:
-    """Build the plant that a log was recorded with, without the errors of its sensors.
+    """Return the plant of a log, without sensor errors.
 
     Raises:
-        InputError: Recorded without a plant, or of classes that are not there.
+        InputError: Recorded without a plant, or with a class that does not exist here.
     """
     parts: dict[str, Any] | None = log.header.get("plant")
     if parts is None:
-        raise InputError(f"{log.path} was recorded without a plant: there is nothing to be shown")
+        raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
     return Plant(
         from_plain(parts["description"]),
         foot=from_plain(parts["foot"]),

@@ -1,1 +1,17 @@
-"""Live view in the browser: scene, page, server and the controls of a run."""
+"""Live view in the browser: page, drawing process and the controls of a run.
+
+    with MeshcatView(plant) as view:
+        while plant.time < 10.0:
+            plant.step(control.command(plant.measure()))
+            view.update()
+
+    walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
+
+What is drawn lives in `wbc.app.scene`; a new control of the page goes into `wbc.app.view.controls`.
+"""
+
+from wbc.app.view.address import PortError, ViewError
+from wbc.app.view.meshcat_view import MeshcatView
+from wbc.app.view.walk_hook import WatchWalk
+
+__all__ = ["MeshcatView", "PortError", "ViewError", "WatchWalk"]

@@ -1,8 +1,4 @@
-"""How frames reach the process that draws, and wishes come back: a piece of shared memory where only the newest counts.
-
-The writer never waits, whatever the reader does: it copies a frame into the slot that the newest one is not in and
-then says that this is the newest. A reader that is slow misses frames.
-"""
+"""Channel between a run and its drawing process: the newest frame one way, the newest user input the other way."""
 
 from __future__ import annotations
 
@@ -13,45 +9,37 @@ from typing import IO, Any
 
 import numpy as np
 
+from wbc.app.view.user_input import MAX_BYTES
 from wbc.core.errors import Array
 
-_HEADER = 4
-"""Words of the header: number of the newest frame, of the last one shown, pages open, number of the newest wishes."""
+MAX_ANNOTATIONS = 1 << 15
+"""Largest packed annotations of a frame, bytes; larger ones are dropped."""
 
-NOTE = 1 << 15
-"""Most bytes that a frame can say beside its matrices; longer notes are left out."""
-
-WISHES = 1 << 12
-"""Most bytes of what is wished for."""
+_TEXT = ("length", "i8")
 
 
 class Channel:
-    """Frames from one process to another, wishes the other way.
+    """Shared memory with frames to the drawing process and user input back.
 
     Attributes:
-        fd: File descriptor to hand to the other process.
-        paths: Number of matrices in a frame.
+        fd: File descriptor for the other process.
     """
 
     def __init__(self, paths: int, fd: int | None = None) -> None:
-        """Make a channel, or join one.
+        """Make or join a channel.
 
         Args:
             paths: Number of matrices in a frame.
-            fd: File descriptor of a channel that another process has made.
+            fd: File descriptor of the channel to join; None makes one.
         """
-        self.paths = paths
-        slot = [
-            ("time", "f8"),
-            ("matrices", "f8", (paths, 16)),
-            ("length", "i8"),
-            ("note", "u1", (NOTE,)),
-        ]
+        frame = [("time", "f8"), ("matrices", "f8", (paths, 16)), _TEXT, ("text", "u1", (MAX_ANNOTATIONS,))]
         layout = np.dtype(
             [
-                ("header", "i8", (_HEADER,)),
-                ("slots", slot, (2,)),
-                ("wishes", [("length", "i8"), ("text", "u1", (WISHES,))], (2,)),
+                ("newest", "i8", (2,)),  # numbers of the newest frame and of the newest input
+                ("shown", "i8"),
+                ("pages", "i8"),
+                ("frames", frame, (2,)),
+                ("inputs", [_TEXT, ("text", "u1", (MAX_BYTES,))], (2,)),
             ]
         )
         self._file: IO[Any] | None = None
@@ -61,108 +49,115 @@ class Channel:
             os.ftruncate(fd, layout.itemsize)
         self.fd = fd
         self._memory = mmap.mmap(fd, layout.itemsize)
-        whole = np.frombuffer(self._memory, layout, 1)[0]
-        self._header, self._slots, self._wishes = whole["header"], whole["slots"], whole["wishes"]
+        self._all: Any = np.frombuffer(self._memory, layout, 1)[0]
+        self._frames = _Newest(self._all["newest"][:1], self._all["frames"])
+        self._inputs = _Newest(self._all["newest"][1:], self._all["inputs"])
 
-    def write(self, time: float, matrices: Array, note: bytes = b"{}") -> None:
-        """Make a frame the newest one.
+    def write(self, time: float, matrices: Array, annotations: bytes = b"{}") -> None:
+        """Write a frame.
 
         Args:
             time: s.
             matrices: Homogeneous, shape (paths, 4, 4).
-            note: What it says beside them, as JSON.
+            annotations: Packed annotations.
         """
-        number = int(self._header[0]) + 1
-        slot = self._slots[number % 2]
-        slot["time"] = time
-        by_columns = matrices.transpose(0, 2, 1)  # as the viewer wants them
-        slot["matrices"].reshape(-1, 4, 4)[:] = by_columns
-        _store(slot, "note", note if len(note) <= NOTE else b"{}")
-        self._header[0] = number
+        columns = matrices.transpose(0, 2, 1).reshape(-1, 16)  # as the viewer takes them
+        text = annotations if len(annotations) <= MAX_ANNOTATIONS else b"{}"
+        self._frames.write(text, time=time, matrices=columns)
 
     def read(self, after: int) -> tuple[int, float, Array, bytes] | None:
         """Return the newest frame.
 
         Args:
-            after: Number of a frame that is known already.
+            after: Number of the last frame that was read.
 
         Returns:
-            Its number, its time (s), its matrices by columns, shape (paths, 16), and its note; None if there is no
-            newer one.
+            Number, time (s), matrices by columns, shape (paths, 16), and packed annotations; None if there is no newer
+            frame.
         """
-        number = int(self._header[0])
-        if number <= after:
+        newer = self._frames.read(after)
+        if newer is None:
             return None
-        slot = self._slots[number % 2]
-        time, matrices, note = float(slot["time"]), slot["matrices"].copy(), _load(slot, "note")
-        if int(self._header[0]) > number + 1:  # overtaken twice while copying: the slot may hold two frames
-            return None
-        return number, time, matrices, note
+        number, frame, annotations = newer
+        return number, float(frame["time"]), frame["matrices"], annotations
 
-    def wish(self, text: bytes) -> None:
-        """Say what is wished for by those who look on; takes the place of what was wished for before.
+    def write_input(self, text: bytes) -> None:
+        """Write the user input; it replaces the former one.
 
         Args:
-            text: JSON of at most `WISHES` bytes; longer ones are left out.
+            text: Packed `UserInput`; dropped if it is longer than `MAX_BYTES`.
         """
-        if len(text) > WISHES:
-            return
-        number = int(self._header[3]) + 1
-        _store(self._wishes[number % 2], "text", text)
-        self._header[3] = number
+        if len(text) <= MAX_BYTES:
+            self._inputs.write(text)
 
-    def wishes(self, after: int) -> tuple[int, bytes] | None:
-        """Return what is wished for.
+    def read_input(self, after: int) -> tuple[int, bytes] | None:
+        """Return the newest user input.
 
         Args:
-            after: Number of the wishes that are known already.
+            after: Number of the last input that was read.
 
         Returns:
-            Number and JSON; None if there is nothing newer.
+            Number and packed `UserInput`; None if there is no newer one.
         """
-        number = int(self._header[3])
-        if number <= after:
-            return None
-        text = _load(self._wishes[number % 2], "text")
-        return None if int(self._header[3]) > number + 1 else (number, text)
+        newer = self._inputs.read(after)
+        return None if newer is None else (newer[0], newer[2])
 
     @property
     def newest(self) -> int:
         """Number of frames written so far."""
-        return int(self._header[0])
+        return int(self._all["newest"][0])
 
     @property
     def shown(self) -> int:
-        """Number of the last frame that was taken out."""
-        return int(self._header[1])
+        """Number of the last frame that was read."""
+        return int(self._all["shown"])
 
     @shown.setter
     def shown(self, number: int) -> None:
-        self._header[1] = number
+        self._all["shown"] = number
 
     @property
     def pages(self) -> int:
-        """Number of browser pages that are open."""
-        return int(self._header[2])
+        """Number of open browser pages."""
+        return int(self._all["pages"])
 
     @pages.setter
     def pages(self, count: int) -> None:
-        self._header[2] = count
+        self._all["pages"] = count
 
     def close(self) -> None:
-        """Let go of the memory; the numbers can still be read."""
-        self._header = self._header.copy()
-        del self._slots, self._wishes
+        """Release the memory; the numbers can still be read."""
+        self._all = {name: self._all[name].copy() for name in ("newest", "shown", "pages")}
+        del self._frames, self._inputs
         self._memory.close()
         if self._file is not None:
             self._file.close()
 
 
-def _store(slot: Any, name: str, text: bytes) -> None:
-    slot["length"] = len(text)
-    slot[name][: len(text)] = np.frombuffer(text, np.uint8)
+class _Newest:
+    """Two slots of which one holds the newest entry. A slow reader misses entries.
 
+    The writer never waits: it fills the slot that does not hold the newest entry, and then increments the number.
+    """
 
-def _load(slot: Any, name: str) -> bytes:
-    length = int(slot["length"])
-    return bytes(slot[name][: min(max(length, 0), slot[name].size)])
+    def __init__(self, number: Any, slots: Any) -> None:
+        self._number, self._slots = number, slots
+
+    def write(self, text: bytes, **fields: Any) -> None:
+        number = int(self._number[0]) + 1
+        slot = self._slots[number % 2]
+        for name, value in fields.items():
+            slot[name] = value
+        slot["length"] = len(text)
+        slot["text"][: len(text)] = np.frombuffer(text, np.uint8)
+        self._number[0] = number
+
+    def read(self, after: int) -> tuple[int, Any, bytes] | None:
+        """Return number, fields and text of the newest entry; None if there is none after a number."""
+        number = int(self._number[0])
+        if number <= after:
+            return None
+        slot = self._slots[number % 2].copy()
+        if int(self._number[0]) > number + 1:  # overtaken twice: the copy may hold parts of two entries
+            return None
+        return number, slot, slot["text"][: slot["length"]].tobytes()

@@ -1,269 +1,163 @@
-"""The process that draws: it serves the page, sends frames from shared memory to browsers, and hands their wishes back.
+"""Server of the live view: sends the page and frames from shared memory to browsers, and user input back.
 
-Run as `python -m wbc.app.view.server` by `wbc.app.view.view`: a pickled `Setup` comes in on the standard input,
-one line of JSON with the port (or what went wrong) goes out on the standard output, and the end of the input is the
-end of it. It is a process and not a thread because drawing costs milliseconds of Python a frame, for which a thread
-would stop the control loop.
+Run as `python -m wbc.app.view.server FD` by `wbc.app.view.process`, with the file descriptor of the channel: a pickled
+`ServerSetup` comes in on the standard input, one line of JSON with the port (or an error) goes out on the standard
+output, and the end of the input ends the process.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
-import os
 import pickle
 import signal
-import struct
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import tornado.httpserver
 import tornado.ioloop
-import tornado.netutil
 import tornado.web
 import tornado.websocket
-import umsgpack  # type: ignore[import-untyped]  # comes with meshcat, which speaks it
-from meshcat import geometry
 
+from wbc.app.scene.shapes import HIDDEN, Surface
+from wbc.app.view.address import listen
 from wbc.app.view.channel import Channel
-from wbc.app.view.controls import Wishes
 from wbc.app.view.page import SCRIPT, Page
-from wbc.app.view.scene import HIDDEN, ROOT, SKY_COLOURS, SceneObject, Setup
-from wbc.app.view.shapes import Colour, MeshFile, Shape, Surface, VisualBox, VisualCylinder, VisualEllipsoid
+from wbc.app.view.process import ServerSetup
+from wbc.app.view.user_input import UserInput
+from wbc.app.view.viewer_commands import (
+    empty_scene,
+    object_commands,
+    property_command,
+    transform_head,
+    transform_tail,
+)
 from wbc.core.errors import Array
 
-FIRST_PORT, PORTS = 7000, 200
-"""Ports that are tried when none is asked for; MeshCat's own begin with 7000, too."""
-
-SLOWEST_TICK = 0.03
-"""Longest time between two looks for a new frame, s."""
+MAX_POLL_TIME = 0.03
+"""Longest time between two checks for a new frame, s."""
 
 
-# ---- commands of the viewer -----------------------------------------------------------------------------------------
+class Broadcast:
+    """The scene as commands for all open pages."""
 
-
-def object_commands(drawing: SceneObject) -> Iterator[bytes]:
-    """Yield the packed commands that create an object."""
-    for i, (shape, placement) in enumerate(_geometries(drawing.shape)):
-        path = f"{drawing.path}/{i}"
-        lowered = geometry.Mesh(shape, _material(drawing)).lower()
-        for made in lowered[
-            "geometries"
-        ]:  # the name that the page has now for what the package calls "_meshfile"
-            made["type"] = made["type"].replace("_meshfile", "_meshfile_geometry")
-        yield transform_command(path, (drawing.placement @ placement).T.ravel())
-        yield umsgpack.packb({"type": "set_object", "path": path, "object": lowered})
-
-
-def transform_command(path: str, columns: Array) -> bytes:
-    """Return the packed command that moves a path.
-
-    Args:
-        path: The path.
-        columns: Homogeneous matrix by columns, shape (16,).
-    """
-    return transform_head(path) + transform_tail(columns)
-
-
-def property_command(path: str, name: str, value: Any) -> bytes:
-    """Return the packed command that sets a property of a path."""
-    packed: bytes = umsgpack.packb({"type": "set_property", "path": path, "property": name, "value": value})
-    return packed
-
-
-def transform_head(path: str) -> bytes:
-    """The part of a transform command that is the same for every matrix."""
-    packed: bytes = umsgpack.packb({"type": "set_transform", "path": path, "matrix": []})
-    return packed[:-1]  # less the empty list
-
-
-def transform_tail(columns: Array) -> bytes:
-    """The matrix of a transform command: a list of 16 doubles in MessagePack."""
-    values = np.empty(16, [("tag", "u1"), ("value", ">f8")])
-    values["tag"], values["value"] = 0xCB, columns
-    return struct.pack(">BH", 0xDC, 16) + values.tobytes()
-
-
-def _geometries(shape: Shape) -> Iterator[tuple[Any, Array]]:
-    """Yield MeshCat's geometries for a shape, each with its placement."""
-    here = np.eye(4)
-    if isinstance(shape, VisualBox):
-        yield geometry.Box(list(shape.size)), here
-    elif isinstance(shape, VisualEllipsoid):
-        yield geometry.Sphere(1.0), np.diag([*shape.semi_axes, 1.0])
-    elif isinstance(shape, VisualCylinder):
-        along_z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # theirs is along y
-        yield geometry.Cylinder(shape.length, shape.radius), along_z
-        if shape.round_ends:
-            for end in (-0.5, 0.5):
-                cap = np.diag([shape.radius, shape.radius, shape.radius, 1.0])
-                cap[2, 3] = end * shape.length
-                yield geometry.Sphere(1.0), cap
-    elif isinstance(shape, Surface):
-        colours = None if shape.colours is None else shape.colours.astype(np.float32)
-        vertices = shape.vertices.astype(np.float32)
-        yield geometry.TriangularMeshGeometry(vertices, shape.faces, colours), here
-    elif isinstance(shape, MeshFile):
-        yield _mesh(shape.path), np.diag([*shape.scale, 1.0])
-
-
-def _mesh(path: str) -> Any:
-    kinds = {
-        ".stl": geometry.StlMeshGeometry,
-        ".obj": geometry.ObjMeshGeometry,
-        ".dae": geometry.DaeMeshGeometry,
-    }
-    return kinds[os.path.splitext(path)[1].lower()].from_file(path)
-
-
-def _material(drawing: SceneObject) -> Any:
-    options: dict[str, Any] = {"color": _colour_number(drawing.colour), "opacity": drawing.colour[3]}
-    if isinstance(drawing.shape, Surface) and drawing.shape.colours is not None:
-        options["vertexColors"] = True
-    if drawing.on_top:  # drawn last and not hidden by anything
-        options |= {"transparent": True, "depthTest": False}
-    return (geometry.MeshLambertMaterial if drawing.shaded else geometry.MeshBasicMaterial)(**options)
-
-
-def _colour_number(colour: Colour) -> int:
-    red, green, blue = (round(255 * value) for value in colour[:3])
-    return (red << 16) + (green << 8) + blue
-
-
-# ---- the server -----------------------------------------------------------------------------------------------------
-
-
-class Show:
-    """The scene as commands, and the browsers that follow it."""
-
-    def __init__(self, setup: Setup, channel: Channel) -> None:
-        """Pack what does not change."""
+    def __init__(self, setup: ServerSetup, channel: Channel) -> None:
+        """Pack the fixed part of the scene."""
         scene = setup.scene
-        self.page = Page(scene.title, scene.legend, scene.size)
+        self.page = Page(scene.title, scene.legend, scene.com_height)
         self._channel = channel
-        self._wishes = Wishes(setup.speed)
+        self._input = UserInput(setup.speed)
         self._hello = {"page": self.page.key, "controls": setup.controls}
-        self._first = [umsgpack.packb({"type": "delete", "path": ROOT})]
-        settings: list[tuple[str, str, Any]] = [("/Grid", "visible", False)]  # the ground has tiles
-        settings += [("/Background", key, list(colour)) for key, colour in SKY_COLOURS.items()]
-        self._first += [property_command(*setting) for setting in settings]
-        fixed = [drawing for drawing in scene.drawings if not drawing.bends]
-        self._objects = [command for drawing in fixed for command in object_commands(drawing)]
-        self._bending = [drawing for drawing in scene.drawings if drawing.bends]
+        fixed = [thing for thing in scene.objects if not thing.deformable]
+        self._objects = [command for thing in fixed for command in object_commands(thing)]
+        self._deformable = [thing for thing in scene.objects if thing.deformable]
         self._heads = [transform_head(path) for path in scene.moving]
         self._number, self.time = 0, 0.0
         self._matrices = np.tile(HIDDEN.ravel(), (len(scene.moving), 1))
-        self._note: dict[str, Any] = {}
-        self._streams: set[FrameStream] = set()
+        self._annotations: dict[str, Any] = {}
+        self._connections: set[PageConnection] = set()
 
     @property
     def text(self) -> str:
-        """What the present picture says in words."""
-        return str(self._note.get("text", ""))
+        """Text of the present picture."""
+        return str(self._annotations.get("text", ""))
 
     def commands(self) -> list[bytes]:
-        """Everything that a new page must be told; places come before the objects that appear in them."""
+        """Return the commands for a new page; transforms come before the objects, so that none appears elsewhere."""
         self._fetch()
         moves = self._moves(self._matrices, range(len(self._heads)))
-        shapes = self._note.get("shapes", {})
-        bent = []
-        for drawing in self._bending:
-            shape = drawing.shape
+        shapes = self._annotations.get("shapes", {})
+        deformed: list[bytes] = []
+        for thing in self._deformable:
+            shape = thing.shape
             assert isinstance(shape, Surface)
-            if drawing.path in shapes:
-                shape = replace(shape, vertices=np.reshape(shapes[drawing.path], (-1, 3)))
-            bent += list(object_commands(replace(drawing, shape=shape)))
-        return [*self._first, *moves, *self._objects, *bent, *self._colours({})]
+            if thing.path in shapes:
+                shape = replace(shape, vertices=np.reshape(shapes[thing.path], (-1, 3)))
+            deformed += object_commands(replace(thing, shape=shape))
+        return [*empty_scene(), *moves, *self._objects, *deformed, *self._colours({})]
 
-    def add(self, stream: FrameStream) -> None:
-        """Take a page in."""
-        stream.send(json.dumps({"hello": self._hello}))
+    def add(self, connection: PageConnection) -> None:
+        """Add a page: send it the whole scene."""
+        connection.send(json.dumps({"hello": self._hello}))
         for command in self.commands():
-            stream.send(command)
-        stream.send(self._facts())
-        stream.shown, stream.colours = self._matrices, self._note.get("colours", {})
-        self._streams.add(stream)
-        self._channel.pages = len(self._streams)
+            connection.send(command)
+        connection.send(self._facts())
+        connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
+        self._connections.add(connection)
+        self._channel.pages = len(self._connections)
 
-    def remove(self, stream: FrameStream) -> None:
-        """Forget a page."""
-        self._streams.discard(stream)
-        if not self._streams:  # nobody could end the pause
-            self._tell({"paused": False})
-        self._channel.pages = len(self._streams)
+    def remove(self, connection: PageConnection) -> None:
+        """Remove a page; a pause ends with the last one."""
+        self._connections.discard(connection)
+        if not self._connections:
+            self.take_input({"paused": False})
+        self._channel.pages = len(self._connections)
 
     def tick(self) -> None:
-        """Send the newest frame to every page that has taken in the last one."""
+        """Send the newest frame to every page that has received the last one."""
         self._fetch()
-        for stream in self._streams:
-            if not stream.busy and stream.shown is not self._matrices:
-                moved = np.flatnonzero((stream.shown != self._matrices).any(axis=1))
+        for connection in self._connections:
+            if not connection.busy and connection.shown is not self._matrices:
+                moved = np.flatnonzero((connection.shown != self._matrices).any(axis=1))
                 for command in self._moves(self._matrices, moved.tolist()):
-                    stream.send(command)
-                for command in self._colours(stream.colours):
-                    stream.send(command)
-                stream.send(self._facts())
-                stream.shown, stream.colours = self._matrices, self._note.get("colours", {})
+                    connection.send(command)
+                for command in self._colours(connection.colours):
+                    connection.send(command)
+                connection.send(self._facts())
+                connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
 
-    def wish(self, text: str | bytes) -> None:
-        """Hand over what a page wishes for, and let all pages know about pause and speed."""
-        try:
-            said = json.loads(text)
-        except ValueError:
-            return
-        self._tell(said)
-
-    def _tell(self, said: Any) -> None:
-        self._wishes.take(said)
-        self._channel.wish(self._wishes.pack())
-        for stream in self._streams:
-            stream.send(self._facts())
+    def take_input(self, message: Any) -> None:
+        """Pass on a page's message, and tell all pages about pause and speed."""
+        self._input.take(message)
+        self._channel.write_input(self._input.pack())
+        for connection in self._connections:
+            connection.send(self._facts())
 
     def _fetch(self) -> None:
         newer = self._channel.read(self._number)
         if newer is not None:
-            self._number, self.time, self._matrices, note = newer
-            self._note = json.loads(note)
+            self._number, self.time, self._matrices, annotations = newer
+            self._annotations = json.loads(annotations)
             self._channel.shown = self._number
 
     def _moves(self, matrices: Array, places: range | list[int]) -> list[bytes]:
         return [self._heads[i] + transform_tail(matrices[i]) for i in places]
 
     def _colours(self, known: dict[str, Any]) -> list[bytes]:
-        """Commands for colours that a page does not know yet."""
-        colours: dict[str, Any] = self._note.get("colours", {})
+        """Return the commands for colours that a page does not have yet."""
+        colours: dict[str, Any] = self._annotations.get("colours", {})
         changed = {path: colour for path, colour in colours.items() if known.get(path) != colour}
         return [property_command(path, "color", colour) for path, colour in changed.items()]
 
     def _facts(self) -> str:
-        facts = {key: value for key, value in self._note.items() if key != "colours"}
-        state = {"paused": self._wishes.paused, "speed": self._wishes.speed}
+        facts = {key: value for key, value in self._annotations.items() if key != "colours"}
+        state = {"paused": self._input.paused, "speed": self._input.speed}
         return json.dumps({"time": self.time, **facts, **state})
 
 
-class FrameStream(tornado.websocket.WebSocketHandler):
-    """The connection to one page; pages of other sites are refused by tornado's check of the origin."""
+class PageConnection(tornado.websocket.WebSocketHandler):
+    """Connection to one page; tornado's check of the origin refuses pages of other sites."""
 
     shown: Array
     colours: dict[str, Any]
 
-    def initialize(self, show: Show) -> None:
-        """Take over what to show."""
-        self._show = show
+    def initialize(self, broadcast: Broadcast) -> None:
+        """Take the broadcast that the application gives."""
+        self._broadcast = broadcast
         self._sent: asyncio.Future[None] | None = None
 
     @property
     def busy(self) -> bool:
-        """True while something sent is still on its way."""
+        """True while a message is being sent."""
         return self._sent is not None and not self._sent.done()
 
     def open(self, *_: str, **__: str) -> None:
-        """Begin with the whole scene."""
-        self._show.add(self)
+        """Add the page."""
+        self._broadcast.add(self)
 
     def send(self, message: bytes | str) -> None:
         """Send one message."""
@@ -274,20 +168,21 @@ class FrameStream(tornado.websocket.WebSocketHandler):
         self._sent.add_done_callback(lambda done: done.exception())  # a page may go at any time
 
     def on_message(self, message: str | bytes) -> None:
-        """Take a wish."""
-        self._show.wish(message)
+        """Take the user's input; text that is no JSON is dropped."""
+        with contextlib.suppress(ValueError):
+            self._broadcast.take_input(json.loads(message))
 
     def on_close(self) -> None:
-        """Forget the page."""
-        self._show.remove(self)
+        """Remove the page."""
+        self._broadcast.remove(self)
 
 
-class Text(tornado.web.RequestHandler):
-    """The pages and the script."""
+class PageHandler(tornado.web.RequestHandler):
+    """Live page, self-contained page and script."""
 
-    def initialize(self, show: Show, kind: str) -> None:
-        """Take over what to show."""
-        self._show, self._kind = show, kind
+    def initialize(self, broadcast: Broadcast, kind: str) -> None:
+        """Take the broadcast that the application gives."""
+        self._broadcast, self._kind = broadcast, kind
 
     def get(self) -> None:
         """Answer a request."""
@@ -296,53 +191,35 @@ class Text(tornado.web.RequestHandler):
             self.set_header("Content-Type", "text/javascript; charset=utf-8")
             self.finish(SCRIPT.read_bytes())
         elif self._kind == "static":
-            commands = self._show.commands()
-            self.finish(self._show.page.static(commands, self._show.time, self._show.text))
+            commands = self._broadcast.commands()
+            self.finish(self._broadcast.page.static(commands, self._broadcast.time, self._broadcast.text))
         else:
-            self.finish(self._show.page.live())
+            self.finish(self._broadcast.page.live())
 
 
-def listen(host: str, port: int | None) -> list[Any]:
-    """Return listening sockets.
-
-    Raises:
-        OSError: No port that was asked for, or none of the range, is free.
-    """
-    if port is not None:
-        return tornado.netutil.bind_sockets(port, host)
-    for candidate in range(FIRST_PORT, FIRST_PORT + PORTS):
-        try:
-            return tornado.netutil.bind_sockets(candidate, host)
-        except OSError as error:
-            last = error
-    raise last
-
-
-async def serve(setup: Setup, channel: Channel, ended: asyncio.Event) -> None:
-    """Serve until the parent goes.
+async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> None:
+    """Serve until the run ends.
 
     Raises:
-        OSError: The port cannot be had.
+        OSError: The port is in use.
     """
-    sockets = listen(setup.host, setup.port)
-    show = Show(setup, channel)
-    routes: list[Any] = [(r"/stream", FrameStream, {"show": show})]
+    listening = listen(setup.host, setup.port)
+    broadcast = Broadcast(setup, channel)
+    routes: list[Any] = [(r"/stream", PageConnection, {"broadcast": broadcast})]
     for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
-        routes.append((pattern, Text, {"show": show, "kind": kind}))
+        routes.append((pattern, PageHandler, {"broadcast": broadcast, "kind": kind}))
     server = tornado.httpserver.HTTPServer(tornado.web.Application(routes))
-    server.add_sockets(sockets)
-    print(json.dumps({"port": sockets[0].getsockname()[1]}), flush=True)
-    tornado.ioloop.PeriodicCallback(show.tick, 1000.0 * min(1.0 / setup.rate, SLOWEST_TICK)).start()
+    server.add_socket(listening)
+    print(json.dumps({"port": listening.getsockname()[1]}), flush=True)
+    tornado.ioloop.PeriodicCallback(broadcast.tick, 1000.0 * min(1.0 / setup.rate, MAX_POLL_TIME)).start()
     await ended.wait()
 
 
 async def _main() -> None:
-    setup: Setup = pickle.load(sys.stdin.buffer)
-    channel = Channel(len(setup.scene.moving), setup.fd)
+    setup: ServerSetup = pickle.load(sys.stdin.buffer)
+    channel = Channel(len(setup.scene.moving), int(sys.argv[1]))
     ended = asyncio.Event()
-    asyncio.get_running_loop().add_reader(
-        0, ended.set
-    )  # nothing more is ever written: it can only be the end
+    asyncio.get_running_loop().add_reader(0, ended.set)  # nothing more is written: readable means the end
     try:
         await serve(setup, channel, ended)
     except OSError as error:
@@ -351,7 +228,7 @@ async def _main() -> None:
 
 def main() -> None:
     """Run the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run; its end is ours
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run, whose end ends this process
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
     asyncio.run(_main())
 

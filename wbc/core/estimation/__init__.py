@@ -1,1 +1,4 @@
-"""State estimation: base pose and velocity from encoders, IMU and foot wrenches."""
+"""Estimation of a robot's state from its sensors.
+
+A new estimator is a file here.
+"""

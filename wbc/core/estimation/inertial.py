@@ -1,10 +1,9 @@
 """Attitude, gyro bias and velocity of an inertial measurement unit, aided by a velocity from the legs.
 
-The gyroscope turns the attitude and the accelerometer pushes the velocity, both quickly and with a drift. The
-velocity that the stance foot tells pulls the drift out of all of them: an attitude that is off by a small
-tilt turns gravity into a false horizontal acceleration, so a velocity that runs away says which way the
-attitude leans. Unlike a filter that takes the accelerometer for the vertical, this one is not tilted by the
-accelerations of the gait.
+Gyroscope and accelerometer are integrated to attitude and velocity, both with a drift. The velocity from the stance
+foot corrects attitude, velocity and gyro bias: an attitude with a small tilt error turns gravity into a false
+horizontal acceleration, so the direction in which the velocity drifts is that of the tilt error. Unlike a filter that
+takes the accelerometer for the vertical, this one is not tilted by the accelerations of the gait.
 
 A tilt error obeys s³ + s²/τ_v + s/(τ_v τ_t) + 1/(τ_v τ_t τ_b) = 0 with the time constants of the settings.
 
@@ -15,52 +14,48 @@ the integral of the correction, R. Mahony, T. Hamel, J.-M. Pflimlin, IEEE TAC 53
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
-from wbc.core.errors import Array, positive, scalar
+from wbc.core.errors import Array, scalar
 from wbc.core.lag import LagGain
 from wbc.core.robot import GRAVITY
+from wbc.core.settings import Positive, settings
 
 
-@dataclass(frozen=True)
+@settings
 class InertialSettings:
-    """How fast the legs pull the drift out of the inertial estimate. Time constants, so the period is free.
+    """Time constants with which the velocity of the legs corrects the inertial estimate.
 
     Attributes:
-        velocity_time_constant: Accelerometer above it, legs below it, s.
-        tilt_time_constant: Decay of a roll or pitch error, s; far above the former.
+        velocity_time_constant: Cross-over between accelerometer (faster) and velocity of the legs (slower), s.
+        tilt_time_constant: Decay of a roll or pitch error, s; far above `velocity_time_constant`.
         yaw_time_constant: Decay of a yaw error towards the feet, s.
         bias_time_constant: Integral time of the gyro bias, s; 4 tilt time constants are critically damped,
             infinity keeps the bias at zero.
         flight_time_constant: Decay of the velocity when no foot is loaded, s.
     """
 
-    velocity_time_constant: float = 0.05
-    tilt_time_constant: float = 2.0
-    yaw_time_constant: float = 1.0
-    bias_time_constant: float = 8.0
-    flight_time_constant: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("velocity", "tilt", "yaw", "flight"):
-            positive(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
-        if not self.bias_time_constant > 0.0:
-            positive("bias_time_constant (s)", self.bias_time_constant)
+    velocity_time_constant: Annotated[Positive, "s"] = 0.05
+    tilt_time_constant: Annotated[Positive, "s"] = 2.0
+    yaw_time_constant: Annotated[Positive, "s"] = 1.0
+    bias_time_constant: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "s"] = 8.0
+    flight_time_constant: Annotated[Positive, "s"] = 1.0
 
 
 _HALF = scalar(0.5)
 
 
 class InertialFilter:
-    """State of the filter.
+    """Filter for attitude, velocity and gyro bias of an IMU.
 
     Attributes:
         rotation: Attitude of the IMU in the world, shape (3, 3).
         velocity: Velocity of the IMU point in the world, shape (3,), m/s.
-        gyro_bias: What the gyroscope adds to the truth, in the IMU frame, shape (3,), rad/s.
+        gyro_bias: Bias of the gyroscope in the IMU frame, measured minus true, shape (3,), rad/s.
     """
 
     def __init__(self, settings: InertialSettings | None = None) -> None:
@@ -73,7 +68,7 @@ class InertialFilter:
         self._velocity_gain, self._yaw_gain = LagGain(), LagGain()
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
-        """Start over from an attitude; the gyro bias that was learnt is kept.
+        """Restart from an attitude; the estimated gyro bias is kept.
 
         Args:
             rotation: Attitude of the IMU in the world, shape (3, 3).
@@ -84,7 +79,7 @@ class InertialFilter:
         self._last = None
 
     def align(self, specific_force: Array) -> None:
-        """Turn the attitude the shortest way so that the specific force of a robot at rest points up.
+        """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up.
 
         Args:
             specific_force: Accelerometer, in the IMU frame, shape (3,), m/s².
@@ -94,7 +89,7 @@ class InertialFilter:
         self.rotation = turn.toRotationMatrix() @ self.rotation
 
     def predict(self, angular_velocity: Array, specific_force: Array, dt: float) -> None:
-        """Move on by one period, with the mean of the samples at its two ends.
+        """Integrate over one period, with the mean of the samples at its two ends.
 
         Args:
             angular_velocity: Gyroscope, in the IMU frame, shape (3,), rad/s.
@@ -121,11 +116,11 @@ class InertialFilter:
         self.rotation = middle.dot(half)
 
     def correct(self, velocity: Array | None, yaw_error: float, dt: float) -> None:
-        """Pull the state towards what the legs say.
+        """Correct the state with velocity and yaw from the legs.
 
         Args:
             velocity: Velocity of the IMU point from the legs, in the world, shape (3,), m/s; None in flight.
-            yaw_error: Yaw of the IMU by the feet minus its yaw by the filter, rad.
+            yaw_error: Yaw of the IMU from the feet minus its yaw in the filter, rad.
             dt: Time since the last call, s.
         """
         s = self.settings
@@ -137,7 +132,7 @@ class InertialFilter:
         x, y, _ = innovation.tolist()
         innovation *= gain
         self.velocity += innovation
-        # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn back against it.
+        # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.
         tilt = float(gain) / (GRAVITY * s.tilt_time_constant)
         yaw = float(self._yaw_gain(dt, s.yaw_time_constant))
         turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))

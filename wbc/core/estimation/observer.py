@@ -1,10 +1,10 @@
-"""Base pose and velocity from encoders, IMU and foot wrenches, without ground truth.
+"""Observer: base pose and velocity from encoders, IMU and foot wrenches, without ground truth.
 
-Each loaded foot holds the robot at one point that rests on the ground, its anchor. The anchor is the material
-point of the sole at the measured centre of pressure and moves over the sole with it, so a foot may roll over
-its edge, over a stone or on soft phalanges: nothing assumes that the sole is flat or parallel to the ground.
-The base hangs on both anchors, each in proportion to its load, and the joints' velocities with the anchors at
-rest give the velocity, which the IMU smooths (`wbc.core.estimation.inertial`).
+Each loaded foot has one point at rest on the ground, its anchor. The anchor is the material point of the sole at the
+measured centre of pressure (CoP) and moves over the sole with it, so a foot may roll over its edge, over a stone or on
+soft phalanges: the sole need not be flat or parallel to the ground. The base position follows from both anchors, each
+weighted by its load; the joint velocities with the anchors at rest give the base velocity, which the IMU smooths
+(`wbc.core.estimation.inertial`).
 
 For a rigid sole that rolls without slip the construction is exact; a sole that deforms leaves the velocity
 that its material point at the centre of pressure has.
@@ -14,15 +14,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import NonNegative, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned
 
@@ -30,40 +32,34 @@ SHARED = 0.15
 """Part of the load from which a foot counts for the rotation that both feet have in common."""
 
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
-"""What an estimate is made of, as `Measurement` calls it."""
+"""Fields of `Measurement` that the estimate uses."""
 
 
-@dataclass(frozen=True)
+@settings
 class ObserverSettings:
     """Settings of the observer.
 
     Attributes:
         inertial: Time constants of the inertial part.
-        anchor_at_cop: Anchor each foot at its centre of pressure; at the sole centre when False, which takes
-            the sole for flat and resting as a whole.
-        min_load: Normal force below which a foot holds nothing, N.
+        anchor_at_cop: Anchor each foot at its CoP; at the sole centre when False, which assumes a flat sole at rest.
+        min_load: Normal force below which a foot has no share in the estimate, N.
         load_time_constant: Low-pass of the normal forces, s; 0 for none.
-        cop_time_constant: Low-pass of the centres of pressure, s; 0 for none.
-        slip_time_constant: How fast loaded feet that disagree settle between themselves, s.
-        reference_time_constant: How fast anchors follow the sole placements given to `update`, s.
+        cop_time_constant: Low-pass of the CoPs, s; 0 for none.
+        slip_time_constant: Time constant with which anchors of loaded feet settle when their distance changes, s.
+        reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
     """
 
     inertial: InertialSettings = field(default_factory=InertialSettings)
     anchor_at_cop: bool = True
-    min_load: float = 20.0
-    load_time_constant: float = 0.01
-    cop_time_constant: float = 0.02
-    slip_time_constant: float = 0.2
-    reference_time_constant: float = 0.1
-
-    def __post_init__(self) -> None:
-        non_negative("min_load (N)", self.min_load)
-        for name in ("load", "cop", "slip", "reference"):
-            non_negative(f"{name}_time_constant (s)", getattr(self, f"{name}_time_constant"))
+    min_load: Annotated[NonNegative, "N"] = 20.0
+    load_time_constant: Annotated[NonNegative, "s"] = 0.01
+    cop_time_constant: Annotated[NonNegative, "s"] = 0.02
+    slip_time_constant: Annotated[NonNegative, "s"] = 0.2
+    reference_time_constant: Annotated[NonNegative, "s"] = 0.1
 
 
 class Observer:
-    """Estimates the state of a robot from its sensors.
+    """Estimator of the state of a robot from its sensors.
 
     Attributes:
         robot: The estimated robot; updated in place by every `update`.
@@ -86,9 +82,9 @@ class Observer:
         Args:
             robot: Robot to estimate.
             settings: Settings; the defaults when None.
-            adopt: Estimate into `robot` itself instead of a clone, as a controller of the estimated robot wants.
-            dynamics: Keep mass matrix, bias forces and Jacobians of the estimated robot up to date, too. Without them
-                (`Robot.update_kinematics`) an update is quicker; an adopted robot always has them.
+            adopt: Estimate into `robot` itself instead of a clone, for a controller of the estimated robot.
+            dynamics: Update mass matrix, bias forces and Jacobians of the estimated robot, too. Without them
+                (`Robot.update_kinematics`) an update is faster; an adopted robot always has them.
         """
         q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
@@ -127,22 +123,22 @@ class Observer:
 
     @property
     def share(self) -> Array:
-        """Part of the base that hangs on each foot, shape (number of soles,); sums to 1, or 0 in flight."""
+        """Share of the load on each foot, shape (number of soles,); sums to 1, or 0 in flight."""
         return np.array(self._shares)
 
     @property
     def cop(self) -> Array:
-        """Centres of pressure in the sole frames after the low-pass, shape (number of soles, 2), m."""
+        """CoPs in the sole frames after the low-pass, shape (number of soles, 2), m."""
         return np.array(self._cops)
 
     @property
     def anchor(self) -> Array:
-        """Resting points of the feet in the world, shape (number of soles, 3), m."""
+        """Anchors of the feet in the world, shape (number of soles, 3), m."""
         return np.array(self._anchors)
 
     @property
     def net_wrench(self) -> Array:
-        """What the ground does to the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
+        """Wrench of the ground on the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
         net = pin.Force.Zero()
         for placement, wrench in zip(self._robot_soles, self._wrenches, strict=True):
             net += placement.act(pin.Force(wrench))
@@ -154,7 +150,7 @@ class Observer:
         return not any(self._shares)
 
     def reset(self, q: Array | None = None, specific_force: Array | None = None) -> None:
-        """Forget everything but the gyro bias and start at rest from a configuration.
+        """Restart at rest from a configuration; only the gyro bias is kept.
 
         Args:
             q: Configuration, shape (nq,); half-sitting when None.
@@ -193,12 +189,12 @@ class Observer:
         self._time = time
 
     def update(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> Robot:
-        """Take in one measurement.
+        """Update the estimate with one measurement.
 
         Args:
-            measurement: Sensors; its time stamp gives the period.
-            soles: Where the controller's model has its soles in the world; loaded feet are drawn there, so
-                that the estimate does not wander off from the controller's world. Odometry when None.
+            measurement: Measurement; its time stamp gives the period.
+            soles: Placements of the soles in the world in the controller's model; loaded feet are drawn there, so
+                that the estimate does not drift away from the controller's world. Odometry when None.
 
         Returns:
             The estimated robot, the same object each time.
@@ -211,7 +207,7 @@ class Observer:
         dt = 0.0 if self._time is None else measurement.time - self._time
         self._time = measurement.time
 
-        # Kinematics in the base frame, as if the base rested at the origin.
+        # Kinematics with the base at rest at the origin.
         model, data = self.robot.model, self._data
         self._q[7:] = measurement.joint_position
         self._v[BASE_DOF:] = measurement.joint_velocity
@@ -228,14 +224,14 @@ class Observer:
         turn, turning = base.tolist(), spin.tolist()
         frames = [(rotation.tolist(), position.tolist()) for rotation, position in self._sole_frames]
         arms = self._update_loads(measurement.sole_wrench.tolist(), dt, turn, [r for r, _ in frames], first)
-        # In the base frame: centres of pressure, and which way the soles look.
+        # In the base frame: CoPs, and headings of the soles.
         points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
         ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
         yaw_error = 0.0
         velocity = None
         rotations: list[Vector] = []
         if not self.in_flight:
-            vx = vy = vz = 0.0  # less what the velocity of the anchors would be if the base only turned
+            vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
             for i, sole in enumerate(self._soles):
                 share = self._shares[i]
                 if share == 0.0:
@@ -297,17 +293,17 @@ class Observer:
     def _update_loads(
         self, wrenches: Sequence[Vector], dt: float, base: Rows, soles: Sequence[Rows], first: bool
     ) -> list[Vector]:
-        """Loads, shares and centres of pressure; an anchor moves over the sole with the latter.
+        """Update loads, shares and CoPs; an anchor moves over the sole with the CoP.
 
         Args:
             wrenches: Measured, N and Nm.
             dt: Time since the last measurement, s.
             base: Rotation of the base.
             soles: Rotations of the soles in the base frame.
-            first: No low-pass: take it as it is.
+            first: True for the first measurement, which is not filtered.
 
         Returns:
-            From the sole centres to the centres of pressure, in the base frame, m.
+            Vectors from the sole centres to the CoPs, in the base frame, m.
         """
         s = self.settings
         gain = 1.0 if first else lag_gain(dt, s.load_time_constant)
@@ -347,15 +343,15 @@ class Observer:
         soles: Sequence[pin.SE3 | None] | None,
         dt: float,
     ) -> None:
-        """Hang the base on the anchors; anchors that carry little follow the base.
+        """Update the base position from the anchors; anchors of feet with little load follow the base.
 
         Args:
             base: Rotation of the base.
             base_velocity: In the world, shape (3,), m/s.
-            points: Centres of pressure in the base frame, m.
+            points: CoPs in the base frame, m.
             ahead: First axes of the soles in the base frame.
-            arms: From the sole centres to the centres of pressure, in the base frame, m.
-            soles: Where the controller has its soles.
+            arms: Vectors from the sole centres to the CoPs, in the base frame, m.
+            soles: Placements of the soles in the controller's model.
             dt: Time since the last measurement, s.
         """
         s, shares, anchors = self.settings, self._shares, self._anchors
@@ -380,7 +376,7 @@ class Observer:
             for share, (at_x, at_y, at_z), (u, v, w) in zip(shares, anchors, reach, strict=True):
                 x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
         self._position = (x, y, z)
-        # Feet that disagree settle between themselves; equal gains leave their common place and yaw alone.
+        # Anchors whose distance changes settle; equal gains leave their common position and yaw unchanged.
         common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(shares, self._anchor_yaw, yaws, strict=True))
         slip = lag_gain(dt, s.slip_time_constant)
         for i, (u, v, w) in enumerate(reach):
@@ -399,7 +395,7 @@ def _common(rotations: Sequence[Vector]) -> float:
 
 
 def _yaw(axis: Vector) -> float:
-    """Heading of a direction, such as the x axis of a frame, rad."""
+    """Return the heading of a direction, such as the x axis of a frame, rad."""
     return math.atan2(axis[1], axis[0])
 
 

@@ -1,25 +1,26 @@
-"""Self-collision: pairs of links kept apart by a velocity damper on the distance between their shapes."""
+"""Limit on self-collision: a velocity damper on the distance between the shapes of pairs of links."""
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_array, non_negative, positive
+from wbc.core.errors import Array, InputError, non_negative, positive
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
+from wbc.core.settings import Positive, settings
 
 Point = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@settings
 class CollisionSphere:
     """A sphere around a point of a frame.
 
@@ -28,17 +29,13 @@ class CollisionSphere:
         centre: In the frame, m.
     """
 
-    radius: float
-    centre: Point = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        positive("radius of a sphere (m)", self.radius)
-        finite_array("centre of a sphere (m)", self.centre, (3,))
+    radius: Annotated[Positive, "m"]
+    centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
+@settings
 class CollisionCapsule:
-    """All points within a radius of a line segment in a frame.
+    """A capsule: all points within a radius of a line segment in a frame.
 
     Attributes:
         radius: m.
@@ -46,14 +43,12 @@ class CollisionCapsule:
         end: Its other end, m.
     """
 
-    radius: float
-    start: Point
-    end: Point
+    radius: Annotated[Positive, "m"]
+    start: Annotated[Point, "m"]
+    end: Annotated[Point, "m"]
 
     def __post_init__(self) -> None:
-        positive("radius of a capsule (m)", self.radius)
-        start = finite_array("start of a capsule (m)", self.start, (3,))
-        if np.linalg.norm(finite_array("end of a capsule (m)", self.end, (3,)) - start) < 1e-9:
+        if math.dist(self.start, self.end) < 1e-9:
             raise InputError(
                 f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
             )
@@ -63,7 +58,7 @@ Shape = CollisionSphere | CollisionCapsule
 
 
 class _Body(NamedTuple):
-    """A body at one tick, in the world: what the velocities and accelerations of its points are made of."""
+    """Velocity and acceleration of a body at one tick, in the world."""
 
     origin: Array
     turning: list[float]
@@ -89,8 +84,8 @@ class SelfCollisionLimit(RowLimit):
     pairs that are far apart are empty. Of the acceleration of the distance, the turning of the common normal is left
     out: for convex shapes that pass each other it only adds distance.
 
-    The distance is demanded to grow by no more than (distance − margin) / time constant² + recovery, m/s²: enough for
-    links that come within `influence` at no more than the speed allowed there.
+    The demanded acceleration of the distance is at most (distance − margin) / time constant² + recovery, m/s²: enough
+    for links that come within `influence` at no more than the speed allowed there.
     """
 
     def __init__(
@@ -112,11 +107,11 @@ class SelfCollisionLimit(RowLimit):
             shapes: Link or frame → its shapes, in its own coordinates.
             urdf: URDF, a path or the XML itself, whose primitive collision geometry (boxes, spheres, cylinders,
                 capsules) is the shape of links that are not in `shapes`; meshes are left out.
-            margin: Least distance, m.
-            influence: Distance beyond which a pair is not looked at, m.
-            time_constant: Of the approach, s.
-            recovery: Acceleration with which links closer than the margin are at least pushed apart, m/s². It also
-                stops links that come within `influence` too fast.
+            margin: Smallest distance, m.
+            influence: Distance beyond which a pair is ignored, m.
+            time_constant: Time constant of the approach, s.
+            recovery: Smallest acceleration that separates links closer than the margin, m/s². It also stops links that
+                come within `influence` too fast.
             name: Name of the limit.
 
         Raises:
@@ -134,9 +129,11 @@ class SelfCollisionLimit(RowLimit):
             frame: [shape] if isinstance(shape, CollisionSphere | CollisionCapsule) else list(shape)
             for frame, shape in (shapes or {}).items()
         }
-        for frame, own in self._shapes.items():
-            if not own or not all(isinstance(shape, CollisionSphere | CollisionCapsule) for shape in own):
-                raise InputError(f"shapes of '{frame}' must be spheres and capsules, at least one; got {own}")
+        for frame, given in self._shapes.items():
+            if not given or not all(isinstance(shape, CollisionSphere | CollisionCapsule) for shape in given):
+                raise InputError(
+                    f"shapes of '{frame}' must be spheres and capsules, at least one; got {given}"
+                )
         self._urdf = urdf
         self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
         self._influence = positive(f"influence of limit '{name}' (m)", influence)
@@ -201,11 +198,11 @@ class SelfCollisionLimit(RowLimit):
 
     @property
     def distances(self) -> dict[tuple[str, str], float]:
-        """Pair → least distance of its shapes at the last tick, m; negative in collision."""
-        least: dict[tuple[str, str], float] = {}
+        """Pair → smallest distance of its shapes at the last tick, m; negative in collision."""
+        smallest: dict[tuple[str, str], float] = {}
         for pair, distance in zip(self._names, self._distance, strict=True):
-            least[pair] = min(least.get(pair, np.inf), float(distance))
-        return least
+            smallest[pair] = min(smallest.get(pair, np.inf), float(distance))
+        return smallest
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each pair of shapes; see `RowLimit.write`."""
@@ -227,8 +224,8 @@ class SelfCollisionLimit(RowLimit):
                 rows[row], bodies, second, result.getNearestPoint2() + radius_2 * normal, normal
             )
             room = float(self._distance[row]) - self._margin
-            wanted = -(room / self._time + float(np.dot(rows[row], v))) / dt
-            lower[row] = min(wanted, max(room, 0.0) / self._time**2 + self._recovery) - drift
+            demand = -(room / self._time + float(np.dot(rows[row], v))) / dt
+            lower[row] = min(demand, max(room, 0.0) / self._time**2 + self._recovery) - drift
 
     def _add_side(
         self, row: Array, bodies: dict[int, _Body], joint: int, point: Array, direction: Array

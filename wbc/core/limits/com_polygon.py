@@ -1,8 +1,8 @@
-"""The centre of mass over a polygon on the ground, such as the hull of the soles.
+"""Limit of the centre of mass to a polygon on the ground, such as the hull of the soles.
 
-Along each edge the speed towards it is bounded by distance / time constant. With the default time constant, that of
-the linear inverted pendulum, √(height / g), this says that the divergent component of motion, c + ċ / ω, stays inside:
-what the ground can then always bring about with a CoP in the same polygon.
+The speed towards each edge is bounded by distance / time constant. With the default time constant, that of the linear
+inverted pendulum, √(height / g), the divergent component of motion, c + ċ / ω, stays inside, which a CoP in the same
+polygon can always ensure.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from wbc.core.robot import Robot
 
 
 def convex_hull(points: ArrayLike) -> Array:
-    """Corners of the convex hull of points in the plane, counter-clockwise.
+    """Return the corners of the convex hull of points in the plane, counter-clockwise.
 
     Args:
         points: Shape (n, 2), m.
@@ -55,7 +55,7 @@ class CoMPolygonLimit(RowLimit):
 
     The rows allow the next velocity to be in (polygon − CoM) / time constant, which is never empty, so they cannot
     contradict each other. They demand no more than distance / time constant² + recovery of acceleration away from an
-    edge: from inside that suffices, and outside `recovery` is what brings the CoM back.
+    edge: that suffices inside, and outside `recovery` brings the CoM back.
     """
 
     def __init__(
@@ -71,14 +71,14 @@ class CoMPolygonLimit(RowLimit):
         """Describe the limit.
 
         Args:
-            polygon: Points in world x and y, shape (n, 2), m, of which the convex hull counts; the hull of all soles
-                as they stand when the limit is added when None.
-            margin: How far inside the edges the CoM stays, m.
-            time_constant: Of the approach to an edge, s; √(height of the CoM / g) when None. With a shorter one the
-                CoM may come to speeds from which the ground cannot stop it.
-            recovery: Acceleration with which a CoM beyond an edge is at least pushed back, m/s². When None, what a CoP
-                half the margin further out brings about, margin / (2 · time constant²).
-            max_edges: Number of rows; greatest number of edges that a polygon can have.
+            polygon: Points in world x and y, shape (n, 2), m, whose convex hull is the polygon; the hull of all soles
+                at the time the limit is added when None.
+            margin: Distance that the CoM keeps from the edges, m.
+            time_constant: Time constant of the approach to an edge, s; √(height of the CoM / g) when None. With a
+                shorter one the CoM may reach speeds from which the ground cannot stop it.
+            recovery: Smallest acceleration back from beyond an edge, m/s². When None, that of a CoP half the margin
+                further out, margin / (2 · time constant²).
+            max_edges: Number of rows: greatest number of edges of a polygon.
             name: Name of the limit.
 
         Raises:
@@ -130,7 +130,7 @@ class CoMPolygonLimit(RowLimit):
         self._normals[: self._edges], self._offsets[: self._edges] = normals, offsets
 
     def use_soles(self, soles: Iterable[str] | None = None) -> None:
-        """Take the hull of soles as they stand now; call it when contacts have changed.
+        """Take the hull of the soles at their present placement; call it when contacts have changed.
 
         Args:
             soles: Names or frames of soles; all that the robot has when None.
@@ -155,7 +155,7 @@ class CoMPolygonLimit(RowLimit):
 
     @property
     def distance(self) -> float:
-        """How far the CoM is inside the polygon less its margin, at the last update of the robot, m; negative outside.
+        """Distance of the CoM to the polygon less its margin, at the last update of the robot, m; negative outside.
 
         Raises:
             InputError: The limit has not been added to a controller.
@@ -199,8 +199,8 @@ class CoMPolygonLimit(RowLimit):
         distance = self._offsets[used] - np.dot(normals, robot.com[:2])
         bound = damped_bound(distance, np.dot(normals, robot.com_velocity[:2]), dt, self.time_constant)
         demand = np.maximum(distance, 0.0)
-        # On its way to the edge at distance / time constant, the CoM needs distance / time constant², and a little more
-        # because a period passes before the bound can answer.
+        # At the speed distance / time constant towards the edge, the CoM needs the deceleration distance / time
+        # constant², and a little more because a period passes before the bound reacts.
         demand *= (1.0 + 2.0 * dt / self.time_constant) / self.time_constant**2
         demand += self.recovery
         np.maximum(bound, -demand, out=bound)

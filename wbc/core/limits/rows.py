@@ -1,7 +1,7 @@
-"""Limits: bounds that the solution must keep, written so that they cannot contradict each other.
+"""Limits of joints and torques, and the base of all other limits; none of them can contradict another.
 
 Position, velocity and acceleration bounds of a joint are merged into one interval of its acceleration, which is
-never empty. A joint that starts outside its limits is brought back instead of making the problem infeasible.
+never empty. A joint that starts outside its limits is brought back instead of making the QP infeasible.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _ZERO = scalar(0.0)
 
 
 class BrakingLaw:
-    """Greatest velocity at the end of a period after which a bound can still be kept by braking.
+    """Law of the greatest velocity at the end of a period after which braking still keeps a bound.
 
     The acceleration is held over one control period. After it, with velocity v⁺ and distance d⁺ left, the state must
     be viable: v⁺² ≤ 2 ā d⁺ for v⁺ > 0. If the joint has to turn round within the period, the point where it turns
-    must not lie beyond the bound. From a viable state no more than the deceleration ā is ever needed. From beyond
-    the bound, the way back is asked for.
+    must not lie beyond the bound. From a viable state no more than the deceleration ā is ever needed. Beyond the
+    bound, the joint is brought back.
 
     Source: Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of robot
     arms", RA-L 3(1), 2018, section IV; the case of turning within the period is ours.
@@ -51,7 +51,7 @@ class BrakingLaw:
         """Return the upper bound of the velocity v⁺ towards the bound, rad/s; overwritten by the next call.
 
         Args:
-            distance: Way left to the bound, rad; negative beyond it.
+            distance: Distance to the bound, rad; negative beyond it.
             velocity: Velocity towards the bound, rad/s.
         """
         final = self._final
@@ -62,9 +62,8 @@ class BrakingLaw:
         np.sqrt(final, out=final)
         final -= self._half
         flat = final.reshape(-1)
-        if (
-            flat[flat.argmin()] < 0.0
-        ):  # a bound is too near to stop before the period ends, or has been crossed
+        # A bound is too near to stop before the period ends, or has been crossed.
+        if flat[flat.argmin()] < 0.0:
             for i in (flat < 0.0).nonzero()[0].tolist():
                 d, v = distance.item(i), velocity.item(i)
                 turned = v - v * abs(v) * (0.5 * self._dt) / max(d, 1e-12)
@@ -92,18 +91,18 @@ class JointLimits:
         margin: float = 1e-3,
         velocity_ratio: float = 1.0,
     ) -> None:
-        """Choose which bounds to keep.
+        """Choose the bounds.
 
         Args:
-            position: Keep the position limits of the model, by a braking law that is viable: as long as the joint can
-                be decelerated as `braking` says, the position bound can always still be kept.
+            position: Keep the position limits of the model, by a viable braking law: as long as the joint can be
+                decelerated by `braking`, the position bound can be kept.
             velocity: Keep the velocity limits of the model.
             acceleration: Largest acceleration, rad/s² (or m/s²), scalar or shape (na,); unlimited when None.
             braking: Deceleration that is always available, rad/s², scalar or shape (na,). When None, the acceleration
                 limit, or what 30 % of the torque limit gives to the joint's inertia in half-sitting, at most
                 100 rad/s²: the rest is left for gravity and contact forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
-            velocity_ratio: Part of the velocity limit that may be used, in (0, 1].
+            velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
 
         Raises:
             InputError: A value out of range, or an acceleration limit below the braking deceleration.
@@ -138,8 +137,8 @@ class JointLimits:
         self.lower = np.minimum(robot.position_lower + self._margin, middle)
         self.upper = np.maximum(robot.position_upper - self._margin, middle)
         self.velocity = self._ratio * robot.velocity_limit
-        # Row 0 is about the upper bounds, row 1, with signs turned, about the lower ones; in arrays of one shape, which
-        # NumPy computes with in half the time.
+        # Row 0 holds the upper bounds, row 1, with changed signs, the lower ones: arrays of one shape take NumPy half
+        # the time.
         self._twice_velocity = np.array([self.velocity, self.velocity])
         self._greatest = None
         if np.isfinite(self.acceleration).any():
@@ -195,7 +194,7 @@ class TorqueLimits:
         """Choose the bounds.
 
         Args:
-            ratio: Part of the model's torque limits that may be used, in (0, 1].
+            ratio: Share of the model's torque limits that may be used, in (0, 1].
             rate: Greatest change of torque per second, Nm/s, scalar or shape (na,); unlimited when None.
 
         Raises:
@@ -237,10 +236,10 @@ class TorqueLimits:
 
 
 class RowLimit(ABC):
-    """Base of limits on what joints do together: lower ≤ rows · acceleration ≤ upper.
+    """Base of limits on combinations of joints: lower ≤ rows · acceleration ≤ upper.
 
     Attributes:
-        name: How status tables and error messages call it.
+        name: Name in status tables and messages.
         dim: Number of rows, fixed.
     """
 
@@ -264,13 +263,13 @@ class RowLimit(ABC):
 
 
 def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: float) -> Array:
-    """Greatest acceleration towards a bound that lets the speed towards it be distance / time constant at most.
+    """Return the greatest acceleration towards a bound with which the speed is distance / time constant at most.
 
     Args:
-        distance: Way left to the bound, shape (n,); negative beyond it, which asks for a way back.
+        distance: Distance to the bound, shape (n,); negative beyond it, from where the bound leads back.
         velocity: Velocity towards the bound, shape (n,).
         dt: Control period, s.
-        time_constant: Of the approach, s.
+        time_constant: Time constant of the approach, s.
 
     Returns:
         Upper bound of the acceleration, shape (n,).
@@ -281,7 +280,7 @@ def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: flo
 
 
 def limit_time_constant(value: float) -> float:
-    """Validate the time constant of a damped limit, s.
+    """Return the time constant of a damped limit after a check, s.
 
     Raises:
         InputError: Not positive.

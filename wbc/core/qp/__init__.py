@@ -1,4 +1,4 @@
-"""Tasks, contacts and the controller: what becomes one quadratic program (QP), and what solves it.
+"""The quadratic program (QP) of the controller: tasks, contacts, assembly, solver.
 
 A new kind of task or contact (a base class) goes here; a task itself goes to `wbc.tasks`.
 """

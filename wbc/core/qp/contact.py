@@ -1,21 +1,21 @@
-"""Contacts: what holds a frame still, and the wrenches that it may pass on.
+"""Contacts: motion constraints of a frame, and the wrenches that it may transmit.
 
-Each contact has as many force variables as motion rows. Along an axis that the contact holds, the row says "this
-frame does not accelerate"; along one that it leaves free, or everywhere while it is inactive, the same row says "this
-force is zero" (or nothing, if a free axis keeps its force). Switching a contact therefore never changes the size of
-the problem.
+Each contact has as many force variables as motion rows. Along an axis that the contact holds, the row is "this frame
+does not accelerate"; along one that it leaves free, or everywhere while it is inactive, the same row is "this force is
+zero" (or empty, if a free axis keeps its force). Switching a contact therefore never changes the size of the QP.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, non_negative, positive
+from wbc.core.errors import Array, InputError, check_options, finite_array, non_negative, positive
 from wbc.core.robot import Robot
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -23,7 +23,7 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 def rectangle_wrench_cone(half_length: float, half_width: float, friction: float) -> Array:
-    """Wrenches that a rectangular sole can pass on with Coulomb friction at its corners.
+    """Return the cone of wrenches that a rectangular sole can transmit with Coulomb friction at its corners.
 
     Args:
         half_length: Half extent along x, m.
@@ -47,10 +47,8 @@ def rectangle_wrench_cone(half_length: float, half_width: float, friction: float
     cone[4:6, 2], cone[4:6, 3] = -y, [1, -1]  # CoP inside the rectangle: |m_x| ≤ Y f_z
     cone[6:8, 2], cone[6:8, 4] = -x, [1, -1]  # and |m_y| ≤ X f_z
     row = 8
-    for yaw in (
-        1.0,
-        -1.0,
-    ):  # yaw moment within its bounds: ± m_z ≤ μ (X + Y) f_z − |Y f_x ± μ m_x| − |X f_y ± μ m_y|
+    # Yaw moment within its bounds: ± m_z ≤ μ (X + Y) f_z − |Y f_x ± μ m_x| − |X f_y ± μ m_y|.
+    for yaw in (1.0, -1.0):
         for s in (1.0, -1.0):
             for t in (1.0, -1.0):
                 cone[row] = [s * y, t * x, -mu * (x + y), yaw * s * mu, yaw * t * mu, yaw]
@@ -59,7 +57,10 @@ def rectangle_wrench_cone(half_length: float, half_width: float, friction: float
 
 
 def friction_pyramid(friction: float) -> Array:
-    """Forces that a point can pass on: |f_x|, |f_y| ≤ μ f_z.
+    """Return the pyramid of forces that a point can transmit: |f_x|, |f_y| ≤ μ f_z.
+
+    Args:
+        friction: Coulomb coefficient μ.
 
     Returns:
         Matrix F with F f ≤ 0, shape (4, 3).
@@ -71,23 +72,47 @@ def friction_pyramid(friction: float) -> Array:
     return np.array([[1, 0, -mu], [-1, 0, -mu], [0, 1, -mu], [0, -1, -mu]], dtype=float)
 
 
+class ContactOptions(TypedDict, total=False):
+    """Options of all contacts.
+
+    Attributes:
+        min_force: Smallest normal force while active, N; zero by default.
+        max_force: Greatest normal force, N; four times the robot's weight when None, the default.
+        ramp: Time of the force ramp when the contact is switched, s; 0.1 by default.
+        stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
+        damping: Damping of contact velocity, 1/s; critical when None, the default.
+        wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero.
+        active: Start active, with full load allowed; True by default.
+        free_axes: Axes of the contact frame that are not held: x, y, roll, pitch, yaw of a sole, x and y of a point;
+            none by default.
+        free_force: Along a free axis, let the force be anything within the cone, as mc_rtc does: for a foot that a CoP
+            task turns, whose ankle torque is not zero. When False, the default, it is zero, as on a hinge.
+    """
+
+    min_force: float
+    max_force: float | None
+    ramp: float
+    stiffness: float
+    damping: float | None
+    wrench_weight: ArrayLike
+    active: bool
+    free_axes: Sequence[str]
+    free_force: bool
+
+
 class Contact(ABC):
     """Base of contacts.
 
     Attributes:
-        name: How status tables and solutions call it; unique within a controller.
+        name: Name in status tables and solutions, unique within a controller.
         frame: Frame of the robot that is in contact.
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
         free: Mask of the axes that are not held, shape (dim,).
-        free_force: True if the force along free axes may be anything within the cone; else it is zero.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
-        wrench_weight: Cost per N² and (Nm)² of each force variable, shape (dim,), above zero.
-        stiffness: Pull back to where the contact was made, 1/s².
-        damping: Damping of contact velocity, 1/s.
-        ramp: Time over which the normal force may come and must go, s.
-        min_force: Least normal force while fully active, N.
-        max_force: Greatest normal force, N; several times the robot's weight when None.
+        revision: Number that changes with the cone and the range of the normal force.
+
+    The options of `ContactOptions` are attributes as well, the wrench weight of shape (dim,).
     """
 
     dim: int
@@ -99,26 +124,26 @@ class Contact(ABC):
         frame: str,
         cone: Array,
         *,
-        min_force: float,
-        max_force: float | None,
-        ramp: float,
-        stiffness: float,
-        damping: float | None,
-        wrench_weight: ArrayLike,
-        active: bool,
-        free_axes: Sequence[str],
-        free_force: bool,
+        min_force: float = 0.0,
+        max_force: float | None = None,
+        ramp: float = 0.1,
+        stiffness: float = 100.0,
+        damping: float | None = None,
+        wrench_weight: ArrayLike = 1e-5,
+        active: bool = True,
+        free_axes: Sequence[str] = (),
+        free_force: bool = False,
     ) -> None:
         self.name = name
         self.frame = frame
         self.cone = cone
-        self.min_force = non_negative(f"least force of contact '{name}' (N)", min_force)
+        self.min_force = non_negative(f"smallest force of contact '{name}' (N)", min_force)
         self.max_force = (
             None if max_force is None else positive(f"greatest force of contact '{name}' (N)", max_force)
         )
         if self.max_force is not None and self.max_force <= self.min_force:
             raise InputError(
-                f"greatest force of contact '{name}' must exceed the least, got {self.max_force} ≤ {self.min_force} N"
+                f"greatest force of contact '{name}' must exceed the smallest: {self.max_force} ≤ {self.min_force} N"
             )
         self.ramp = non_negative(f"force ramp of contact '{name}' (s)", ramp)
         self.stiffness = non_negative(f"stiffness of contact '{name}' (1/s²)", stiffness)
@@ -148,7 +173,7 @@ class Contact(ABC):
 
     @property
     def active(self) -> bool:
-        """True while the contact is wanted. Assigning it starts the force ramp."""
+        """True while the contact is switched on. Assigning it starts the force ramp."""
         return self._active
 
     @active.setter
@@ -173,7 +198,7 @@ class Contact(ABC):
         return tuple(axis for axis, free in zip(AXES, self.free, strict=False) if not free)
 
     def bind(self, robot: Robot) -> None:
-        """Resolve the frame and remember where the contact is.
+        """Resolve the frame, and take its present placement as that of the contact.
 
         Raises:
             UnknownNameError: The robot has no such frame.
@@ -193,7 +218,7 @@ class Contact(ABC):
 
     @property
     def target(self) -> pin.SE3:
-        """Where the contact is held, in the world; assign it, with `velocity`, to move a foot that is loaded."""
+        """Placement of the held frame in the world; assign it, with `velocity`, to move a foot that is loaded."""
         return self._target
 
     @target.setter
@@ -216,7 +241,7 @@ class Contact(ABC):
         """Set `target` and `velocity` for one tick, unchecked: for a controller that makes them itself.
 
         Args:
-            target: Where the contact is held, in the world; kept, not copied.
+            target: Placement of the held frame in the world; kept, not copied.
             velocity: In the contact frame, shape (dim,), m/s and rad/s.
         """
         self._target = target
@@ -228,7 +253,7 @@ class Contact(ABC):
         self._velocity = velocity
 
     def advance(self, dt: float) -> None:
-        """Move the force ramp on by one control period, s."""
+        """Advance the force ramp by one control period, s."""
         goal = 1.0 if self._active else 0.0
         if self._load != goal:
             step = dt / self.ramp if self.ramp > 0.0 else 1.0
@@ -238,7 +263,7 @@ class Contact(ABC):
 
     @property
     def normal_force_range(self) -> tuple[float, float]:
-        """Least and greatest normal force allowed now, N."""
+        """Smallest and greatest normal force allowed now, N."""
         assert self.max_force is not None
         high = self._load * self.max_force
         return min(self.min_force, 0.5 * high), high
@@ -264,7 +289,10 @@ class Contact(ABC):
 
 
 class SoleContact(Contact):
-    """A rectangular sole flat on the ground; its wrench is in the sole frame at the sole centre."""
+    """A rectangular sole flat on the ground; its wrench is in the sole frame at the sole centre.
+
+    Smallest normal force 10 N, cost 10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² by default.
+    """
 
     dim = 6
 
@@ -273,54 +301,28 @@ class SoleContact(Contact):
         sole: str,
         *,
         friction: float = 0.7,
-        min_force: float = 10.0,
-        max_force: float | None = None,
         margin: float = 0.005,
-        ramp: float = 0.1,
-        stiffness: float = 100.0,
-        damping: float | None = None,
-        wrench_weight: ArrayLike = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3),
-        active: bool = True,
-        free_axes: Sequence[str] = (),
-        free_force: bool = False,
+        **options: Unpack[ContactOptions],
     ) -> None:
         """Describe the contact; the rectangle comes from the robot's sole.
 
         Args:
             sole: Name of one of the robot's soles, or its frame.
             friction: Coulomb coefficient; 0.7 as in the soft-foot experiments of Frizza et al., 2022.
-            min_force: Least normal force while active, N.
-            max_force: Greatest normal force, N; four times the robot's weight when None.
-            margin: How far the CoP stays inside the edge of the rectangle, m.
-            ramp: Time of the force ramp when the contact is switched, s.
-            stiffness: Pull back to where the contact was made, 1/s².
-            damping: Damping of contact velocity, 1/s; critical when None.
-            wrench_weight: Cost per N² (first three) and (Nm)² (last three), in the sole frame. The defaults make
-                100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
-            active: Whether it starts active, with full load allowed.
-            free_axes: Axes of the sole frame that are not held, out of x, y, roll, pitch, yaw.
-            free_force: Along a free axis, let the force be anything within the cone, as mc_rtc does: for a foot that a
-                CoP task turns, whose ankle torque is not zero. When False it is zero, as on a hinge.
+            margin: Distance that the CoP keeps from the edge of the rectangle, m.
+            **options: See `ContactOptions`.
 
         Raises:
+            UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
+        check_options(self, ContactOptions, options)
         self._friction = positive(f"friction of contact '{sole}'", friction)
         self._margin = non_negative(f"CoP margin of contact '{sole}' (m)", margin)
-        super().__init__(
-            sole,
-            sole,
-            np.zeros((16, 6)),
-            min_force=min_force,
-            max_force=max_force,
-            ramp=ramp,
-            stiffness=stiffness,
-            damping=damping,
-            wrench_weight=wrench_weight,
-            active=active,
-            free_axes=free_axes,
-            free_force=free_force,
-        )
+        # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
+        weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
+        chosen: ContactOptions = {"min_force": 10.0, "wrench_weight": weight, **options}
+        super().__init__(sole, sole, np.zeros((16, 6)), **chosen)
 
     def bind(self, robot: Robot) -> None:
         """Take frame and rectangle from the robot's sole.
@@ -360,7 +362,10 @@ class SoleContact(Contact):
 
 
 class PointContact(Contact):
-    """A point, such as a hand on a wall; its force is in a contact frame whose z axis is the surface normal."""
+    """A point, such as a hand on a wall; its force is in a contact frame whose z axis is the surface normal.
+
+    Cost 10⁻⁵ per N² by default.
+    """
 
     dim = 3
 
@@ -370,15 +375,7 @@ class PointContact(Contact):
         *,
         normal: ArrayLike = (0.0, 0.0, 1.0),
         friction: float = 0.7,
-        min_force: float = 0.0,
-        max_force: float | None = None,
-        ramp: float = 0.1,
-        stiffness: float = 100.0,
-        damping: float | None = None,
-        wrench_weight: ArrayLike = 1e-5,
-        active: bool = True,
-        free_axes: Sequence[str] = (),
-        free_force: bool = False,
+        **options: Unpack[ContactOptions],
     ) -> None:
         """Describe the contact.
 
@@ -386,39 +383,20 @@ class PointContact(Contact):
             frame: Frame at the point.
             normal: Direction from the surface to the robot, in the world; normalised here.
             friction: Coulomb coefficient.
-            min_force: Least normal force while active, N.
-            max_force: Greatest normal force, N; four times the robot's weight when None.
-            ramp: Time of the force ramp when the contact is switched, s.
-            stiffness: Pull back to where the contact was made, 1/s².
-            damping: Damping of contact velocity, 1/s; critical when None.
-            wrench_weight: Cost per N², scalar or shape (3,).
-            active: Whether it starts active, with full load allowed.
-            free_axes: Tangential axes of the contact frame that are not held, out of x and y.
-            free_force: Along a free axis, let the force be anything within the cone; zero when False.
+            **options: See `ContactOptions`.
 
         Raises:
+            UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
+        check_options(self, ContactOptions, options)
         axis = finite_array(f"normal of contact '{frame}'", normal, (3,))
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
             raise InputError(f"normal of contact '{frame}' must not be zero")
         world_to_contact = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
         self._world_to_contact = np.ascontiguousarray(world_to_contact)
-        super().__init__(
-            frame,
-            frame,
-            friction_pyramid(friction),
-            min_force=min_force,
-            max_force=max_force,
-            ramp=ramp,
-            stiffness=stiffness,
-            damping=damping,
-            wrench_weight=wrench_weight,
-            active=active,
-            free_axes=free_axes,
-            free_force=free_force,
-        )
+        super().__init__(frame, frame, friction_pyramid(friction), **options)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the contact frame; see `Contact.evaluate`."""

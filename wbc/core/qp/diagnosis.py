@@ -1,34 +1,36 @@
-"""Explanations for people: which constraints contradict each other, and a table of a controller's state."""
+"""Reports for people: which constraints contradict each other, and a table of tasks, contacts and active limits."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import qpsolvers
 
-if TYPE_CHECKING:
-    from wbc.core.qp.controller import Controller, Problem
-    from wbc.core.qp.solution import Solution
+from wbc.core.qp.contact import Contact
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solution import Solution
+from wbc.core.qp.task import Task
+from wbc.core.robot import Robot
 
 SLACK_TOLERANCE = 1e-4
-"""Violation below which a group counts as kept, in the unit of its rows."""
+"""Violation below which a group counts as satisfied, in the unit of its rows."""
 
 
 def violated_groups(problem: Problem) -> dict[str, float]:
-    """Solve the elastic problem: every row but the wrench cones and dynamics may be violated, at a quadratic price.
+    """Solve the elastic QP: every row but those of the dynamics may be violated, at a quadratic cost.
 
-    The dynamics of the floating base are physics and stay exact; all else has one slack per row.
+    The dynamics of the floating base are physics and stay exact; all other rows have a slack each.
 
     Args:
         problem: An assembled problem.
 
     Returns:
-        Group → largest violation, for the groups that cannot all be kept, worst first; empty if all can.
+        Group → largest violation, for the groups that cannot all be satisfied, worst first; empty if all can.
     """
     p = problem
     n, n_eq, n_in = p.diagonal.size, p.n_eq, p.lower.size
-    physics = p.equality_groups["floating-base dynamics"].stop
+    physics = p.n_physics
     n_slack = n_eq - physics + n_in
     identity = np.eye(n_slack)
     # Least violation first: the objective of the tasks is dropped, but for a trace that makes the answer unique.
@@ -60,9 +62,25 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     return {name: value for name, value in worst_first if value > SLACK_TOLERANCE}
 
 
-def status_table(controller: Controller, solution: Solution | None) -> str:
-    """Write a table: tasks with weight, error and residual, contacts with their forces, limits that push."""
-    lines = [f"{controller.robot!r}  period {1e3 * controller.dt:g} ms"]
+def status_table(
+    robot: Robot,
+    dt: float,
+    tasks: Sequence[Task],
+    contacts: Sequence[Contact],
+    regularisation: float,
+    solution: Solution | None,
+) -> str:
+    """Return a table: tasks with weight, error and residual, contacts with their forces, active limits.
+
+    Args:
+        robot: Robot of the controller.
+        dt: Control period, s.
+        tasks: Tasks of the controller.
+        contacts: Contacts of the controller.
+        regularisation: Cost per squared acceleration.
+        solution: Result of the last tick; None before the first one.
+    """
+    lines = [f"{robot!r}  period {1e3 * dt:g} ms"]
     if solution is None:
         lines.append("not solved yet")
     else:
@@ -74,7 +92,7 @@ def status_table(controller: Controller, solution: Solution | None) -> str:
         )
     lines.append(f"{'task':<24}{'rows':>5}  {'weight':>9}  {'error':>12}  {'residual':>14}")
     residuals = {} if solution is None else solution.residuals
-    for task in controller.tasks:
+    for task in tasks:
         weight = "hard" if task.hard else f"{task.weight.max():.3g}"
         error = f"{np.abs(task.error).max():.3g} {task.unit}"
         residual = (
@@ -83,9 +101,9 @@ def status_table(controller: Controller, solution: Solution | None) -> str:
             else "–"
         )
         lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}")
-    lines.append(f"{'acceleration (all)':<24}{controller.robot.nv:>5}  {controller.regularisation:>9.3g}")
+    lines.append(f"{'acceleration (all)':<24}{robot.nv:>5}  {regularisation:>9.3g}")
     wrenches = {} if solution is None else solution.wrenches
-    for contact in controller.contacts:
+    for contact in contacts:
         state = "active" if contact.active else ("unloading" if contact.engaged else "off")
         force = wrenches.get(contact.name)
         text = "" if force is None else "  " + " ".join(f"{f:8.1f}" for f in force)

@@ -1,4 +1,4 @@
-"""The quadratic program of a tick, in the structured form in which whole-body control gives it."""
+"""The quadratic program (QP) of a tick, in the structured form of whole-body control."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from wbc.core.errors import Array
 
 
 class Problem:
-    """Least squares with a diagonal, equalities and two-sided inequalities, in arrays of fixed size.
+    """A QP in arrays of fixed size: least squares with a diagonal, equalities and two-sided inequalities.
 
         minimise   ½ Σ_soft weight · (row · x − target)²  +  ½ xᵀ diag(diagonal) x  −  linearᵀ x
         subject to row · x = target for the equalities,  lower ≤ row · x ≤ upper for the inequalities
@@ -57,7 +57,7 @@ class Problem:
         self.inequality_groups: dict[str, slice] = {}
 
     def set_empty(self, rows: slice, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> None:
-        """Say which of some equalities are 0 = 0."""
+        """Set which of some equalities are 0 = 0."""
         empty = np.zeros(self.n_eq, dtype=bool) if self.empty is None else self.empty
         empty[rows] = mask
         self.empty = empty if empty.any() else None

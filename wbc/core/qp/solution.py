@@ -1,4 +1,4 @@
-"""What a tick of the controller gives back."""
+"""Solution: the result of a tick of the controller."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Timings(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """Where everything stands in a problem; made anew only when tasks, contacts or limits are added or removed.
+    """Names and places of variables and rows; made anew only when tasks, contacts or limits are added or removed.
 
     Attributes:
         nv: Number of accelerations, the first variables.
@@ -50,12 +50,14 @@ class Solution:
     """Result of one tick; owns its arrays.
 
     Attributes:
-        status: How the problem was solved. When `ok` is False the arrays hold the last good solution.
+        status: Which step of the solver's ladder succeeded. When `ok` is False the arrays hold the last good solution.
         variables: Accelerations, then contact wrenches, shape (n,).
         torques: Joint torques, shape (na,), Nm (or N).
         iterations: Outer iterations of the solver.
         timings: Wall time of each phase, s.
-        layout: Where everything stands.
+        layout: Names and places of variables and rows.
+        residual_rows: Achieved minus reference of all rows of the QP, then of all selections.
+        multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
     """
 
     status: Status
@@ -69,7 +71,7 @@ class Solution:
 
     @property
     def ok(self) -> bool:
-        """True if the problem was solved."""
+        """True if the QP was solved."""
         return self.status.ok
 
     @property
@@ -84,11 +86,11 @@ class Solution:
 
     @property
     def residuals(self) -> dict[str, Array]:
-        """Task name → achieved minus wanted acceleration (or torque, or wrench), shape (dim,)."""
+        """Task name → achieved minus reference acceleration (or torque, or wrench), shape (dim,)."""
         return {name: self.residual_rows[rows] for name, rows in self.layout.tasks.items()}
 
     @property
     def active_limits(self) -> tuple[str, ...]:
-        """Names of the limits that push, in the order of the rows."""
+        """Names of the active limits, in the order of the rows."""
         threshold = 1e-6 * max(1.0, float(np.abs(self.multipliers).max(initial=0.0)))
         return tuple(self.layout.limits[i] for i in np.flatnonzero(np.abs(self.multipliers) > threshold))

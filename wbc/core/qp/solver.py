@@ -1,9 +1,4 @@
-"""The solver of a tick's problem: reuse the active set, else ProxQP, and what to do when that fails too.
-
-Between two ticks the set of inequalities that push hardly ever changes. Given that set, the problem is linear; with
-the structure of `Problem` it is one small symmetric system, and checking the result (all rows within their bounds, all
-multipliers of the right sign) proves that it is the exact solution. `ActiveSet` does that. Whenever the check fails
-after a few corrections of the set, ProxQP solves the problem from scratch and finds the new set.
+"""Solver of a tick's QP: a ladder of methods, of which the first nearly always succeeds.
 
 The ladder: active set; persistent ProxQP, warm-started by the last result; a fresh ProxQP without a guess; DAQP, an
 exact active-set method; if asked for, DAQP on a relaxed problem; nothing. No solution is used unless its primal
@@ -16,15 +11,17 @@ from __future__ import annotations
 import enum
 import logging
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import proxsuite
 import qpsolvers
-from scipy.linalg.lapack import dposv, dpotrs
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, positive, scalar
+from wbc.core.errors import Array
+from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.problem import Problem
+from wbc.core.settings import Count, Positive, settings
 
 logger = logging.getLogger(__name__)
 
@@ -32,13 +29,8 @@ COMPLEMENTARITY = 1e-3
 """Largest product of a multiplier and the distance to its bound that counts as zero, in units of the cost."""
 
 
-def largest(values: Array) -> float:
-    """The same as `values.max()` for one axis, NaN too, in a quarter of the time."""
-    return float(values[values.argmax()])
-
-
 class Status(enum.Enum):
-    """How a tick's problem was solved, if at all."""
+    """Step of the ladder that solved a tick's QP, if any."""
 
     SOLVED = "solved"
     """By the active set of the tick before, or by the persistent ProxQP."""
@@ -47,11 +39,11 @@ class Status(enum.Enum):
     FALLBACK = "fallback"
     """By DAQP."""
     RELAXED = "relaxed"
-    """By DAQP, with hard tasks and contact motion as costs: they could not all be kept."""
+    """By DAQP, with hard tasks and contact motion as costs: they could not all be satisfied."""
     INFEASIBLE = "infeasible"
-    """Not at all: hard constraints contradict each other, or every solver gave up."""
+    """None: hard constraints contradict each other, or every solver gave up."""
     REFUSED = "refused"
-    """Not tried: the problem holds NaN or infinity."""
+    """None was tried: the QP has NaN or infinity in it."""
 
     @property
     def ok(self) -> bool:
@@ -59,197 +51,45 @@ class Status(enum.Enum):
         return self in (Status.SOLVED, Status.RECOVERED, Status.FALLBACK, Status.RELAXED)
 
 
-@dataclass(frozen=True)
+@settings
 class SolverSettings:
-    """Settings of the ladder; the defaults are measured on streams of humanoid problems.
+    """Settings of the ladder; the defaults are measured on streams of humanoid QPs.
 
     Attributes:
         tolerance: Largest primal and dual residual of ProxQP, absolute: m/s², N and Nm. Below 1e-9 it shows outliers.
         residual_tolerance: Largest primal residual accepted of any solver.
-        max_iterations: Outer iterations of ProxQP; with the inner ones, the only time limit that it has.
+        max_iterations: Outer iterations of ProxQP; with the inner ones, its only time limit.
         max_inner_iterations: Iterations of each inner problem.
         equality_penalty: ProxQP's proximal parameter μ of the equalities. With its default 1e-3 most problems need
             two outer iterations, with 1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows.
-        active_set_changes: How often a tick may correct the active set before ProxQP takes over; 0 leaves every tick
-            to ProxQP.
-        relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be kept; such
-            a tick is "infeasible" when None. Dynamics and inequalities are always kept.
+        active_set_changes: Number of corrections of the active set in a tick before ProxQP takes over; 0 leaves every
+            tick to ProxQP.
+        relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be satisfied;
+            such a tick is "infeasible" when None. Dynamics and inequalities are always satisfied.
     """
 
-    tolerance: float = 1e-6
-    residual_tolerance: float = 1e-5
-    max_iterations: int = 15
-    max_inner_iterations: int = 30
-    equality_penalty: float = 1e-7
-    active_set_changes: int = 4
-    relaxation: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in (
-            "tolerance",
-            "residual_tolerance",
-            "max_iterations",
-            "max_inner_iterations",
-            "equality_penalty",
-        ):
-            positive(f"solver setting '{name}'", getattr(self, name))
-        if self.relaxation is not None:
-            positive("solver setting 'relaxation'", self.relaxation)
-        if self.active_set_changes < 0:
-            raise InputError(
-                f"solver setting 'active_set_changes' must be ≥ 0, got {self.active_set_changes}"
-            )
-
-
-_ONE, _LEAST_WEIGHT = scalar(1.0), scalar(1e-12)
-
-
-class ActiveSet:
-    """Solves a problem whose active inequalities are guessed, and proves or corrects the guess.
-
-    With rows R (equalities, soft rows, active inequalities), targets t and the diagonal D, the solution is
-
-        x = D⁻¹ (linear + Rᵀ λ),   (R D⁻¹ Rᵀ + W⁻¹) λ = t − R D⁻¹ linear,
-
-    where W⁻¹ holds the inverse weights of the soft rows and zeros elsewhere: a system of a few dozen unknowns.
-    Corrections follow the primal–dual active set method (Hintermüller, Ito, Kunisch, SIAM J. Optim. 13(3), 2002).
-
-    Attributes:
-        x: Solution, shape (n,).
-        values: All rows times x, shape (number of rows,).
-        multipliers: Of the inequalities, shape (n_in,), positive where the upper bound pushes.
-        equality_multipliers: Of the equalities, shape (n_eq,), positive where they push upwards.
-        iterations: Systems solved by the last `solve`.
-    """
-
-    def __init__(self, problem: Problem, tolerance: float, changes: int) -> None:
-        """Start with no inequality active.
-
-        Args:
-            problem: The problem; its arrays are read by every `solve`.
-            tolerance: Largest primal residual.
-            changes: How often a solve may correct the set.
-        """
-        self._p = p = problem
-        self._tolerance, self._changes = tolerance, changes
-        self._n_linear = p.n_eq + p.n_soft
-        n, m = p.diagonal.size, self._n_linear
-        self.x, self.values = np.zeros(n), np.zeros(p.rows.shape[0])
-        self.multipliers = np.zeros(p.lower.size)
-        self.equality_multipliers = np.zeros(p.n_eq)
-        self.iterations = 0
-        self._active = np.zeros(0, dtype=np.intp)
-        self._upper_side = np.zeros(0, dtype=bool)
-        self._inverse, self._base = np.zeros(n), np.zeros(n)
-        self._linear_rows, self._scaled = p.rows[:m], np.zeros((m, n))
-        self._gram = np.zeros((m, m))
-        self._soft_diagonal = slice(p.n_eq * (m + 1), m * m, m + 1)
-        self._excess, self._shortfall = np.zeros(p.lower.size), np.zeros(p.lower.size)
-        self._soft_inverse, self._error = np.zeros(p.n_soft), np.zeros(p.n_eq)
-
-    def guess(self, multipliers: Array) -> None:
-        """Take the active set from multipliers that another solver has found, shape (n_in,)."""
-        threshold = 1e-8 * max(1.0, float(np.abs(multipliers).max(initial=0.0)))
-        self._active = (np.abs(multipliers) > threshold).nonzero()[0]
-        self._upper_side = multipliers[self._active] > 0.0
-
-    def solve(self) -> bool:
-        """Solve; True if `x` is proved to be the solution."""
-        p = self._p
-        np.divide(_ONE, p.diagonal, out=self._inverse)
-        np.multiply(self._inverse, p.linear, out=self._base)
-        np.maximum(p.soft_weight, _LEAST_WEIGHT, out=self._soft_inverse)
-        np.divide(_ONE, self._soft_inverse, out=self._soft_inverse)
-        for iteration in range(1, self._changes + 2):
-            self.iterations = iteration
-            if not self._step():
-                break
-            wrong = self._check()
-            if wrong is None:
-                break
-            if not wrong:
-                return True
-        self._active, self._upper_side = self._active[:0], self._upper_side[:0]
-        return False
-
-    def _step(self) -> bool:
-        """Solve for the present set; False if its rows depend on each other or the result is inexact."""
-        p, active, m = self._p, self._active, self._n_linear
-        if active.size:
-            rows = np.concatenate([self._linear_rows, p.inequality[active]])
-            target = np.concatenate([p.target, np.where(self._upper_side, p.upper[active], p.lower[active])])
-            scaled = rows * self._inverse
-            gram = np.dot(scaled, rows.T)
-            diagonal = gram.reshape(-1)[:: gram.shape[0] + 1]
-            diagonal[p.n_eq : m] += self._soft_inverse
-        else:
-            rows, target, scaled, gram = self._linear_rows, p.target, self._scaled, self._gram
-            np.multiply(rows, self._inverse, out=scaled)
-            np.dot(scaled, rows.T, out=gram)
-            gram.reshape(-1)[self._soft_diagonal] += self._soft_inverse
-        if p.empty is not None:
-            gram.reshape(-1)[: p.n_eq * (gram.shape[0] + 1) : gram.shape[0] + 1] += p.empty
-        if not math.isfinite(target.dot(target)):
-            return False  # a bound that was active has gone
-        factor, force, info = dposv(
-            gram.T, target - np.dot(rows, self._base), overwrite_a=True, overwrite_b=True
-        )
-        if info != 0:
-            return False
-        x, values, n_eq, tolerance = self.x, self.values, p.n_eq, self._tolerance
-        for _ in range(3):  # the second and third are refinements, for states with large accelerations
-            np.dot(force, scaled, out=x)
-            x += self._base
-            np.dot(p.rows, x, out=values)
-            short = np.subtract(p.target[:n_eq], values[:n_eq], out=self._error)
-            if short[short.argmax()] <= tolerance and short[short.argmin()] >= -tolerance:
-                self._force, self.equality_multipliers = force[m:], force[:n_eq]
-                return True
-            error = target - np.dot(rows, x)
-            error[n_eq:m] -= force[n_eq:m] * self._soft_inverse
-            force = force + dpotrs(factor, error)[0]
-        return False
-
-    def _check(self) -> bool | None:
-        """True if the set had to be corrected, False if it is right, None if it cannot be corrected."""
-        p, active, tolerance = self._p, self._active, self._tolerance
-        values, excess, shortfall = self.values[self._n_linear :], self._excess, self._shortfall
-        np.subtract(values, p.upper, out=excess)
-        np.subtract(p.lower, values, out=shortfall)
-        violated = not (largest(excess) <= tolerance and largest(shortfall) <= tolerance)
-        if not active.size:
-            if not violated:
-                self.multipliers[:] = 0.0
-                return False
-            keep_active, keep_side = active, self._upper_side
-        else:
-            pushes = np.where(self._upper_side, -self._force, self._force)
-            wrong = pushes < 0.0
-            wrong &= p.upper[active] - p.lower[active] > 1e-9
-            if not (violated or wrong.any()):
-                self.multipliers[:] = 0.0
-                self.multipliers[active] = -self._force
-                return False
-            keep_active, keep_side = active[~wrong], self._upper_side[~wrong]
-        excess[active] = shortfall[active] = -1.0
-        above, below = (excess > tolerance).nonzero()[0], (shortfall > tolerance).nonzero()[0]
-        self._active = np.concatenate([keep_active, above, below])
-        self._upper_side = np.concatenate([keep_side, np.ones(above.size, bool), np.zeros(below.size, bool)])
-        return None if self._active.size + p.n_eq > p.diagonal.size else True
+    tolerance: Positive = 1e-6
+    residual_tolerance: Positive = 1e-5
+    max_iterations: Count = 15
+    max_inner_iterations: Count = 30
+    equality_penalty: Positive = 1e-7
+    active_set_changes: Annotated[int, Field(ge=0)] = 4
+    relaxation: Positive | None = None
 
 
 class QpSolver:
-    """Solves one problem again and again; see the module for the ladder.
+    """Solver of one QP whose numbers change from tick to tick; see the module for the ladder.
 
     Attributes:
         x: Solution of the last `solve`, shape (n,); overwritten by the next one.
         values: All rows of the problem times x; overwritten by the next solve.
-        multipliers: Of the inequalities, shape (n_in,), positive where the upper bound pushes.
-        iterations: Of the solver that succeeded, or of the last one that failed.
+        multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
+        iterations: Iterations of the solver that succeeded, or of the last one that failed.
+        counts: Number of ticks that each step of the ladder has solved.
     """
 
     def __init__(self, problem: Problem, settings: SolverSettings | None = None) -> None:
-        """Prepare for a problem; its arrays are read by every `solve`."""
+        """Prepare for a problem, whose arrays are read by every `solve`."""
         self.problem = problem
         self.settings = settings or SolverSettings()
         self._fast = ActiveSet(problem, self.settings.tolerance, self.settings.active_set_changes)
@@ -261,7 +101,7 @@ class QpSolver:
         self.counts = {"active set": 0, "ProxQP": 0, "fresh ProxQP": 0, "DAQP": 0, "relaxed": 0, "failed": 0}
 
     def solve(self) -> Status:
-        """Solve, and keep the results. Nothing is raised: the status says what happened."""
+        """Solve, and store the results. Nothing is raised: the status tells of failures."""
         p = self.problem
         # NaN and infinity in the state reach the targets and the bounds; comparisons with NaN are false.
         np.subtract(p.upper, p.lower, out=self._excess)
@@ -280,7 +120,7 @@ class QpSolver:
         return self._solve_by_proxqp()
 
     def _keep(self) -> None:
-        """Remember an exact answer, from which ProxQP may start later."""
+        """Store an exact solution as the next start of ProxQP."""
         x, y, z = self._guess
         x[:], z[:] = self.x, self.multipliers
         np.negative(self._fast.equality_multipliers, out=y)
@@ -318,7 +158,7 @@ class QpSolver:
         return Status.INFEASIBLE
 
     def _run(self, qp: proxsuite.proxqp.dense.QP, guess: tuple[Array, Array, Array] | None = None) -> bool:
-        """Let ProxQP solve; True if its answer is accepted."""
+        """Solve with ProxQP; return True if its solution is accepted."""
         qp.solve(*guess) if guess is not None else qp.solve()
         results = qp.results
         self.iterations = int(results.info.iter)
@@ -326,16 +166,16 @@ class QpSolver:
             return False
         if not self._accept(results.x, results.z):
             return False
-        for kept, found in zip(self._guess, (results.x, results.y, results.z), strict=True):
-            kept[:] = found
+        for guess_of, result in zip(self._guess, (results.x, results.y, results.z), strict=True):
+            guess_of[:] = result
         return True
 
     def _finish(self, name: str, status: Status, hessian: Array, gradient: Array) -> Status:
-        """Make an answer of ProxQP exact, from its active set or else by DAQP.
+        """Make a solution of ProxQP exact, from its active set or else by DAQP.
 
-        What ProxQP returns depends in the last digits on where its memory lies, so that two runs of a simulation would
-        differ; an exact answer does not. One that nothing confirms, as where costs differ by many orders of magnitude,
-        is rounded, which hides nearly all of that.
+        The last digits of ProxQP's solutions depend on the address of its memory, so that two runs of a simulation
+        would differ; an exact solution does not. A solution that neither confirms, as where costs differ by many orders
+        of magnitude, is rounded, which hides nearly all of that.
         """
         self.counts[name] += 1
         if self.settings.active_set_changes and not self._polish():
@@ -347,7 +187,7 @@ class QpSolver:
         return status
 
     def _cut_off(self) -> None:
-        """Round an answer that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
+        """Round a solution that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
         quantum = 0.1 * self.settings.residual_tolerance
         x = quantum * np.rint(self.x / quantum)
         values = np.dot(self.problem.rows, x)
@@ -361,7 +201,7 @@ class QpSolver:
         )
 
     def _polish(self) -> bool:
-        """Solve again from the active set of the accepted answer; False, and nothing changed, if that fails."""
+        """Solve again from the active set of the accepted solution; return False, with nothing changed, on failure."""
         x, values, multipliers = self.x.copy(), self.values.copy(), self.multipliers.copy()
         self._fast.guess(multipliers)
         if self._fast.solve():
@@ -371,9 +211,9 @@ class QpSolver:
         return False
 
     def _accept(self, x: Array, z: Array, n_eq: int | None = None) -> bool:
-        """Take an answer if it is feasible and no multiplier pushes off a bound that is far away.
+        """Accept a solution if it is feasible and complementary: no multiplier belongs to a bound that is far away.
 
-        Only the first n_eq equalities have to be kept; all of them when None.
+        Only the first n_eq equalities have to be satisfied; all of them when None.
 
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
@@ -389,40 +229,39 @@ class QpSolver:
         return True
 
     def _room(self, values: Array, n_eq: int) -> tuple[Array, Array] | None:
-        """Room of the inequalities to their upper and lower bounds; None if an answer does not keep all rows.
+        """Distances of the inequalities to their upper and lower bounds; None if a solution violates a row.
 
         Args:
-            values: All rows times the answer.
-            n_eq: How many equalities, the first ones, have to be kept.
+            values: All rows times the solution.
+            n_eq: Number of equalities, the first ones, that have to be satisfied.
         """
         p, tolerance = self.problem, self.settings.residual_tolerance
         error, bounded = values[:n_eq] - p.target[:n_eq], values[p.n_eq + p.n_soft :]
         above, below = p.upper - bounded, bounded - p.lower
-        kept = np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance
-        return (above, below) if kept else None
+        feasible = np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance
+        return (above, below) if feasible else None
 
     def _fresh(self) -> proxsuite.proxqp.dense.QP:
         p, dense, ours = self.problem, proxsuite.proxqp.dense, self.settings
         # The backend is named because the automatic choice changes with the number of rows, to one twice as slow.
         size = (p.diagonal.size, p.n_eq, p.lower.size)
         qp = dense.QP(*size, False, dense.HessianType.Dense, dense.DenseBackend.PrimalDualLDLT)
-        settings = qp.settings
-        settings.eps_abs, settings.eps_rel = ours.tolerance, 0.0
-        settings.eps_primal_inf = settings.eps_dual_inf = (
-            1e-8  # 1e-4, the default, calls feasible problems infeasible
-        )
-        settings.max_iter, settings.max_iter_in = ours.max_iterations, ours.max_inner_iterations
-        settings.default_mu_eq = ours.equality_penalty
-        settings.check_duality_gap = False
-        settings.compute_timings = False
-        settings.verbose = False
-        settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
+        options = qp.settings
+        options.eps_abs, options.eps_rel = ours.tolerance, 0.0
+        # 1e-4, the default, calls feasible problems infeasible.
+        options.eps_primal_inf = options.eps_dual_inf = 1e-8
+        options.max_iter, options.max_iter_in = ours.max_iterations, ours.max_inner_iterations
+        options.default_mu_eq = ours.equality_penalty
+        options.check_duality_gap = False
+        options.compute_timings = False
+        options.verbose = False
+        options.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
         return qp
 
     def _daqp(
         self, hessian: Array, gradient: Array, relaxation: float | None = None
     ) -> tuple[Array, Array] | None:
-        """Solve with DAQP through qpsolvers, which writes two-sided rows as two one-sided ones; x and multipliers.
+        """Return x and multipliers from DAQP through qpsolvers, which splits two-sided rows into one-sided ones.
 
         With a relaxation, all equalities but the physics become costs of that weight.
         """
@@ -449,15 +288,15 @@ class QpSolver:
 
 
 def _cut(multipliers: Array) -> Array:
-    """Multipliers without the digits that are a million times smaller than the greatest."""
-    least = 1e-6 * float(np.abs(multipliers).max(initial=0.0))
-    return multipliers if least == 0.0 else least * np.rint(multipliers / least)
+    """Multipliers rounded to a millionth of the greatest."""
+    quantum = 1e-6 * float(np.abs(multipliers).max(initial=0.0))
+    return multipliers if quantum == 0.0 else quantum * np.rint(multipliers / quantum)
 
 
 def standard_form(
     p: Problem, hessian: Array | None = None, gradient: Array | None = None
 ) -> qpsolvers.Problem:
-    """Return a problem as qpsolvers wants it, for cross-checks with any of its solvers.
+    """Return a problem in the form of qpsolvers, for cross-checks with any of its solvers.
 
     Args:
         p: The problem.

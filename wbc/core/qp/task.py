@@ -1,8 +1,8 @@
-"""What a task is: rows of a least-squares objective, or of a hard constraint, over the controller's variables.
+"""Bases of tasks: rows of a least-squares objective, or of a hard constraint, over the variables of the QP.
 
 A task owns a block of rows in the arrays of its controller. Setting its weight, gains or feed-forward writes into
-that block at once, so that a tick only asks each task for what has changed with the state: its Jacobian, its error
-and its drift. The controller then computes the reference acceleration of all tasks together,
+that block at once, so that a tick only asks each task for what depends on the state: its Jacobian, its error and its
+drift. The controller then computes the reference acceleration of all tasks together,
 
     reference = feed-forward acceleration + stiffness · error
                 + damping · (feed-forward velocity − Jacobian · v) − drift,
@@ -14,17 +14,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
-
-if TYPE_CHECKING:
-    from wbc.core.qp.controller import Problem
-    from wbc.core.signals import Measurement
+from wbc.core.signals import Measurement
 
 
 @dataclass(slots=True)
@@ -49,16 +46,16 @@ class Rows:
         return Rows(*(getattr(self, field)[rows] for field in Rows.__dataclass_fields__))
 
     def copy_from(self, other: Rows) -> None:
-        """Take over all values of `other`."""
+        """Copy all values of `other`."""
         for field in Rows.__dataclass_fields__:
             getattr(self, field)[:] = getattr(other, field)
 
 
-class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
+class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     """Base of all tasks; subclass `MotionTask`, `SelectionTask` or `VariableTask`, not this.
 
     Attributes:
-        name: How status tables and solutions call it; unique within a controller.
+        name: Name in status tables and solutions, unique within a controller.
         dim: Number of rows; fixed once the task has been added to a controller.
         unit: Unit of the error; the residual is in `unit`/s² for motion tasks.
         hard: True if the rows are constraints instead of costs.
@@ -182,11 +179,11 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
         """Unit of the residual: that of an acceleration of the error."""
         return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
 
-    def reset(self) -> None:  # noqa: B027 (most tasks have no past)
-        """Forget the past: what a task with a memory, such as a yielding one, has come to; targets stay."""
+    def reset(self) -> None:  # noqa: B027 (optional)
+        """Reset internal state, such as the offset of a compliance task; targets stay."""
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names against a robot, and take the present state as target where none was given.
+        """Resolve names of frames and joints, and take the present state as target where none was given.
 
         Called once, when the task is added to a controller. Override it; call `super().bind(robot)` first.
 
@@ -199,10 +196,10 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
         self._robot = robot
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
-        """Take notice of the sensors before the rows are written; does nothing unless a task needs it.
+        """Read the sensors before the rows are written; does nothing unless a task overrides it.
 
         Args:
-            measurement: What the sensors say.
+            measurement: Measurement of this tick.
             dt: Control period, s.
         """
 
@@ -212,7 +209,7 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
         self._rows = rows
 
     def detach(self) -> None:
-        """Move the row values back into arrays of the task's own."""
+        """Move the row values back into separate arrays."""
         rows = Rows.zeros(self._dim)
         rows.copy_from(self._rows)
         self._rows = rows
@@ -246,7 +243,7 @@ class Task(ABC):  # noqa: B024 (its three kinds have the abstract methods)
 class MotionTask(Task):
     """A task on a motion: rows over the generalised accelerations.
 
-    A task of your own needs `bind`, to look names up, and `evaluate`, to fill its rows.
+    A task of your own needs `bind`, to look up names, and `evaluate`, to fill its rows.
     """
 
     @abstractmethod
@@ -275,9 +272,9 @@ class SelectionTask(Task):
 
 
 class VariableTask(Task):
-    """A task on all variables of the problem, accelerations and contact forces: for torques and wrenches.
+    """A task on all variables of the QP, accelerations and contact forces: for torques and wrenches.
 
-    Its rows have no gains: it asks for `matrix · x = reference` directly.
+    Its rows have no gains: the task is `matrix · x = reference`.
     """
 
     @property
@@ -286,7 +283,7 @@ class VariableTask(Task):
         return self.unit
 
     def bind_problem(self, problem: Problem) -> None:
-        """Look up contacts or torque rows; called whenever the layout of the problem has changed.
+        """Look up contacts or torque rows; called whenever the layout of the QP has changed.
 
         Raises:
             UnknownNameError: A contact that the controller does not have.

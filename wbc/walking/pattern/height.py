@@ -16,7 +16,7 @@ from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.schedule import SupportPhase
 
 SHORTEST = 0.1
-"""No change of height is faster than this, s."""
+"""Least duration of a change of height, s."""
 
 
 class HeightProfile:
@@ -45,7 +45,7 @@ class HeightProfile:
             goal = level
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Height (m), velocity (m/s) and acceleration (m/s²) at a time from now (s)."""
+        """Return height (m), velocity (m/s) and acceleration (m/s²) at a time from now (s)."""
         i = max(0, bisect_right(self._starts, time) - 1)
         piece = self._pieces[i]
         time -= self._starts[i]
@@ -55,7 +55,7 @@ class HeightProfile:
 
 
 def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]]:
-    """(time, level to go to, time to be there) in order; the first at time zero."""
+    """Changes of height in order, each as (time of its start, new level, time of its end); the first at time zero."""
     events = []
     time = 0.0
     for i, support in enumerate(supports):
@@ -76,7 +76,7 @@ def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]
 
 
 def _level(supports: Sequence[SupportPhase], i: int) -> float:
-    """Level that a double support leads to."""
+    """Level at the end of a double support."""
     if i + 1 < len(supports):
         return supports[i + 1].feet[0].z
     return float(np.mean([foot.z for foot in supports[i].feet]))

@@ -1,4 +1,4 @@
-"""The linear inverted pendulum, exactly: what the centre of mass does over a zero-tilting moment point.
+"""Linear inverted pendulum: the centre of mass over a zero-tilting moment point.
 
     c̈ = ω² (c − z),   ω² = g / h
 
@@ -7,7 +7,7 @@ of motion ξ = c + ċ/ω runs away from the ZMP, the convergent one ζ = c − �
 
     ξ̇ = ω (ξ − z),   ζ̇ = −ω (ζ − z),   c = (ξ + ζ) / 2.
 
-Over a ZMP that moves with constant velocity both have the closed forms below, so nothing here is stepped.
+Over a ZMP that moves with constant velocity both have closed forms (`wbc.walking.pattern.pattern`).
 
 Source: Kajita et al., IROS 2001; Takenaka et al., IROS 2009; Englsberger et al., IEEE T-RO 31(2), 2015.
 """
@@ -24,7 +24,7 @@ from wbc.core.robot import GRAVITY
 
 
 def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> float:
-    """ω = √((g + c̈_z) / h), 1/s.
+    """Return ω = √((g + c̈_z) / h), 1/s.
 
     Args:
         height: Height of the CoM over the ZMP, m.
@@ -40,12 +40,12 @@ def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> floa
 
 
 def dcm(com: Array, com_velocity: Array, omega: float) -> Array:
-    """Divergent component of motion ξ = c + ċ/ω, m; any shape."""
+    """Return the divergent component of motion ξ = c + ċ/ω, m; any shape."""
     return com + com_velocity / omega
 
 
 def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) -> Array:
-    """The point of the ground to step on to come to rest: the DCM, put on the ground.
+    """Return the point of the ground to step on to come to rest: the DCM, put on the ground.
 
     Args:
         com: Centre of mass in the world, shape (3,), m.
@@ -61,57 +61,8 @@ def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) 
     return point
 
 
-def zmp_of_motion(com: Array, com_acceleration: Array, omega: float) -> Array:
-    """ZMP that accelerates the CoM so: z = c − c̈/ω², m; horizontal components, any shape."""
-    return com - com_acceleration / omega**2
-
-
-def dcm_after(dcm: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float) -> Array:
-    """DCM after a time over a ZMP that moves with constant velocity.
-
-    Args:
-        dcm: DCM at the start, m.
-        zmp: ZMP at the start, m.
-        zmp_velocity: Its velocity, m/s.
-        omega: Natural frequency, 1/s.
-        time: Time gone by, s; may be negative, which goes back.
-
-    Returns:
-        DCM, m, of the shape of `dcm`.
-    """
-    lead = zmp + zmp_velocity / omega
-    return lead + time * zmp_velocity + math.exp(omega * time) * (dcm - lead)
-
-
-def convergent_after(convergent: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float) -> Array:
-    """Convergent component ζ = c − ċ/ω after a time; arguments as in `dcm_after`."""
-    lag = zmp - zmp_velocity / omega
-    return lag + time * zmp_velocity + math.exp(-omega * time) * (convergent - lag)
-
-
-def com_after(
-    com: Array, com_velocity: Array, zmp: Array, zmp_velocity: Array, omega: float, time: float
-) -> tuple[Array, Array]:
-    """CoM and its velocity after a time over a ZMP that moves with constant velocity.
-
-    Args:
-        com: CoM at the start, m.
-        com_velocity: Its velocity, m/s.
-        zmp: ZMP at the start, m.
-        zmp_velocity: Its velocity, m/s.
-        omega: Natural frequency, 1/s.
-        time: Time gone by, s.
-
-    Returns:
-        CoM (m) and its velocity (m/s).
-    """
-    divergent = dcm_after(com + com_velocity / omega, zmp, zmp_velocity, omega, time)
-    convergent = convergent_after(com - com_velocity / omega, zmp, zmp_velocity, omega, time)
-    return (divergent + convergent) / 2.0, (divergent - convergent) * (omega / 2.0)
-
-
 class Pendulum(NamedTuple):
-    """What the pattern wants at one instant, in the world.
+    """Reference of the pendulum at one instant, in the world.
 
     Attributes:
         com: Centre of mass, shape (3,), m.
@@ -136,7 +87,7 @@ class Pendulum(NamedTuple):
 
     @staticmethod
     def at_rest(com: Array, ground: float = 0.0) -> Pendulum:
-        """A CoM that rests over its ZMP.
+        """Return a CoM that rests over its ZMP.
 
         Args:
             com: Centre of mass, shape (3,), m.

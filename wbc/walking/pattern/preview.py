@@ -1,11 +1,11 @@
-"""Preview control: the motion of the ZMP that stays inside the supports and takes the DCM where the plan wants it.
+"""Preview control: a motion of the ZMP inside the supports that takes the DCM to the plan.
 
 The ZMP is a broken line with knots z_0 … z_N at fixed times, the first and the last one on the reference; the
 pendulum over it is known in closed form, so that the DCM now is linear in the knots,
 
     ξ_0 = Σ_k B_k z_k + e^{−ω T} ξ_N,
 
-and a small quadratic program of fixed size finds their distances δ_k from the reference:
+and a small QP of fixed size finds their distances δ_k from the reference:
 
     minimise  Σ_k Δ_k |δ_k|² + r Σ_k |δ_k − δ_{k−1}|²/Δ_k + s |slack|²
     subject to  ξ_0 + slack = the DCM as planned or as measured,   z_k inside the support.
@@ -20,15 +20,18 @@ the tail of the analytic plan; support rows as in S. Caron et al., ICRA 2019.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive, whole_number
+from wbc.core.errors import Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
-from wbc.walking.pattern.analytic import Pattern, dcm_backwards, height_profile
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.pattern.pattern import Pattern, dcm_backwards, height_profile
 from wbc.walking.planning.schedule import (
     EDGES,
     SoleSizes,
@@ -39,7 +42,7 @@ from wbc.walking.planning.schedule import (
 )
 
 
-@dataclass(frozen=True)
+@settings
 class PreviewSettings:
     """Settings of the preview controller.
 
@@ -48,40 +51,31 @@ class PreviewSettings:
         interval: Greatest time between knots, s; each support is cut into equal parts.
         margin: Distance of the ZMP from the edge of the support, m.
         rate_weight: Cost r of the velocity of the ZMP against the reference's, s².
-        slack_weight: Cost s of a DCM that the supports cannot take to the plan, 1/s² against the distance of the
-            ZMP over a second; it acts only when there is no other way.
-        target: Where under a stance foot the ZMP should be.
+        slack_weight: Cost s of a DCM that no ZMP inside the supports takes to the plan, 1/s² against the distance of
+            the ZMP over a second; the slack is zero unless the constraints cannot be met without it.
+        target: Reference of the ZMP under a stance foot.
     """
 
-    knots: int = 16
-    interval: float = 0.1
-    margin: float = 0.008
-    rate_weight: float = 1e-3
-    slack_weight: float = 1e4
+    knots: Annotated[int, Field(ge=2, le=100)] = 16
+    interval: Annotated[float, Field(ge=0.01, le=1.0), "s"] = 0.1
+    margin: Annotated[NonNegative, "m"] = 0.008
+    rate_weight: Annotated[NonNegative, "s²"] = 1e-3
+    slack_weight: Annotated[Positive, "1/s²"] = 1e4
     target: ZmpTarget = field(default_factory=ZmpTarget)
-
-    def __post_init__(self) -> None:
-        finite_scalar(
-            "number of preview knots", whole_number("number of preview knots", self.knots, low=2), high=100
-        )
-        finite_scalar("preview interval (s)", self.interval, low=0.01, high=1.0)
-        non_negative("preview margin (m)", self.margin)
-        non_negative("rate_weight (s²)", self.rate_weight)
-        positive("slack_weight", self.slack_weight)
 
 
 class PreviewController:
-    """Plans the pendulum over a horizon; call `plan` as often as wanted.
+    """Planner of the pendulum over a horizon.
 
     Attributes:
         settings: Settings.
-        status: How the last problem was solved.
+        status: Status of the last QP.
         slack: DCM that the last plan could not reach, in the world, shape (2,), m; zero unless the supports are
             too small for it.
     """
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
-        """Prepare the program.
+        """Set up the QP.
 
         Args:
             sizes: (length, width) of the left and of the right sole, m.
@@ -89,8 +83,8 @@ class PreviewController:
             settings: Settings; the defaults when None.
 
         Raises:
-            InputError: A height that is not above zero, a margin that leaves nothing of a sole, a target outside what
-                is left.
+            InputError: A height that is not above zero, a margin that leaves nothing of a sole, a target outside that
+                rest of a sole.
         """
         self.settings = s = settings or PreviewSettings()
         self.height = positive("height of the CoM over the support (m)", height)
@@ -107,7 +101,7 @@ class PreviewController:
                     f"target of the ZMP, {s.target.forward:g} m forward and {s.target.inward:g} m inward, must be at "
                     f"most {room[0]:g} and {room[1]:g} m from the centre of a sole of {length:g} × {width:g} m"
                 )
-        self._free = free = s.knots - 1
+        free = s.knots - 1
         self._problem = p = Problem(0, 0, 2 * free + 2, 2, 2 * s.knots, EDGES * free)
         p.equality[0, -2] = p.equality[1, -1] = 1.0
         p.soft[: 2 * free, : 2 * free] += np.eye(2 * free)
@@ -122,10 +116,10 @@ class PreviewController:
 
         Args:
             supports: Schedule from now on.
-            start: The pendulum now; its ZMP is where the new one starts.
+            start: State of the pendulum now; the new ZMP starts from its ZMP.
 
         Returns:
-            The pattern, from now to rest. When the program fails (`status`), its ZMP is the reference.
+            The pattern, from now to rest. When the QP fails (`status`), its ZMP is the reference.
 
         Raises:
             InputError: A schedule that is empty.
@@ -166,7 +160,7 @@ class PreviewController:
         last = supports[-1]
         for support in supports:
             if len(times) > s.knots + 1:
-                break  # what is beyond the horizon, the analytic plan knows
+                break  # beyond the horizon the plan is the analytic one
             if support.duration <= 1e-9:
                 continue
             parts = max(1, int(np.ceil(support.duration / s.interval - 1e-6)))
@@ -184,7 +178,7 @@ class PreviewController:
     def _fill(
         self, times: Array, reference: Array, areas: list[tuple[Array, Array]], end_dcm: Array, dcm: Array
     ) -> None:
-        """Write the program."""
+        """Write the QP."""
         p, omega = self._problem, self.omega
         span = np.diff(times)
         # ξ_0 = Σ_k weights_k z_k + decay ξ_N: each piece gives to its two ends (linear shape functions).

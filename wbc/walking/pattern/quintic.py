@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Quintic:
-    """The polynomial of fifth order with given position, velocity and acceleration at both ends.
+    """Polynomial of fifth order with given position, velocity and acceleration at both ends.
 
     Attributes:
         duration: Time between the ends, s.
@@ -40,7 +40,7 @@ class Quintic:
         )
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Position, velocity and acceleration at a time inside."""
+        """Return position, velocity and acceleration at a time between the ends."""
         c0, c1, c2, c3, c4, c5 = self._c
         t = time
         return (

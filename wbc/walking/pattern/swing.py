@@ -1,8 +1,8 @@
-"""The swing foot from lift-off to landing: continuous acceleration, and a landing that may move on the way.
+"""Motion of the swing foot from lift-off to landing: continuous acceleration, and a landing that may move on the way.
 
     up        the foot rises before it travels, and sinks the last stretch without travelling
     apex      a little before half way in time, the swing height above the higher end
-    landing   the last stretch down at a small constant speed, so that touch-down is noticed and soft, early or not
+    landing   the last stretch down at a small constant speed, so that touch-down is soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
 Up a stair the foot travels later and down earlier, so that it clears the edge.
@@ -22,23 +22,21 @@ from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
 
 SHORTEST = 0.05
-"""No piece of the motion is shorter than this, s: ten periods of 5 ms, so that a late change stays a motion."""
+"""Least duration of a piece of the motion, s: ten periods of 5 ms, so that a late change stays a motion."""
 
 EDGE_SHARE = 0.2
 """Share of the swing by which the foot travels later up, or earlier down, a stair of the swing height."""
 
-RPY = ("roll", "pitch", "yaw")
-
-COORDINATES = ("x", "y", "z", *RPY)
+COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 class FootMotion(NamedTuple):
-    """Where a foot should be at one instant.
+    """Motion of a sole at one instant.
 
     Attributes:
         placement: Sole frame in the world.
         velocity: [linear; angular] of the sole frame's origin, in world axes, shape (6,), m/s and rad/s.
-        acceleration: Its derivative, shape (6,), m/s² and rad/s².
+        acceleration: Derivative of the velocity, shape (6,), m/s² and rad/s².
     """
 
     placement: pin.SE3
@@ -47,12 +45,12 @@ class FootMotion(NamedTuple):
 
     @staticmethod
     def at_rest(placement: pin.SE3) -> FootMotion:
-        """A foot that stands."""
+        """Return the motion of a foot that stands."""
         return FootMotion(placement, np.zeros(6), np.zeros(6))
 
 
 class _Coordinate:
-    """One coordinate as quintics in a row, at rest before the first."""
+    """One coordinate of the foot as quintics in a row, at rest before the first."""
 
     def __init__(self, value: float) -> None:
         self._pieces: list[tuple[float, Quintic]] = []
@@ -65,7 +63,7 @@ class _Coordinate:
         return (self._value, 0.0, 0.0)
 
     def follow(self, start: float, *goals: tuple[float, tuple[float, float, float]]) -> None:
-        """From `start` on go to each (time, state) in turn; what came before stays as it is."""
+        """Go to each (time, state) in turn from `start` on; the motion before stays."""
         state = self.at(start)
         self._pieces = [(t, p) for t, p in self._pieces if t < start]
         for time, goal in goals:
@@ -74,16 +72,16 @@ class _Coordinate:
 
 
 def shortest_swing(gait: Gait) -> float:
-    """Least duration of a swing, s."""
+    """Return the least duration of a swing, s."""
     return gait.takeoff_time + gait.landing_time + 2.0 * SHORTEST
 
 
 class SwingFoot:
-    """A swing that can be re-targeted on the fly.
+    """Swing whose landing and time can be changed on the way.
 
     Attributes:
         duration: Planned time of touch-down from lift-off, s.
-        landing: Where the foot should land.
+        landing: Planned landing.
     """
 
     def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
@@ -91,7 +89,7 @@ class SwingFoot:
 
         Args:
             start: Sole frame at lift-off.
-            landing: Where to land.
+            landing: Planned landing.
             duration: Time until touch-down, s.
             gait: Swing height, take-off and landing times, landing speed, search for late ground.
 
@@ -109,23 +107,23 @@ class SwingFoot:
         self._origin = float(start.translation[2])
         x, y, z = (float(v) for v in start.translation)
         roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(start.rotation))
-        self._c = {name: _Coordinate(v) for name, v in zip("xyz", (x, y, z), strict=True)}
-        self._c |= {name: _Coordinate(v) for name, v in zip(RPY, (roll, pitch, yaw), strict=True)}
+        values = (x, y, z, roll, pitch, yaw)
+        self._c = {name: _Coordinate(value) for name, value in zip(COORDINATES, values, strict=True)}
         self._plan(0.0)
 
     @property
     def apex_time(self) -> float:
-        """When the foot is highest, from lift-off, s."""
+        """Time of the highest point from lift-off, s."""
         return max(self._gait.apex * self.duration, 1.02 * SHORTEST)
 
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
-        """Change where or when to land; position, velocity and acceleration go on without a jump.
+        """Change landing or time of touch-down; position, velocity and acceleration go on without a jump.
 
         Args:
             time: Now, from lift-off, s.
             landing: New landing; unchanged when None.
-            duration: New time of touch-down from lift-off, s; unchanged when None. It is put off where less
-                than 50 ms would be left.
+            duration: New time of touch-down from lift-off, s; unchanged when None. Put off where less than 50 ms would
+                be left.
 
         Raises:
             InputError: A landing of the other foot.
@@ -144,7 +142,7 @@ class SwingFoot:
         self._plan(time)
 
     def at(self, time: float) -> FootMotion:
-        """The foot at a time from lift-off, s; past the duration it looks for the ground below."""
+        """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below."""
         values = np.array([self._c[name].at(time) for name in COORDINATES])
         position, rpy = values[:3, 0], values[3:, 0]
         placement = pin.SE3(pin.rpy.rpyToMatrix(rpy), position)
@@ -157,7 +155,12 @@ class SwingFoot:
         return FootMotion(placement, velocity, acceleration)
 
     def _plan(self, now: float) -> None:
-        """Lay all coordinates from now to the landing."""
+        """Plan all coordinates from now to the landing."""
+        self._plan_travel(now)
+        self._plan_height(now)
+
+    def _plan_travel(self, now: float) -> None:
+        """Plan place and rotation: the foot travels between rise and descent."""
         gait, landing, end = self._gait, self.landing, self.duration
         step = landing.z - self._origin
         share = EDGE_SHARE * end * min(1.0, abs(step) / gait.swing_height)
@@ -177,6 +180,9 @@ class SwingFoot:
         for name, goal in goals.items():
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
 
+    def _plan_height(self, now: float) -> None:
+        """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""
+        gait, landing, end = self._gait, self.landing, self.duration
         speed, height = gait.landing_speed, gait.landing_height
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.

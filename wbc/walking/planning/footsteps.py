@@ -1,7 +1,7 @@
-"""Where the feet go: a plan is two feet that stand, and the steps from there.
+"""Footsteps and footstep plans: two feet that stand, and the steps from there.
 
-`wbc.walking.planning.plans` makes plans from a distance, a velocity or a stair; `wbc.walking.planning.reach` says
-whether a robot can walk one.
+`wbc.walking.planning.planners` makes plans from a distance, a velocity or a stair; `wbc.walking.planning.reach` checks
+them against the robot's legs.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ LEAST_STAIR = 0.02
 
 
 def other(side: str) -> str:
-    """The other side."""
+    """Return the other side."""
     return "right" if side == "left" else "left"
 
 
 @dataclass(frozen=True)
 class Footstep:
-    """Where a sole stands.
+    """Place of a sole on the ground.
 
     Attributes:
         side: "left" or "right".
@@ -67,13 +67,13 @@ class Footstep:
 
     @staticmethod
     def of(side: str, placement: pin.SE3) -> Footstep:
-        """The footstep of a sole frame."""
+        """Return the footstep of a sole frame."""
         roll, pitch, yaw = pin.rpy.matrixToRpy(placement.rotation)
         x, y, z = placement.translation
         return Footstep(side, float(x), float(y), float(z), float(yaw), float(pitch), float(roll))
 
     def seen_from(self, stance: Footstep) -> tuple[float, float, float, float]:
-        """Forward, left, up and turn from another footstep, in its heading's frame, m and rad."""
+        """Return forward, left, up (m) and turn (rad) from another footstep, in the frame of its heading."""
         c, s = math.cos(stance.yaw), math.sin(stance.yaw)
         dx, dy = self.x - stance.x, self.y - stance.y
         turn = math.remainder(self.yaw - stance.yaw, 2.0 * math.pi)
@@ -81,23 +81,23 @@ class Footstep:
 
 
 def heading(rotation: Array) -> float:
-    """Heading of the x axis of a frame, given its rotation to the world, shape (3, 3); rad."""
+    """Return the heading of a frame's x axis, rad, from its rotation to the world, shape (3, 3)."""
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def mean_heading(left: float, right: float) -> float:
-    """Heading half way between those of two feet, the short way round, rad."""
+    """Return the heading half way between those of two feet, the short way round, rad."""
     return right + 0.5 * math.remainder(left - right, 2.0 * math.pi)
 
 
 @dataclass(frozen=True)
 class FootstepPlan:
-    """Two feet on the ground and the steps from there; sides alternate.
+    """Two feet on the ground and the steps from there.
 
     Attributes:
-        left: Where the left sole stands at the start.
-        right: Where the right sole stands at the start.
-        steps: Landings in order, each of the foot that the one before is not.
+        left: Place of the left sole at the start.
+        right: Place of the right sole at the start.
+        steps: Landings in order; sides alternate.
         gait: Timings and swing.
     """
 
@@ -120,13 +120,13 @@ class FootstepPlan:
         return len(self.steps)
 
     def stance(self, index: int) -> Footstep:
-        """The foot that stands while step `index` swings."""
+        """Return the foot that stands while step `index` swings."""
         if index > 0:
             return self.steps[index - 1]
         return self.right if self.steps[0].side == "left" else self.left
 
     def lift_off(self, index: int) -> Footstep:
-        """Where the foot of step `index` leaves the ground."""
+        """Return the place where the foot of step `index` leaves the ground."""
         if index > 1:
             return self.steps[index - 2]
         side = self.steps[index].side
@@ -134,48 +134,53 @@ class FootstepPlan:
 
     @property
     def climbs(self) -> bool:
-        """True if a foot is put down a stair (`LEAST_STAIR`) or more above or below the other one."""
+        """True if a foot lands `LEAST_STAIR` or more above or below the other one."""
         heights = [self.stance(0).z, *(step.z for step in self.steps)] if self.steps else []
         return any(abs(b - a) >= LEAST_STAIR for a, b in zip(heights, heights[1:], strict=False))
 
     @property
+    def spacing(self) -> float:
+        """Lateral distance between the sole centres: that of the gait, or else that of the start, m."""
+        spacing = self.gait.feet_spacing
+        return abs(self.left.seen_from(self.right)[1]) if spacing is None else spacing
+
+    @property
     def final(self) -> tuple[Footstep, Footstep]:
-        """Where left and right sole stand at the end."""
+        """Places of left and right sole at the end."""
         feet = {"left": self.left, "right": self.right}
         for step in self.steps[-2:]:
             feet[step.side] = step
         return feet["left"], feet["right"]
 
     def moved(self, world: pin.SE3) -> FootstepPlan:
-        """The plan in another place.
+        """Return the plan in another place.
 
         Args:
-            world: Motion that takes the old places to the new ones, for example a turn and a shift.
+            world: Motion from the old places to the new ones, for example a turn and a shift.
         """
-        left, right, *steps = (
-            Footstep.of(step.side, world * step.placement) for step in (self.left, self.right, *self.steps)
-        )
-        return replace(self, left=left, right=right, steps=tuple(steps))
+        return self._mapped(lambda step: Footstep.of(step.side, world * step.placement))
 
     def on(self, height: Callable[[float, float], float]) -> FootstepPlan:
-        """The plan with every sole centre put on a ground that is known.
+        """Return the plan with every sole centre on a ground that is known.
 
         Args:
             height: Height of the ground at (x, y), m.
         """
-        left, right, *steps = (
-            replace(step, z=float(height(step.x, step.y))) for step in (self.left, self.right, *self.steps)
+        return self._mapped(lambda step: replace(step, z=float(height(step.x, step.y))))
+
+    def _mapped(self, change: Callable[[Footstep], Footstep]) -> FootstepPlan:
+        return replace(
+            self, left=change(self.left), right=change(self.right), steps=tuple(map(change, self.steps))
         )
-        return replace(self, left=left, right=right, steps=tuple(steps))
 
     def with_step(self, index: int, step: Footstep, *, carry: bool = True) -> FootstepPlan:
-        """The plan with one landing changed.
+        """Return the plan with one landing changed.
 
         Args:
-            index: Which step.
-            step: Its new landing.
+            index: Index of the step.
+            step: New landing.
             carry: Move all later steps along, so that they keep their places relative to this one; otherwise
-                they stay where they are.
+                they stay in place.
 
         Raises:
             InputError: A landing of the other foot, or no such step.
@@ -194,32 +199,29 @@ class FootstepPlan:
         return replace(self, steps=(*self.steps[:index], step, *later))
 
     def stopping_after(self, index: int) -> FootstepPlan:
-        """The plan cut after a step, with one more that brings the other foot beside it.
+        """Return the plan cut after a step, with one more that brings the other foot beside it.
 
         Args:
             index: Last step to walk; −1 walks none.
         """
-        kept = replace(self, steps=self.steps[: index + 1])
-        left, right = kept.final
+        cut = replace(self, steps=self.steps[: index + 1])
+        left, right = cut.final
         last = left if (self.steps[index].side if index >= 0 else "right") == "left" else right
         mate = right if last is left else left
-        half = 0.5 * abs(self.left.seen_from(self.right)[1])
-        if self.gait.feet_spacing is not None:
-            half = 0.5 * self.gait.feet_spacing
-        offset = 2.0 * half if mate.side == "left" else -2.0 * half
+        offset = self.spacing if mate.side == "left" else -self.spacing
         c, s = math.cos(last.yaw), math.sin(last.yaw)
         beside = replace(last, side=mate.side, x=last.x - s * offset, y=last.y + c * offset)
         forward, left_of, up, turn = mate.seen_from(beside)
         if math.hypot(forward, left_of) < 0.01 and abs(up) < 0.01 and abs(turn) < 0.05:
-            return kept  # it stands there already
-        return replace(kept, steps=(*kept.steps, beside))
+            return cut  # the other foot stands there already
+        return replace(cut, steps=(*cut.steps, beside))
 
     @staticmethod
     def standing(robot: Robot, gait: Gait | None = None) -> FootstepPlan:
-        """A plan without steps, with the feet where they are now.
+        """Return a plan without steps, with the feet in their present places.
 
         Args:
-            robot: Robot at its present state; the feet are put parallel to the world's ground.
+            robot: Robot at its present state; the soles are taken as level.
             gait: Timings and swing; the defaults when None.
         """
         left, right = (

@@ -1,22 +1,29 @@
-"""How a robot walks: step sizes, timings and swing height."""
+"""Gait: step sizes, timings and swing height."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
+from typing import Annotated
 
-from wbc.core.errors import InputError, finite_scalar, positive
+from pydantic import Field
+
+from wbc.core.errors import InputError, positive
+from wbc.core.settings import Positive, settings
 
 logger = logging.getLogger(__name__)
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
 
 
-LONGEST = 60.0
-"""Greatest size or time of a gait, m or s; the robot's reach is far below."""
+Size = Annotated[float, Field(gt=0.0, le=60.0)]
+"""A length or a time of a gait, m or s; the robot's reach is far below 60."""
+
+SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
+"""One that may be zero."""
 
 
-@dataclass(frozen=True)
+@settings
 class Gait:
     """Sizes and timings of steps.
 
@@ -31,49 +38,32 @@ class Gait:
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
         swing_height: Highest point of the swing foot over the higher of its two ends, m.
-        apex: When the swing foot is highest, as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
-        takeoff_time: Time the foot rises before it moves on, s.
-        landing_time: Time the foot only sinks before it lands, s.
+        apex: Time of the highest point, as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
+        takeoff_time: Time in which the foot only rises after lift-off, s.
+        landing_time: Time in which the foot only sinks before touch-down, s.
         landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
-        landing_height: Height over the landing from which the foot sinks no faster, m: ground that comes early is met
-            gently, too; none in a plan with stairs, whose heights are known.
-        search_depth: How far below the landing the foot looks for ground that comes late, m.
-        search_time: How long it takes to get there, s.
+        landing_height: Height over the landing below which the foot sinks at `landing_speed`, m, so that ground that
+            comes early is met gently as well; 0 in a plan with stairs, whose heights are known.
+        search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
+        search_time: Time from touch-down as planned until the foot is at that depth, s.
     """
 
-    step_length: float = 0.145
-    feet_spacing: float | None = None
-    single_support: float = 0.8
-    double_support: float = 0.3
-    initial_double_support: float = 0.8
-    final_double_support: float = 0.8
-    swing_height: float = 0.06
-    apex: float = 0.4
-    takeoff_time: float = 0.05
-    landing_time: float = 0.1
-    landing_speed: float = 0.1
-    landing_height: float = 0.02
-    search_depth: float = 0.04
-    search_time: float = 0.3
+    step_length: Annotated[Size, "m"] = 0.145
+    feet_spacing: Annotated[Positive, "m"] | None = None
+    single_support: Annotated[Size, "s"] = 0.8
+    double_support: Annotated[Size, "s"] = 0.3
+    initial_double_support: Annotated[Size, "s"] = 0.8
+    final_double_support: Annotated[Size, "s"] = 0.8
+    swing_height: Annotated[Size, "m"] = 0.06
+    apex: Annotated[float, Field(ge=0.3, le=0.7)] = 0.4
+    takeoff_time: Annotated[SizeOrZero, "s"] = 0.05
+    landing_time: Annotated[SizeOrZero, "s"] = 0.1
+    landing_speed: Annotated[SizeOrZero, "m/s"] = 0.1
+    landing_height: Annotated[SizeOrZero, "m"] = 0.02
+    search_depth: Annotated[SizeOrZero, "m"] = 0.04
+    search_time: Annotated[Size, "s"] = 0.3
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "feet_spacing":
-                if value is not None:
-                    positive("feet_spacing (m)", value)
-            elif field.name == "apex":
-                finite_scalar("apex of the gait", value, low=0.3, high=0.7)
-            elif field.name in (
-                "takeoff_time",
-                "landing_time",
-                "landing_speed",
-                "landing_height",
-                "search_depth",
-            ):
-                finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST)
-            else:
-                finite_scalar(f"{field.name} of the gait", value, low=0.0, high=LONGEST, open_low=True)
         if self.takeoff_time + self.landing_time > 0.5 * self.single_support:
             raise InputError(
                 f"takeoff_time + landing_time must be at most half of the single support, "
@@ -81,9 +71,9 @@ class Gait:
             )
 
     def for_stairs(self) -> Gait:
-        """The gait for a plan with stairs, whose heights are known: feet need all their time to lift.
+        """Return the gait for a plan with stairs, whose heights are known: feet need all their time to lift.
 
-        They are highest half way, and slow, half as fast, at the very end alone.
+        A foot is highest half way, and slows down, to half the speed, at the very end alone.
         """
         return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
 

@@ -1,25 +1,26 @@
-"""The walk as a state machine: phases change by contact and by time, not by time alone.
+"""State machine of a walk: phases change by contact and by time, not by time alone.
 
     STANDING ── start ──▶ DOUBLE ── lift-off ──▶ SINGLE ── touch-down ──▶ DOUBLE ── … ── time ──▶ STANDING
 
-Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is when the swing
-foot feels the ground: early (its swing is stopped, the weight may come over at once), on time, or late (it keeps
-reaching down, the pendulum is held meanwhile). Nothing here moves: the machine says what is so, and what happened.
+Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is the first load on
+the swing foot: early (the swing ends, and the weight may come over at once), on time, or late (the foot reaches on
+down, and the pendulum is held meanwhile). The machine moves nothing: it holds the phase and reports events.
 """
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from typing import Annotated
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.schedule import SupportPhase, schedule
 
 
 class Phase(enum.Enum):
-    """What the feet do."""
+    """Phase of the feet."""
 
     STANDING = "standing"
     DOUBLE = "double support"
@@ -27,7 +28,7 @@ class Phase(enum.Enum):
 
 
 class Event(enum.Enum):
-    """What happened in a tick."""
+    """Event of a tick."""
 
     STARTED = "started"
     LIFT_OFF = "lift-off"
@@ -39,54 +40,45 @@ class Event(enum.Enum):
     STOPPED = "stopped"
 
 
-@dataclass(frozen=True)
+@settings
 class PhaseSettings:
-    """When phases change. Loads are shares of the robot's weight.
+    """Loads and times at which phases change. Loads are shares of the robot's weight.
 
     Attributes:
         touch_down: Load at which a swing foot has met the ground; 0.08 is 30 N of 39 kg.
         early: Share of the swing before which a load is a stumble, not a touch-down.
-        debounce: How long the load must last, s.
+        debounce: Time that the load must last, s.
         lift_off: Greatest load of the foot that leaves.
         stance: Least load of the foot that stays.
-        max_wait: Longest time that lift-off waits for them, s; then it lifts all the same.
-        max_late: Longest time that a foot looks for ground, s; then it is taken to stand where it is.
+        max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
+        max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
         early_credit: Share of the time saved by an early touch-down that is given to the double support: 1 keeps
             the rhythm of the plan, 0 steps on earlier.
-        hold: Time that a phase which waits is planned to last, s.
+        hold: Remaining time that the pattern plans with while a phase waits for a foot, s.
     """
 
-    touch_down: float = 0.08
-    early: float = 0.6
-    debounce: float = 0.01
-    lift_off: float = 0.25
-    stance: float = 0.5
-    max_wait: float = 0.3
-    max_late: float = 0.5
-    early_credit: float = 1.0
-    hold: float = 0.05
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            name, value = field.name, getattr(self, field.name)
-            if name in ("touch_down", "lift_off", "stance", "early", "early_credit"):
-                finite_scalar(name, value, low=0.0, high=1.0)
-            else:
-                non_negative(f"{name} (s)", value)
-        positive("hold (s)", self.hold)
+    touch_down: Share = 0.08
+    early: Share = 0.6
+    debounce: Annotated[NonNegative, "s"] = 0.01
+    lift_off: Share = 0.25
+    stance: Share = 0.5
+    max_wait: Annotated[NonNegative, "s"] = 0.3
+    max_late: Annotated[NonNegative, "s"] = 0.5
+    early_credit: Share = 1.0
+    hold: Annotated[Positive, "s"] = 0.05
 
     @staticmethod
     def by_time() -> PhaseSettings:
-        """Phases by time alone: feet lift and land when the plan says, whatever they carry."""
+        """Return phases by time alone: feet lift and land as planned, whatever they carry."""
         return PhaseSettings(touch_down=1.0, early=1.0, lift_off=1.0, stance=0.0, max_wait=0.0, max_late=0.0)
 
 
 class WalkPhases:
-    """The state machine of one walk.
+    """State machine of one walk.
 
     Attributes:
         plan: Footstep plan; replaced as landings move or the walk is stopped.
-        settings: When phases change.
+        settings: Loads and times at which phases change.
         phase: Phase now.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
         elapsed: Time in this phase, s.
@@ -95,18 +87,18 @@ class WalkPhases:
     """
 
     def __init__(self, plan: FootstepPlan, weight: float, settings: PhaseSettings | None = None) -> None:
-        """Stand, with a plan in hand.
+        """Stand at the start of a plan.
 
         Args:
             plan: Footstep plan.
             weight: Weight of the robot, N.
-            settings: When phases change; the defaults when None.
+            settings: Loads and times at which phases change; the defaults when None.
 
         Raises:
             InputError: A weight that is not above zero.
         """
         self.plan = plan
-        self._scheduled: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None
+        self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self.settings = settings or PhaseSettings()
         self._weight = positive("weight of the robot (N)", weight)
         self.phase = Phase.STANDING
@@ -114,19 +106,17 @@ class WalkPhases:
         self.elapsed = 0.0
         self.duration = 0.0
         self.completed = 0
-        self._loaded = 0.0
-        self._stop = False
-
-    # What is so
+        self._loaded = 0.0  # time that the swing foot has borne a load, s
+        self._stopping = False
 
     @property
     def swing(self) -> str | None:
-        """Side in the air, or None."""
+        """Side of the foot in the air; None on both feet."""
         return self.plan.steps[self.step].side if self.phase is Phase.SINGLE else None
 
     @property
     def contact(self) -> tuple[bool, bool]:
-        """Which of left and right foot are on the ground."""
+        """True for each foot on the ground, left and right."""
         return self.swing != "left", self.swing != "right"
 
     @property
@@ -141,7 +131,7 @@ class WalkPhases:
 
     @property
     def overdue(self) -> bool:
-        """True while lift-off or touch-down is waited for beyond its time."""
+        """True while lift-off or touch-down is late."""
         return self._waits and self.elapsed >= self.duration - 1e-9
 
     @property
@@ -149,27 +139,25 @@ class WalkPhases:
         return self.phase is Phase.SINGLE or (self.phase is Phase.DOUBLE and self.step < len(self.plan))
 
     def supports(self) -> tuple[SupportPhase, ...]:
-        """The schedule from now on, for the pattern."""
+        """Return the schedule from now on."""
         if self.step >= len(self.plan) > 0 and self.phase is Phase.STANDING:
             hold = self.settings.hold
             return (SupportPhase(hold, self.plan.final, self.step, hold),)
-        if self._scheduled is None or self._scheduled[0] is not self.plan:
-            self._scheduled = self.plan, schedule(self.plan)
-        whole = self._scheduled[1]
+        if self._schedule is None or self._schedule[0] is not self.plan:
+            self._schedule = self.plan, schedule(self.plan)
+        whole = self._schedule[1]
         if self.phase is Phase.STANDING:
             return whole
-        place = 2 * self.step + (1 if self.phase is Phase.SINGLE else 0)
-        now = whole[place]
+        index = 2 * self.step + (1 if self.phase is Phase.SINGLE else 0)
+        now = whole[index]
         left = max(self.remaining, 1e-3)
-        return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[place + 1 :])
-
-    # What one asks for
+        return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[index + 1 :])
 
     def start(self) -> Event:
         """Begin to walk.
 
         Raises:
-            InputError: It walks already, or there is nothing to walk.
+            InputError: The robot walks already, or there is no step to take.
         """
         if self.phase is not Phase.STANDING or self.step >= len(self.plan):
             raise InputError("a walk can only start from standing, with steps left to take")
@@ -178,9 +166,9 @@ class WalkPhases:
 
     def stop(self) -> None:
         """Come to a stand safely: put down the foot in the air, bring the other beside it, stand."""
-        if self.phase is Phase.STANDING or self._stop:
+        if self.phase is Phase.STANDING or self._stopping:
             return
-        self._stop = True
+        self._stopping = True
         if self.phase is Phase.SINGLE:
             self.plan = self.plan.stopping_after(self.step)
             return
@@ -189,30 +177,28 @@ class WalkPhases:
             self.duration = self.elapsed + self.plan.gait.final_double_support
 
     def retime(self, remaining: float) -> None:
-        """Let the present single support end after some time (s), because the pendulum asks for it."""
+        """Let the present single support end after a time (s), to catch the pendulum."""
         if self.phase is Phase.SINGLE:
             self.duration = self.elapsed + non_negative("remaining time of the swing (s)", remaining)
 
     def land(self, step: Footstep, *, carry: bool = True) -> None:
-        """Set where the swing foot lands, or has landed; see `FootstepPlan.with_step`.
+        """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`.
 
         Raises:
-            InputError: No foot has swung yet, or it is the other foot.
+            InputError: No foot has swung yet, or it was the other foot.
         """
         index = self.step if self.phase is Phase.SINGLE else self.step - 1
         self.plan = self.plan.with_step(index, step, carry=carry)
 
-    # What happens
-
     def update(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
-        """Let time go by.
+        """Advance by one tick.
 
         Args:
             loads: Normal force on left and right foot, N.
             dt: Control period, s.
 
         Returns:
-            What happened.
+            Events of the tick.
         """
         self.elapsed += positive("control period (s)", dt)
         if self.phase is Phase.SINGLE:
@@ -224,9 +210,9 @@ class WalkPhases:
     def _single(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
         s = self.settings
         side = SIDES.index(self.plan.steps[self.step].side)
-        felt = loads[side] >= s.touch_down * self._weight
-        self._loaded = self._loaded + dt if felt else 0.0
-        touched = felt and self._loaded >= s.debounce - 1e-9
+        loaded = loads[side] >= s.touch_down * self._weight
+        self._loaded = self._loaded + dt if loaded else 0.0
+        touched = loaded and self._loaded >= s.debounce - 1e-9
         left = self.duration - self.elapsed
         if left > 1e-9:
             if not (touched and self.elapsed >= s.early * self.duration):

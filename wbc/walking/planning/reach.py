@@ -1,15 +1,17 @@
-"""What steps a robot can take, from its legs; and whether it can walk a plan."""
+"""Reach of a robot's legs, and the check of a plan against it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import Positive, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 
 MAX_SLOPE = 0.5
@@ -20,12 +22,12 @@ STRETCHED = 0.98
 """Share of its length to which a leg may stretch in a step: beyond, knees lose their authority."""
 
 STANDING = 0.979
-"""The same of a leg that stands: one that is stretched already can take no step at all."""
+"""Share of its length to which a standing leg may stretch: a leg that is straight already can take no step."""
 
 
-@dataclass(frozen=True)
+@settings
 class Reach:
-    """What steps a robot can take, measured from the stance sole to the landing sole in the stance frame.
+    """Limits of a step, measured from the stance sole to the landing sole in the stance frame.
 
     Attributes:
         max_length: Greatest distance forward or back, m.
@@ -36,16 +38,14 @@ class Reach:
         max_swing_height: Greatest swing height, m.
     """
 
-    max_length: float
-    min_spacing: float
-    max_spacing: float
-    max_yaw: float
-    max_height: float
-    max_swing_height: float
+    max_length: Annotated[Positive, "m"]
+    min_spacing: Annotated[Positive, "m"]
+    max_spacing: Annotated[Positive, "m"]
+    max_yaw: Annotated[Positive, "rad"]
+    max_height: Annotated[Positive, "m"]
+    max_swing_height: Annotated[Positive, "m"]
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"{field.name} of the reach", getattr(self, field.name))
         if self.min_spacing >= self.max_spacing:
             raise InputError(
                 f"min_spacing must be below max_spacing, got {self.min_spacing:g} and {self.max_spacing:g} m"
@@ -53,7 +53,7 @@ class Reach:
 
     @staticmethod
     def of(robot: Robot, com_height: float | None = None) -> Reach:
-        """Derive the reach from the legs.
+        """Return the reach of a robot, derived from its legs.
 
         With the hips in the middle between the feet, a leg of length L whose hip is h over its ankle spans
         √((0.98 L)² − h²) to either side. Heights take what bending the landing leg leaves: half of the rise
@@ -88,7 +88,7 @@ class Leg:
 
     Attributes:
         length: Thigh and shank together, m.
-        shortest: Hip to ankle with the knee bent as far as its limits or 120° allow, m.
+        shortest: Hip to ankle with the knee bent by 120°, m.
         ankle_height: Ankle over the sole, m.
         hip_over_com: Height of the hip joint minus that of the CoM in half-sitting, m.
         hip_height: Height of the hip over the ankle in half-sitting, m.
@@ -104,7 +104,7 @@ class Leg:
 
 
 def leg_geometry(robot: Robot) -> Leg:
-    """Measure the left leg: its two longest bars are thigh and shank."""
+    """Return the left leg of a robot in half-sitting; its two longest bars are thigh and shank."""
     model, data = robot.model, robot.model.createData()
     pin.centerOfMass(model, data, robot.half_sitting)
     pin.updateFramePlacements(model, data)
@@ -129,18 +129,17 @@ def leg_geometry(robot: Robot) -> Leg:
     )
 
 
-def hip_height(robot: Robot, com_height: float | None, leg: Leg | None = None) -> float:
-    """Height of the hips over the ankles when the CoM walks at a height.
+def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
+    """Return the height of the hips over the ankles, m, for a height of the CoM.
 
     Args:
         robot: Robot with two soles.
-        com_height: Height of the CoM over the soles, m; that of half-sitting when None.
-        leg: What `leg_geometry` gave, to save its time.
+        com_height: Height of the CoM over the soles while walking, m; that of half-sitting when None.
+        leg: The robot's leg.
 
     Raises:
         InputError: The legs cannot reach that height; the message gives the range.
     """
-    leg = leg or leg_geometry(robot)
     offset = leg.hip_over_com - leg.ankle_height
     low, high = leg.shortest - offset, STANDING * leg.length - offset
     if com_height is None:
@@ -160,7 +159,7 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg | None = None) -
 
 
 def sole_spacing(robot: Robot) -> float:
-    """Lateral distance between the sole centres in half-sitting, m."""
+    """Return the lateral distance between the sole centres in half-sitting, m."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
     left, right = (data.oMf[robot.frame_id(sole.frame)].translation for sole in robot.soles[:2])
@@ -168,7 +167,7 @@ def sole_spacing(robot: Robot) -> float:
 
 
 def _hip_yaw_range(robot: Robot) -> float:
-    """The smaller of the outward ranges of the hips' yaw, rad; 0 if no leg joint turns about the vertical."""
+    """Return the smaller of the outward ranges of the hips' yaw, rad; 0 if no leg joint turns about the vertical."""
     model, data = robot.model, robot.model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     ranges = []
@@ -193,12 +192,12 @@ def check_plan(
     reach: Reach | None = None,
     extent: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """Refuse a plan that the robot cannot walk, with the step and the reason.
+    """Check that a robot can walk a plan.
 
     Args:
         plan: Plan.
         robot: Robot, for its soles.
-        reach: What it can reach; derived from the legs when None.
+        reach: Reach of the robot; derived from the legs when None.
         extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
 
     Raises:
@@ -216,20 +215,7 @@ def check_plan(
         _check_step(f"step {i + 1} of {len(plan)} ({step.side})", plan.stance(i), step, reach)
         _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), sizes)
     if extent is not None:
-        low_x, high_x, low_y, high_y = extent
-        for i, step in enumerate((plan.left, plan.right, *plan.steps)):
-            corners = _corners(step, sizes[step.side])
-            if (
-                corners[:, 0].min() < low_x
-                or corners[:, 0].max() > high_x
-                or corners[:, 1].min() < low_y
-                or corners[:, 1].max() > high_y
-            ):
-                which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
-                raise InputError(
-                    f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
-                    f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
-                )
+        _check_extent(plan, sizes, extent)
 
 
 def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
@@ -252,7 +238,7 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
 
 
 def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> None:
-    """Separating axes of two rectangles in the plane."""
+    """Check that two soles do not overlap, by the separating axes of two rectangles in the plane."""
     p, q = _corners(a, sizes[a.side]), _corners(b, sizes[b.side])
     for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
         axis = np.array([math.cos(yaw), math.sin(yaw)])
@@ -262,6 +248,20 @@ def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[f
     raise InputError(
         f"the soles overlap at {what}: {a.side} at ({a.x:.3f}, {a.y:.3f}), {b.side} at ({b.x:.3f}, {b.y:.3f}) m"
     )
+
+
+def _check_extent(
+    plan: FootstepPlan, sizes: dict[str, tuple[float, float]], extent: tuple[float, float, float, float]
+) -> None:
+    low_x, high_x, low_y, high_y = extent
+    for i, step in enumerate((plan.left, plan.right, *plan.steps)):
+        corners = _corners(step, sizes[step.side])
+        if (corners < (low_x, low_y)).any() or (corners > (high_x, high_y)).any():
+            which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
+            raise InputError(
+                f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
+                f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
+            )
 
 
 def _corners(step: Footstep, size: tuple[float, float]) -> Array:

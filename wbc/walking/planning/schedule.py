@@ -1,19 +1,21 @@
-"""Which feet carry when, and where the ZMP may and should be meanwhile."""
+"""Schedule of the supports of a plan, with the area and the reference of the ZMP on each of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.errors import Array, InputError
+from wbc.core.settings import settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 
 EDGES = 8
-"""Half-planes of a support area; the hull of two rectangles never has more."""
+"""Number of half-planes of a support area; the hull of two rectangles never has more."""
 
 SoleSizes = tuple[tuple[float, float], tuple[float, float]]
 """(length, width) of the left and of the right sole, m."""
@@ -21,13 +23,13 @@ SoleSizes = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class SupportPhase:
-    """A stretch of time with the same feet on the ground.
+    """Time in which the same feet stand on the ground.
 
     Attributes:
-        duration: What is left of it, s.
+        duration: Time left, s.
         feet: The foot that stands, or the foot that leaves next and the foot that stays.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
-        total: Its whole length, s.
+        total: Whole length, s.
     """
 
     duration: float
@@ -42,7 +44,7 @@ class SupportPhase:
 
 
 def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
-    """The supports of a whole plan, from standing to standing."""
+    """Return the supports of a whole plan, from standing to standing."""
     gait, count = plan.gait, len(plan)
     if count == 0:
         total = gait.initial_double_support + gait.final_double_support
@@ -57,59 +59,35 @@ def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     return tuple(supports)
 
 
-def remaining(supports: Sequence[SupportPhase], elapsed: float) -> tuple[SupportPhase, ...]:
-    """What is left of a schedule after some time.
-
-    Args:
-        supports: Schedule.
-        elapsed: Time gone by, s.
-
-    Returns:
-        The rest; the last support with no time left if all of it is over.
-    """
-    for i, support in enumerate(supports):
-        if elapsed < support.duration - 1e-9:
-            return (replace(support, duration=support.duration - elapsed), *supports[i + 1 :])
-        elapsed -= support.duration
-    return (replace(supports[-1], duration=0.0),)
-
-
-@dataclass(frozen=True)
+@settings
 class ZmpTarget:
-    """Where under a stance foot the ZMP should be.
+    """Reference of the ZMP under a stance foot.
 
     Attributes:
         forward: From the sole centre, m.
         inward: From the sole centre towards the other foot, m.
     """
 
-    forward: float = 0.0
-    inward: float = 0.0
-
-    def __post_init__(self) -> None:
-        finite_scalar("forward target of the ZMP (m)", self.forward)
-        finite_scalar("inward target of the ZMP (m)", self.inward)
+    forward: Annotated[float, "m"] = 0.0
+    inward: Annotated[float, "m"] = 0.0
 
     def in_sole(self, side: str) -> tuple[float, float]:
-        """The point in the frame of a left or right sole, x and y, m."""
+        """Return the point in the frame of a left or right sole, x and y, m."""
         return self.forward, -self.inward if side == "left" else self.inward
 
-    def under(self, foot: Footstep) -> Array:
-        """The point under a foot, in the world, shape (2,), m."""
-        return np.array(self._under(foot))
-
-    def _under(self, foot: Footstep) -> tuple[float, float]:
+    def under(self, foot: Footstep) -> tuple[float, float]:
+        """Return the point under a foot, x and y in the world, m."""
         forward, side = self.in_sole(foot.side)
         c, s = math.cos(foot.yaw), math.sin(foot.yaw)
         return foot.x + c * forward - s * side, foot.y + s * forward + c * side
 
 
 def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
-    """The ZMP rests under the stance foot and crosses over with constant velocity on both feet.
+    """Return a ZMP that rests under the stance foot and crosses over with constant velocity on both feet.
 
     Args:
         supports: Schedule from now on.
-        target: Where under a stance foot.
+        target: Reference under a stance foot.
         start: ZMP now, shape (2,), m.
 
     Returns:
@@ -118,11 +96,11 @@ def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Ar
     times, points = [0.0], [tuple(np.asarray(start, dtype=float).tolist())]
     for i, support in enumerate(supports):
         if support.single:
-            goal = target._under(support.feet[0])
+            goal = target.under(support.feet[0])
         elif i + 1 < len(supports):
-            goal = target._under(supports[i + 1].feet[0])
+            goal = target.under(supports[i + 1].feet[0])
         else:
-            (x, y), (u, v) = target._under(support.feet[0]), target._under(support.feet[1])
+            (x, y), (u, v) = target.under(support.feet[0]), target.under(support.feet[1])
             goal = 0.5 * (x + u), 0.5 * (y + v)
         times.append(times[-1] + support.duration)
         points.append(goal)
@@ -131,12 +109,12 @@ def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Ar
 
 @lru_cache(maxsize=256)
 def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:
-    """Half-planes of the area that the ZMP may not leave, seen from above.
+    """Return the half-planes of the area that the ZMP may not leave, seen from above.
 
     Args:
         feet: One or two feet on the ground.
         sizes: Sizes of the soles.
-        margin: Distance kept from the edge, m.
+        margin: Distance of the area from the edge of the soles, m.
 
     Returns:
         Outward unit normals N, shape (8, 2), and offsets d, shape (8,), m, with N z ≤ d inside; rows that are not

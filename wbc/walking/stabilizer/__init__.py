@@ -1,4 +1,4 @@
-"""The DCM stabilizer: feedback, wrench distribution, foot admittance, step adjustment and their gains.
+"""DCM stabilizer: feedback, wrench distribution, admittances, lean, step adjustment, bias estimator and their gains.
 
 A new feedback law or filter is a file here, with its gains in `gains`.
 """

@@ -1,15 +1,14 @@
-"""Step adjustment: where and when to land so that the pendulum can be caught.
+"""Step adjustment: place and time of a landing with which the pendulum can be caught.
 
-Over a ZMP that does what the plan says, a DCM that is off by e now is off by e · e^{ωT} when the foot has landed
-and taken over, T from now. What the ZMP cannot bring back within the stance foot must be met by landing
-elsewhere, or sooner or later, so that the DCM is where the plan has it relative to the new foot. With the
-exponential of time τ = e^{ωT} as unknown this is linear,
+Over the planned ZMP, a DCM error of e now is one of e · e^{ωT} when the foot has landed and taken over, T from now. The
+part that no ZMP within the stance foot brings back asks for another place or time of the landing, such that the DCM
+is as planned relative to the new foot. With the exponential of time τ = e^{ωT} as unknown this is linear,
 
     u + b = z + (ξ − z) τ + δ (1 − τ*)
 
 with the landing u, the DCM b over it, the one constant ZMP z that stands for the planned motion, and the shift δ
-of the ZMP by feedback (taken at the planned time). A small program weighs all changes within the reach of the
-sole, of the leg and of time:
+of the ZMP by feedback (taken at the planned time). A small QP weighs all changes within the limits of the sole, of the
+leg and of time:
 
     minimise  w_u |u − u*|² + w_τ (τ/τ* − 1)² + w_b |b − b*|² + w_δ |δ|².
 
@@ -21,13 +20,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative, positive, two_of
+from wbc.core.errors import Array, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
@@ -35,65 +36,53 @@ from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
 SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
 
-
 _CENTRE = ZmpTarget()
 
-_NOTHING = np.zeros(2)
-_NOTHING.setflags(write=False)
+_NO_ERROR = np.zeros(2)
+_NO_ERROR.setflags(write=False)
 
 
-@dataclass(frozen=True)
+@settings
 class AdjustmentSettings:
     """Costs and limits of step adjustment.
 
     Attributes:
         shift: Cost of a shift of the ZMP within the stance foot, 1/m².
         margin: Distance of the ZMP from the edge of the stance foot, m.
-        backward: Greatest shift of the ZMP towards the heel that is counted on, m. With a step that comes early the DCM
-            lags behind; the heel would have to push it on, and seldom carries on stones.
-        threshold: Change of landing below which the step is left alone, m.
+        backward: Greatest shift of the ZMP towards the heel, m. With a step that comes early the DCM lags behind; the
+            heel would have to push it on, and seldom carries on stones.
+        threshold: Change of landing below which the step stays as planned, m.
         landing: Cost of a landing away from the plan, 1/m².
-        time: Cost of another time: of a relative change of e^{ωT}, 1.
-        offset: Cost of a DCM that is not where the plan has it over the foot, 1/m².
+        time: Cost of a relative change of e^{ωT}, 1.
+        offset: Cost of a DCM away from the plan relative to the landing foot, 1/m².
         max_shift: Greatest distance of a landing from the plan, forward and sideways, m.
         shortest: Least time from now to touch-down, s.
         longest: Greatest stretch of the time left, s.
-        freeze: Time before touch-down in which nothing is changed any more, s.
+        freeze: Time before touch-down in which the step is not changed any more, s.
     """
 
-    shift: float = 0.01
-    margin: float = 0.01
-    backward: float = 0.03
-    threshold: float = 0.005
-    landing: float = 1.0
-    time: float = 0.05
-    offset: float = 100.0
-    max_shift: tuple[float, float] = (0.15, 0.12)
-    shortest: float = 0.05
-    longest: float = 0.1
-    freeze: float = 0.05
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name == "max_shift":
-                pair = two_of("max_shift (m)", self.max_shift)
-                forward, sideways = (non_negative("max_shift (m)", value) for value in pair)
-                object.__setattr__(self, "max_shift", (forward, sideways))
-            elif field.name in ("shift", "landing", "time", "offset"):
-                positive(f"cost '{field.name}' of step adjustment", getattr(self, field.name))
-            else:
-                non_negative(f"{field.name} of step adjustment", getattr(self, field.name))
+    shift: Annotated[Positive, "1/m²"] = 0.01
+    margin: Annotated[NonNegative, "m"] = 0.01
+    backward: Annotated[NonNegative, "m"] = 0.03
+    threshold: Annotated[NonNegative, "m"] = 0.005
+    landing: Annotated[Positive, "1/m²"] = 1.0
+    time: Positive = 0.05
+    offset: Annotated[Positive, "1/m²"] = 100.0
+    max_shift: Annotated[tuple[NonNegative, NonNegative], "m"] = (0.15, 0.12)
+    shortest: Annotated[NonNegative, "s"] = 0.05
+    longest: Annotated[NonNegative, "s"] = 0.1
+    freeze: Annotated[NonNegative, "s"] = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Adjustment:
-    """A step as it should be now.
+    """Adjusted step.
 
     Attributes:
-        landing: Where to land.
+        landing: Adjusted landing.
         remaining: Time from now to touch-down, s.
-        missed: DCM over the landing foot beyond the plan's that is left to feedback, in the world, shape (2,), m.
-        changed: True if it differs from the plan.
+        missed: DCM error over the landing foot that is left to feedback, in the world, shape (2,), m.
+        changed: True if the step differs from the plan.
     """
 
     landing: Footstep
@@ -103,7 +92,7 @@ class Adjustment:
 
 
 class StepAdjuster:
-    """The program, for one robot.
+    """QP of step adjustment for one robot.
 
     Attributes:
         settings: Costs and limits.
@@ -112,11 +101,11 @@ class StepAdjuster:
     def __init__(
         self, omega: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None
     ) -> None:
-        """Prepare.
+        """Set up the QP.
 
         Args:
             omega: Natural frequency, 1/s.
-            reach: What steps the robot can take.
+            reach: Reach of the robot.
             sizes: (length, width) of the left and of the right sole, m.
             settings: Costs and limits; the defaults when None.
         """
@@ -150,18 +139,18 @@ class StepAdjuster:
         Args:
             dcm: DCM measured now, in the world, shape (2,), m.
             planned: DCM planned for now, shape (2,), m.
-            at_landing: DCM planned for when the new foot has taken over, shape (2,), m.
+            at_landing: DCM planned for the time when the new foot has taken over, shape (2,), m.
             step: Planned landing.
             stance: Stance foot.
             remaining: Planned time to touch-down, s.
             transfer: Time from touch-down until the new foot has taken over, s.
-            target: Where under the stance foot the plan has the ZMP; the sole centre when None.
+            target: Planned ZMP under the stance foot; the sole centre when None.
 
         Returns:
-            The step to take; the planned one where the stance foot can do it or it is too late to change.
+            The step to take: the planned one where a ZMP within the stance foot is enough, or too little time is left.
         """
         s, omega = self.settings, self._omega
-        keep = Adjustment(step, remaining, _NOTHING, False)
+        keep = Adjustment(step, remaining, _NO_ERROR, False)
         if remaining <= s.freeze:
             return keep
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
@@ -178,19 +167,12 @@ class StepAdjuster:
             (np.asarray(x[:2]) - origin) @ to_world for x in (dcm, planned, at_landing)
         )
         landing = (np.array([step.x, step.y]) - origin) @ to_world
-        zmp = (plan_now * grow - plan_then) / (grow - 1.0)
         offset = plan_then - landing
-
-        p = self._problem
-        # u − δ (1 − τ*) − (ξ − z) τ* σ + b = z  with σ = τ/τ*.
-        p.equality[:, 2:4] = (grow - 1.0) * np.eye(2)
-        p.equality[:, 4] = -(now - zmp) * grow
-        p.target[:2] = zmp
-        p.linear[:] = p.diagonal * (*landing, 0.0, 0.0, 1.0, *offset)
+        self._write_motion(now, (plan_now * grow - plan_then) / (grow - 1.0), grow, landing, offset)
         low, high = self._bounds(landing, step.side, s.max_shift)
-        least = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
-        p.lower[:] = (*low, *shift_low, min(1.0, least))
-        p.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
+        shortest = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
+        self._problem.lower[:] = (*low, *shift_low, min(1.0, shortest))
+        self._problem.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
         if not self._solver.solve().ok:
             return keep
         x = self._solver.x
@@ -201,6 +183,15 @@ class StepAdjuster:
         missed = to_world @ (x[5:] - offset)
         return Adjustment(replace(step, x=float(place[0]), y=float(place[1])), time, missed, True)
 
+    def _write_motion(self, dcm: Array, zmp: Array, grow: float, landing: Array, offset: Array) -> None:
+        """Write the equation of the module, with σ = τ/τ*, and the costs, all in the stance foot's axes."""
+        p = self._problem
+        # u − δ (1 − τ*) − (ξ − z) τ* σ + b = z
+        p.equality[:, 2:4] = (grow - 1.0) * np.eye(2)
+        p.equality[:, 4] = -(dcm - zmp) * grow
+        p.target[:2] = zmp
+        p.linear[:] = p.diagonal * (*landing, 0.0, 0.0, 1.0, *offset)
+
     def _idle(
         self,
         dcm: Array,
@@ -210,10 +201,10 @@ class StepAdjuster:
         low: Sequence[float],
         high: Sequence[float],
     ) -> bool:
-        """True if the program need not be solved: its answer is the step as planned.
+        """True if the planned step is already optimal, so that the QP can be skipped.
 
         The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
-        has room for that, it bounds the least cost from above, and with it every change:
+        has room for this shift, its cost bounds the least cost from above, and with it every change:
 
             w_u |u − u*|² ≤ w_δ |δ|²,   w_τ (τ/τ* − 1)² ≤ w_δ |δ|².
         """
@@ -223,15 +214,15 @@ class StepAdjuster:
         x, y = c * x + sn * y, c * y - sn * x
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
             return False
-        # A hundredth is kept for the solver's tolerance.
+        # A hundredth more, for the solver's tolerance.
         cost = 1.01 * s.shift * (x * x + y * y)
         return cost <= s.landing * s.threshold**2 and cost <= s.time * SAME_TIME**2
 
     def _bounds(self, landing: Array, side: str, shift: tuple[float, float]) -> tuple[Array, Array]:
-        """Box of landings in the stance foot's axes: within reach and not far from the plan."""
+        """Box of landings in the stance foot's axes: within reach and within `shift` of the plan."""
         r = self._reach
         sides = (r.min_spacing, r.max_spacing) if side == "left" else (-r.max_spacing, -r.min_spacing)
         low = np.maximum([-r.max_length, sides[0]], landing - shift)
         high = np.minimum([r.max_length, sides[1]], landing + shift)
-        # A plan at the edge of the reach, or beyond it, stays where it is.
+        # A plan at the edge of the reach, or beyond it, stays possible.
         return np.minimum(low, landing), np.maximum(high, landing)

@@ -1,11 +1,11 @@
-"""How wrench errors move the feet and the CoM of a robot whose joints are position-controlled.
+"""Admittances of feet and CoM: motion from wrench errors, for a robot whose joints are position-controlled.
 
     ankle rotation       θ̇_x = A_y (τ_x − τ_x*),   θ̇_y = A_x (τ_y − τ_y*)      in the sole frame
     foot heights         the foot that should press more moves down, the other up, and the mean leaks to zero
     CoM                  v = −A_c (z_distributed − z_measured), with a leaky integral
 
-A foot's rotation and height are added to where the walk wants it; they stay when the foot stands, and start
-from zero with each touch-down.
+A foot's rotation and height are added to the reference of the walk; they stay while the foot stands, and start from
+zero at each touch-down.
 
 Through a stiffness K the ankle law is a first-order lag of rate A·K, and so is the height law.
 
@@ -28,7 +28,7 @@ from wbc.walking.stabilizer.gains import StabilizerGains, pair
 
 
 class FootCorrection(NamedTuple):
-    """What the admittances add to a foot.
+    """Correction of a foot by the admittances.
 
     Attributes:
         roll: Rotation about the sole's x axis, rad.
@@ -47,7 +47,7 @@ class FootCorrection(NamedTuple):
     height_rate: float = 0.0
 
     def apply(self, motion: FootMotion) -> FootMotion:
-        """Where the foot should be, given where the walk wants it; accelerations are left alone."""
+        """Return the corrected motion of a foot; its acceleration stays that of the walk."""
         placement = motion.placement
         rotation = placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
         x, y, z = placement.translation.tolist()
@@ -59,12 +59,12 @@ class FootCorrection(NamedTuple):
 
 
 def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:
-    """Roll and pitch rate of a foot from its torque errors.
+    """Return roll and pitch rate of a foot from its torque errors.
 
     Args:
         gains: Gains.
-        measured: [force; moment] in the sole frame, shape (6,), N and Nm.
-        target: The same, desired.
+        measured: Measured [force; moment] in the sole frame, shape (6,), N and Nm.
+        target: Desired [force; moment].
 
     Returns:
         Rates about the sole's x and y axes, rad/s, clamped.
@@ -83,12 +83,12 @@ def height_rates(
     target: tuple[float, float],
     heights: tuple[float, float],
 ) -> tuple[float, float]:
-    """Vertical speeds of both feet on the ground from their normal forces: foot force difference control.
+    """Return the vertical speeds of both feet from their normal forces: foot force difference control.
 
     Args:
         gains: Gains.
-        measured: Normal force of left and right foot, N.
-        target: The same, desired.
+        measured: Measured normal force of left and right foot, N.
+        target: Desired normal force of left and right foot, N.
         heights: Height offsets of left and right foot, m.
 
     Returns:
@@ -115,7 +115,7 @@ class FootAdmittance:
         self._rate = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
     def reset(self, foot: int | None = None) -> None:
-        """Put one foot (0 left, 1 right), or both, back to no correction."""
+        """Set the correction of one foot (0 left, 1 right), or of both, to zero."""
         for i in (0, 1) if foot is None else (foot,):
             self._state[i] = [0.0, 0.0, 0.0]
             self._rate[i] = [0.0, 0.0, 0.0]
@@ -125,16 +125,16 @@ class FootAdmittance:
         self._rate = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
     def correction(self, foot: int) -> FootCorrection:
-        """What is added to a foot now."""
+        """Return the correction of a foot (0 left, 1 right) now."""
         return FootCorrection(*self._state[foot], *self._rate[foot])
 
     def update(self, measured: Array, target: Array, contact: tuple[bool, bool], dt: float) -> None:
-        """Move on by one period.
+        """Integrate over one period.
 
         Args:
-            measured: [force; moment] of both feet in their sole frames, shape (2, 6), N and Nm.
-            target: The same, desired.
-            contact: Which feet are on the ground; the others keep their correction.
+            measured: Measured [force; moment] of both feet in their sole frames, shape (2, 6), N and Nm.
+            target: Desired [force; moment] of both feet.
+            contact: True for each foot on the ground; the others keep their correction.
             dt: Period, s.
         """
         g = self.gains
@@ -167,12 +167,12 @@ class FootAdmittance:
 
 
 class ComAdmittance:
-    """Shift of the CoM target towards where the distributed ZMP says it is missing (ZMP compensation control).
+    """Shift of the CoM target by the error between distributed and measured ZMP (ZMP compensation control).
 
     Attributes:
-        offset: Shift of the CoM target in the world, shape (2,), m.
-        velocity: Its velocity, shape (2,), m/s; zero at the bound.
-        acceleration: Derivative of that velocity, shape (2,), m/s²; zero at the bound, where the shift just stops.
+        gains: Gains; assign to change them.
+        velocity: Velocity of the shift, shape (2,), m/s; zero at the bound.
+        acceleration: Acceleration of the shift, shape (2,), m/s²; zero at the bound, where the shift stops at once.
     """
 
     def __init__(self, gains: StabilizerGains) -> None:
@@ -189,18 +189,18 @@ class ComAdmittance:
 
     @property
     def idle(self) -> bool:
-        """True if there is no shift, and nothing can make one."""
+        """True if there is no shift and the gains do not allow one."""
         return self._still and not any(pair(self.gains.com_admittance))
 
     def reset(self) -> None:
-        """Back to no shift, at once."""
+        """Set the shift to zero, at once."""
         self._integral.reset()
         self._still = True
         self.velocity = np.zeros(2)
         self.acceleration = np.zeros(2)
 
     def update(self, zmp_error: Array | None, yaw: float, dt: float) -> None:
-        """Move on by one period.
+        """Integrate over one period.
 
         Args:
             zmp_error: Distributed minus measured ZMP, shape (2,), m; None on one foot or in the air, where the

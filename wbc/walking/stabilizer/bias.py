@@ -1,14 +1,13 @@
 """Estimator of a constant bias between the measured DCM and the one that the ZMP drives.
 
-A CoM that the model puts in the wrong place shows as a DCM that does not run away from the ZMP as it should. A
-Kalman filter tells the two apart: state [ξ; b], both horizontal, with b constant in the yaw frame of the robot,
+A CoM that the model puts in the wrong place shows as a DCM that does not diverge from the ZMP as the pendulum does. A
+Kalman filter separates the two: state [ξ; b], both horizontal, with b constant in the yaw frame of the robot,
 
     ξ' = (1 + ω dt) ξ − ω dt z,   b' = ΔR b,   measured = ξ + b,
 
-process noise ((ω dt σ_zmp)² on ξ, (σ_drift dt)² on b) and measurement noise σ_dcm². Everything is absolute
-and in the world: measured = true + b, so that the controller's DCM error is target − (measured − b). The noise
-levels are those of samples at 200 Hz; at another rate their variances are scaled so that the same time of
-measuring tells the same, whatever the control period.
+process noise ((ω dt σ_zmp)² on ξ, (σ_drift dt)² on b) and measurement noise σ_dcm². All points are absolute and in the
+world: measured = true + b, so that the controller's DCM error is target − (measured − b). The noise levels are those of
+samples at 200 Hz; at another rate their variances are scaled, so that the control period does not matter.
 
 Source: the LIPM-DCM estimator of jrl-umi3218/state-observation; unlike there all settings are live and the
 clamp is applied in the yaw frame.
@@ -17,14 +16,19 @@ clamp is applied in the yaw frame.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, non_negative, positive, two_of
+from wbc.core.errors import Array
+from wbc.core.settings import NonNegative, Positive, settings
+
+Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
+"""A number of at least zero, or infinity."""
 
 
-@dataclass(frozen=True)
+@settings
 class BiasSettings:
     """Noise levels and limits. Defaults are mc_rtc's, which find 90 % of a bias within about 1.3 s.
 
@@ -33,23 +37,14 @@ class BiasSettings:
         zmp_std: ZMP that drives the pendulum, m.
         drift_std: Bias, m/s.
         initial_std: Bias after a reset, m.
-        limit: Greatest bias believed, forward and sideways, m; infinity for none.
+        limit: Greatest bias, forward and sideways, m; infinity for none.
     """
 
-    dcm_std: float = 0.01
-    zmp_std: float = 0.05
-    drift_std: float = 0.02
-    initial_std: float = 0.01
-    limit: tuple[float, float] = (0.02, 0.02)
-
-    def __post_init__(self) -> None:
-        positive("dcm_std (m)", self.dcm_std)
-        for name in ("zmp_std (m)", "drift_std (m/s)", "initial_std (m)"):
-            non_negative(name, getattr(self, name.split()[0]))
-        two_of("limit of the DCM bias (m)", self.limit)
-        for axis, value in zip(("forward", "sideways"), self.limit, strict=True):
-            if not value >= 0.0:
-                non_negative(f"{axis} limit of the DCM bias (m)", value)
+    dcm_std: Annotated[Positive, "m"] = 0.01
+    zmp_std: Annotated[NonNegative, "m"] = 0.05
+    drift_std: Annotated[NonNegative, "m/s"] = 0.02
+    initial_std: Annotated[NonNegative, "m"] = 0.01
+    limit: Annotated[tuple[Limit, Limit], "m"] = (0.02, 0.02)
 
 
 REFERENCE_PERIOD = 0.005
@@ -57,10 +52,10 @@ REFERENCE_PERIOD = 0.005
 
 
 class BiasEstimator:
-    """Four-state Kalman filter.
+    """Kalman filter with four states.
 
-    Both axes are alike, so that points of the plane are kept as complex numbers, x + i y: what a covariance matrix of
-    four rows says is then two variances and one complex covariance.
+    Both axes are alike, so that points of the plane are complex numbers, x + i y: the covariance matrix of four rows is
+    then two variances and one complex covariance.
 
     Attributes:
         settings: Noise levels and limits.
@@ -81,13 +76,8 @@ class BiasEstimator:
 
     @property
     def bias(self) -> Array:
-        """What the measured DCM has too much, in the world, shape (2,), m."""
+        """Bias of the measured DCM in the world, shape (2,), m."""
         return _array(self._bias)
-
-    @property
-    def local_bias(self) -> Array:
-        """The bias in the yaw frame of the robot, forward and sideways, shape (2,), m."""
-        return _array(self._bias * self._heading.conjugate())
 
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""
@@ -112,19 +102,23 @@ class BiasEstimator:
         heading = complex(math.cos(yaw), math.sin(yaw))
         measured = complex(dcm[0], dcm[1])
         if self._fresh:
-            known = s.initial_std**2
+            initial = s.initial_std**2
             self._dcm, self._bias = measured, 0j
-            self._dcm_variance, self._bias_variance, self._covariance = known + noise, known, -known + 0j
+            self._dcm_variance, self._bias_variance, self._covariance = (
+                initial + noise,
+                initial,
+                -initial + 0j,
+            )
             self._fresh = False
         else:
             self._predict(heading * self._heading.conjugate(), omega, dt)
-            # What is measured is the sum of DCM and bias.
+            # The measurement is the sum of DCM and bias.
             with_dcm = self._dcm_variance + self._covariance
             with_bias = self._bias_variance + self._covariance.conjugate()
             variance = (with_dcm + with_bias).real + noise
-            surprise = (measured - self._dcm - self._bias) / variance
-            self._dcm += with_dcm * surprise
-            self._bias += with_bias * surprise
+            innovation = (measured - self._dcm - self._bias) / variance
+            self._dcm += with_dcm * innovation
+            self._bias += with_bias * innovation
             self._dcm_variance -= abs(with_dcm) ** 2 / variance
             self._bias_variance -= abs(with_bias) ** 2 / variance
             self._covariance -= with_dcm * with_bias.conjugate() / variance
@@ -144,7 +138,7 @@ class BiasEstimator:
         self._covariance *= (1.0 + grow) * turn.conjugate()
 
     def _clamp(self) -> None:
-        """Cut the bias off at its limits in the yaw frame; what is cut off belongs to the DCM."""
+        """Clamp the bias in the yaw frame; the rest goes to the DCM."""
         forward, sideways = self.settings.limit
         local = self._bias * self._heading.conjugate()
         within = complex(min(max(local.real, -forward), forward), min(max(local.imag, -sideways), sideways))

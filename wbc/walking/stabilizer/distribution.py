@@ -1,15 +1,14 @@
-"""One wrench for the whole robot → one wrench for each foot.
+"""Distribution of the desired wrench of the whole robot over its feet.
 
-A quadratic program of fixed size serves double and single support alike. Its unknowns are both foot wrenches, in the
-axes of their soles at the points under the ankles, and a shortfall s in newtons and newton metres, so that it always
-has a solution:
+One QP of fixed size serves double and single support. Its unknowns are both foot wrenches, in the axes of their soles
+at the points under the ankles, and a shortfall s in newtons and newton metres, so that there always is a solution:
 
     minimise    net |s|² + ankle |ankle torques|² + … + pressure ((1 − r) f_L − r f_R)²
     subject to  wrench_L + wrench_R + s = desired, about the target ZMP
                 friction, CoP and yaw torque of a rectangle; least normal force
 
-with r the left-foot ratio: 1 when the left foot should carry everything. Taking moments about the ZMP keeps the
-numbers small wherever the robot stands. A foot in the air has no part in the sum: its wrench only costs, and is zero.
+with r the left-foot ratio: 1 when the left foot carries all weight. Taking moments about the ZMP keeps the numbers
+small wherever the robot stands. A foot in the air has no part in the sum: its wrench only costs, and is zero.
 
 Source: S. Caron, A. Kheddar, O. Tempier, "Stair climbing stabilization of the HRP-4 humanoid robot using
 whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabilizer.
@@ -18,33 +17,33 @@ whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.vectors import add_cross
 
 ROWS = 17
-"""Inequalities of a foot: 16 of its cone, then its normal force."""
+"""Inequalities of a foot: 16 of its wrench cone, then its normal force."""
 
 Rectangle = tuple[float, float, float, float]
 """Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
 
 
-@dataclass(frozen=True)
+@settings
 class DistributionSettings:
     """Limits and costs of the distribution.
 
     Only ratios matter. Those of net moment, ankle torque and pressure are mc_rtc's. Missing force costs ten times
-    more, because the weight has to be borne whatever the CoP can do; and the costs that only pick one of many
-    solutions are small but good to compute with.
+    more, because the weight has to be borne whatever the CoP can do. The costs that only pick one of many solutions are
+    small, but large enough for the solver.
 
     Attributes:
         friction: Coulomb coefficient.
@@ -56,46 +55,39 @@ class DistributionSettings:
         ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
-        pressure: Cost of a load that is not shared by the ratio, 1/N².
+        pressure: Cost of a load that is not shared by the left-foot ratio, 1/N².
     """
 
-    friction: float = 0.7
-    min_force: float = 15.0
-    margin: float = 0.0
-    net_force: float = 1e3
-    net_moment: float = 1e2
-    ankle_torque: float = 1.0
-    ankle_yaw: float = 1e-2
-    ankle_shear: float = 1e-4
-    ankle_normal: float = 1e-5
-    pressure: float = 1e-2
-
-    def __post_init__(self) -> None:
-        positive("friction", self.friction)
-        for name in ("min_force", "margin"):
-            non_negative(f"{name} of the distribution", getattr(self, name))
-        for field in fields(self)[3:]:
-            positive(f"cost '{field.name}' of the distribution", getattr(self, field.name))
+    friction: Positive = 0.7
+    min_force: Annotated[NonNegative, "N"] = 15.0
+    margin: Annotated[NonNegative, "m"] = 0.0
+    net_force: Annotated[Positive, "1/N²"] = 1e3
+    net_moment: Annotated[Positive, "1/(Nm)²"] = 1e2
+    ankle_torque: Annotated[Positive, "1/(Nm)²"] = 1.0
+    ankle_yaw: Annotated[Positive, "1/(Nm)²"] = 1e-2
+    ankle_shear: Annotated[Positive, "1/N²"] = 1e-4
+    ankle_normal: Annotated[Positive, "1/N²"] = 1e-5
+    pressure: Annotated[Positive, "1/N²"] = 1e-2
 
     @staticmethod
     def legacy() -> DistributionSettings:
-        """mc_rtc's costs (10000 net, 100 · diag(1, 1, 1e-4 | 1e-3, 1e-3, 1e-4)², 1), all over 100.
+        """Return mc_rtc's costs (10000 net, 100 · diag(1, 1, 1e-4 | 1e-3, 1e-3, 1e-4)², 1), all over 100.
 
-        The smallest, 1e-8 and 1e-6, only pick one of many solutions. They are raised to 1e-5: no solver gets right what
-        is ten orders of magnitude below the rest.
+        The smallest, 1e-8 and 1e-6, only pick one of many solutions. They are raised to 1e-5, since no solver resolves
+        costs ten orders of magnitude below the rest.
         """
         tiny = 1e-5
         return DistributionSettings(net_force=1e2, ankle_yaw=tiny, ankle_shear=tiny, ankle_normal=tiny)
 
 
 class FootWrenches(NamedTuple):
-    """What each foot should feel.
+    """Desired contact wrench of each foot.
 
     Attributes:
         wrenches: [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm.
-        shortfall: What is missing to the desired wrench: force, and moment about the target ZMP, world axes,
+        shortfall: Desired minus distributed wrench: force, and moment about the target ZMP, in world axes,
             shape (6,), N and Nm.
-        status: How the program was solved; the closed form is `SOLVED`.
+        status: Status of the QP.
     """
 
     wrenches: Array
@@ -104,7 +96,7 @@ class FootWrenches(NamedTuple):
 
 
 def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
-    """Share of the left foot that puts the ZMP on the line between the feet: 1 at the left one, 0 at the right.
+    """Return the share of the left foot that puts the ZMP on the line between the feet: 1 at the left foot.
 
     Args:
         zmp: Target ZMP in the world, shape (3,), m.
@@ -118,11 +110,11 @@ def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
 
 
 class WrenchDistribution:
-    """The program, solved again and again.
+    """QP of the distribution for one robot.
 
     Attributes:
         settings: Limits and costs.
-        rectangles: Part of each sole that carries, left then right; assign to shrink it to what touches ground.
+        rectangles: Part of each sole that carries, left then right; assign to shrink it to the part on the ground.
     """
 
     def __init__(
@@ -131,7 +123,7 @@ class WrenchDistribution:
         settings: DistributionSettings | None = None,
         ankles: Sequence[tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0)),
     ) -> None:
-        """Prepare the program.
+        """Set up the QP.
 
         Args:
             sizes: (length, width) of the left and of the right sole, m.
@@ -156,9 +148,12 @@ class WrenchDistribution:
         p.equality[:, 12:] = np.eye(6)
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
         self._ankles = [(float(x), float(y)) for x, y in ankles]
-        self._drawn: list[Rectangle | None] = [None, None]
-        self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
-        # Newtons: a millinewton is nothing.
+        self._cones_of: list[Rectangle | None] = [None, None]  # rectangles whose cones are written
+        self._bounds: list[tuple[float, float, float] | None] = [
+            None,
+            None,
+        ]  # those of normal forces and cones
+        # In newtons: a residual of a millinewton is negligible.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
     def solve(
@@ -177,7 +172,7 @@ class WrenchDistribution:
             soles: Placements of the left and of the right sole.
             zmp: Target ZMP in the world, shape (3,), m: moments are taken about it.
             ratio: Left-foot ratio, 0 to 1.
-            contact: Which feet carry.
+            contact: True for each foot that carries.
             max_force: Greatest normal force of each foot, N.
 
         Returns:
@@ -195,7 +190,7 @@ class WrenchDistribution:
             self._bound(foot, bool(contact[foot]), float(max_force[foot]))
             if contact[foot]:
                 self._write_foot(foot, soles[foot], zmp)
-        # On one foot there is nothing to choose: its torque is what the ZMP asks for.
+        # On one foot there is no choice: its torque follows from the ZMP.
         p.diagonal[self._torques] = s.ankle_torque if both else s.ankle_yaw
         p.soft[0, 2], p.soft[0, 8] = (1.0 - ratio, -ratio) if both else (0.0, 0.0)
         p.soft_weight[0] = s.pressure if both else 0.0
@@ -211,7 +206,7 @@ class WrenchDistribution:
         return FootWrenches(wrenches, solution[12:], status)
 
     def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
-        """What a foot on the ground gives to the sum, and where its centre of pressure may be."""
+        """Write the part of a foot on the ground in the sum of wrenches, and its wrench cone."""
         p, s = self._problem, self.settings
         column, row = 6 * foot, ROWS * foot
         rotation, at, ankle = sole.rotation, sole.translation, self._ankles[foot]
@@ -221,14 +216,14 @@ class WrenchDistribution:
         p.equality[:3, force] = p.equality[3:6, moment] = rotation
         p.equality[3:6, force] = pin.skew(at - zmp).dot(rotation)
         rectangle = self.rectangles[foot]
-        if rectangle != self._drawn[foot]:
+        if rectangle != self._cones_of[foot]:
             p.inequality[row : row + ROWS - 1, column : column + 6] = _cone(
                 rectangle, s.margin, s.friction, ankle
             )
-            self._drawn[foot] = rectangle
+            self._cones_of[foot] = rectangle
 
     def _bound(self, foot: int, contact: bool, max_force: float) -> None:
-        """Least and greatest normal force; far from zero for a foot in the air, whose bounds must not act."""
+        """Write least and greatest normal force; a foot in the air gets bounds that do not act."""
         bounds = (min(self.settings.min_force, max_force), max_force, 0.0) if contact else (-1.0, 1.0, 1.0)
         if bounds == self._bounds[foot]:
             return
@@ -239,55 +234,11 @@ class WrenchDistribution:
             p.equality[:6, 6 * foot : 6 * foot + 6] = 0.0
 
 
-def distribute_by_ratio(
-    net: Array,
-    soles: Sequence[pin.SE3],
-    zmp: Array,
-    ratio: float,
-    rectangles: Sequence[Rectangle],
-    contact: Sequence[bool] = (True, True),
-    min_force: float = 15.0,
-) -> FootWrenches:
-    """Distribute a wrench in closed form, on level feet: forces by the ratio, the rest by one offset of both CoPs.
-
-    Args:
-        net: Desired [force; moment] at the world origin in world axes, shape (6,), N and Nm.
-        soles: Placements of the left and of the right sole.
-        zmp: ZMP of that wrench in the world, shape (3,), m.
-        ratio: Left-foot ratio, 0 to 1.
-        rectangles: Part of each sole that carries.
-        contact: Which feet carry.
-        min_force: Least normal force of a foot in contact, N.
-
-    Raises:
-        InputError: No foot in contact.
-    """
-    if not any(contact):
-        raise InputError("a wrench can only be distributed over feet in contact; neither is")
-    least = min_force / max(float(net[2]), 2.0 * min_force)
-    left = float(np.clip(ratio, least, 1.0 - least)) if all(contact) else float(bool(contact[0]))
-    shares = (left, 1.0 - left)
-    offset = zmp - (shares[0] * soles[0].translation + shares[1] * soles[1].translation)
-    wrenches, total = np.zeros((2, 6)), np.zeros(6)
-    for foot in (0, 1):
-        if not contact[foot]:
-            continue
-        sole, (x0, x1, y0, y1) = soles[foot], rectangles[foot]
-        force = sole.rotation.T @ (shares[foot] * net[:3])
-        local = sole.rotation.T @ offset
-        x, y = min(max(local[0], x0), x1), min(max(local[1], y0), y1)
-        wrenches[foot] = (*force, y * force[2], -x * force[2], x * force[1] - y * force[0])
-        total += sole.act(pin.Force(wrenches[foot])).vector
-    missing = net - total
-    missing[3:] -= pin.skew(zmp) @ missing[:3]
-    return FootWrenches(wrenches, missing, Status.SOLVED)
-
-
 @lru_cache(maxsize=256)
 def _cone(
     rectangle: Rectangle, margin: float, friction: float, ankle: tuple[float, float] = (0.0, 0.0)
 ) -> Array:
-    """Rows F with F w ≤ 0 for a wrench at a point of the sole and a rectangle anywhere in the sole, shape (16, 6)."""
+    """Return rows F, shape (16, 6), with F w ≤ 0 for a wrench under the ankle and a rectangle anywhere in the sole."""
     x0, x1, y0, y1 = rectangle
     half_length, half_width = 0.5 * (x1 - x0) - margin, 0.5 * (y1 - y0) - margin
     if not (half_length > 0.0 and half_width > 0.0):

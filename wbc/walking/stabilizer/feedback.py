@@ -1,4 +1,4 @@
-"""DCM feedback: from where the pendulum is and should be, to the acceleration and the wrench that bring it back.
+"""DCM feedback: desired acceleration and wrench from the errors of the pendulum.
 
     c̈_d = c̈* + ω [k_p e_ξ + k_i ē_ξ + k_d ė_ξ] + ω k_v e_v − ω² k_ż ż*        in the yaw frame of the robot
 
@@ -7,7 +7,7 @@ measured CoM, so that with k_v = 1 this is a feedback on the ZMP,
 
     z_d = z* − (1 + k_p/ω) e_ξ − (k_i/ω) ē_ξ − (k_d/ω) ė_ξ,
 
-and k_p is the pole of the closed loop if the ZMP follows at once.
+and k_p is the pole of the closed loop if the ZMP follows without lag.
 
 Source: Frizza et al., Humanoids 2022, eq. (3); S. Caron et al., ICRA 2019; Morisawa et al., Humanoids 2014.
 """
@@ -22,24 +22,23 @@ import numpy as np
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
 from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.stabilizer.filters import Average, Derivator
+from wbc.walking.stabilizer.filters import Average, HighPass
 from wbc.walking.stabilizer.gains import StabilizerGains, pair
 
 LEAST_VERTICAL = -0.5 * GRAVITY
-"""Least vertical acceleration that is asked for, m/s²: the ground can only push, and where it hardly does, a CoP means
-nothing."""
+"""Least desired vertical acceleration, m/s²: the ground can only push, and with little force a CoP means nothing."""
 
 
 class PendulumErrors(NamedTuple):
-    """Target minus measured, in the world; heights are in the CoM alone.
+    """Errors, target minus measured, in the world; heights are in the CoM alone.
 
     Attributes:
         com: Shape (3,), m.
         com_velocity: Shape (3,), m/s.
         dcm: Shape (2,), m.
         average: Average of the DCM error, shape (2,), m.
-        rate: Its derivative, shape (2,), m/s.
-        zmp: Shape (2,), m; zero where it was not measured.
+        rate: Derivative of the DCM error, shape (2,), m/s.
+        zmp: Shape (2,), m; zero without a measured ZMP.
     """
 
     com: Array
@@ -51,7 +50,7 @@ class PendulumErrors(NamedTuple):
 
 
 class DcmFeedback:
-    """The errors with their memory, and the law.
+    """DCM feedback with its memory: average and derivative of the DCM error.
 
     Attributes:
         gains: Gains; assign to change them.
@@ -60,12 +59,12 @@ class DcmFeedback:
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
         self._average = Average(gains.integrator_time, gains.max_average_dcm_error, 2)
-        self._derivator = Derivator(gains.derivator_time, 2)
+        self._rate = HighPass(gains.derivator_time, 2)
 
     def reset(self) -> None:
-        """Forget the average and the derivative."""
+        """Set the average and the derivative to zero."""
         self._average.reset()
-        self._derivator.reset()
+        self._rate.reset()
 
     def errors(
         self,
@@ -76,16 +75,16 @@ class DcmFeedback:
         dt: float,
         bias: Array | None = None,
     ) -> PendulumErrors:
-        """Take in one measurement.
+        """Return the errors of one measurement.
 
         Args:
-            target: What the pattern wants.
+            target: Reference of the pendulum.
             com: Measured CoM in the world, shape (3,), m.
-            com_velocity: Its measured velocity, shape (3,), m/s.
-            zmp: Measured ZMP, shape (2,) or (3,), m; None while there is none: the memory then fades.
+            com_velocity: Measured velocity of the CoM, shape (3,), m/s.
+            zmp: Measured ZMP, shape (2,) or (3,), m; without one (None) the memory fades.
             dt: Time since the last call, s.
-            bias: What the measured DCM has too much, shape (2,), m (`wbc.walking.stabilizer.bias`): CoM and DCM errors
-                are corrected, and the velocity so that the three stay consistent.
+            bias: Bias of the measured DCM, shape (2,), m (`wbc.walking.stabilizer.bias`): CoM and DCM errors are
+                corrected, and the velocity so that the three stay consistent.
         """
         omega = target.omega
         e_com, e_velocity = target.com - com, target.com_velocity - com_velocity
@@ -95,27 +94,27 @@ class DcmFeedback:
             e_com[:2] += bias
             e_velocity[:2] = omega * (e_dcm - e_com[:2])
         if zmp is None:
-            self._derivator.reset()
+            self._rate.reset()
             average = self._average.update(np.zeros(2), dt)
             return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), np.zeros(2), np.zeros(2))
         e_zmp = target.zmp[:2] - zmp[:2]
         average = self._average.update(e_dcm, dt)
-        rate = self._derivator.update(omega * (e_dcm - e_zmp), None, dt)
+        rate = self._rate.update(omega * (e_dcm - e_zmp), dt)
         return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), rate.copy(), e_zmp)
 
     def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:
-        """Desired acceleration of the CoM in the world, shape (3,), m/s²."""
+        """Return the desired acceleration of the CoM in the world, shape (3,), m/s²."""
         return desired_acceleration(self.gains, target, errors, yaw)
 
 
 def desired_acceleration(
     gains: StabilizerGains, target: Pendulum, errors: PendulumErrors, yaw: float
 ) -> Array:
-    """The law of the module.
+    """Return the desired acceleration by the law of this module.
 
     Args:
         gains: Gains, per axis of the yaw frame.
-        target: What the pattern wants.
+        target: Reference of the pendulum.
         errors: Target minus measured.
         yaw: Heading of the robot, rad.
 
@@ -149,12 +148,12 @@ def desired_acceleration(
 
 
 def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
-    """Contact wrench that accelerates a mass without turning it.
+    """Return the contact wrench that accelerates a mass without turning it.
 
     Args:
-        com: Where the force goes through, in the world, shape (3,), m.
-        acceleration: Of the CoM, shape (3,), m/s².
-        mass: kg.
+        com: Point on the line of the force, in the world, shape (3,), m.
+        acceleration: Acceleration of the CoM, shape (3,), m/s².
+        mass: Mass of the robot, kg.
 
     Returns:
         [force; moment] at the world origin in world axes, shape (6,), N and Nm.
@@ -167,7 +166,7 @@ def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
 
 
 def zmp_of_force(com: Array, acceleration: Array, ground: float) -> Array:
-    """Where the force through a CoM meets the level ground, shape (3,), m."""
+    """Return the point where the force through a CoM meets the level ground, shape (3,), m."""
     x, y, z = com.tolist()
     ax, ay, az = acceleration.tolist()
     reach = (z - ground) / (az + GRAVITY)

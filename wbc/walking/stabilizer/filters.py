@@ -11,8 +11,8 @@ from wbc.core.lag import LagGain
 
 
 def clamp(value: Array, bound: float) -> None:
-    """Cut each component off at ±bound, in place."""
-    if max(map(abs, value.tolist())) > bound:  # hardly ever, and quicker to see than to clip
+    """Clamp each component to ±bound, in place."""
+    if max(map(abs, value.tolist())) > bound:  # seldom, and quicker to test than to clip
         np.clip(value, -bound, bound, out=value)
 
 
@@ -36,11 +36,11 @@ class LowPass:
         self._gain = LagGain()
 
     def reset(self) -> None:
-        """Start over: the next input is taken as it is."""
+        """Start over: the next output is the next input."""
         self._fresh = True
 
     def update(self, u: Array, dt: float) -> Array:
-        """Take in one input and return the output, which the next call overwrites."""
+        """Return the output for one more input, which the next call overwrites."""
         if self._fresh:
             self.value[:] = u
             self._fresh = False
@@ -69,18 +69,18 @@ class Average:
         self._gain = LagGain()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Set the value to zero."""
         self.value[:] = 0.0
 
     def update(self, error: Array, dt: float) -> Array:
-        """Take in one error and return the average, which the next call overwrites."""
+        """Return the average with one more error, which the next call overwrites."""
         self.value += self._gain(dt, self._time_constant) * (error - self.value)
         clamp(self.value, self._bound)
         return self.value
 
 
 class LeakyIntegral:
-    """Integral that forgets, I' = u − leak · I, each component within a bound.
+    """Leaky integral, I' = u − leak · I, each component within a bound.
 
     Attributes:
         value: Integral.
@@ -90,7 +90,7 @@ class LeakyIntegral:
         """Start at zero.
 
         Args:
-            leak: Rate of forgetting, 1/s; 0 forgets nothing.
+            leak: Rate of the leak, 1/s; 0 for a plain integral.
             bound: Greatest magnitude of a component.
             size: Number of components.
         """
@@ -98,52 +98,46 @@ class LeakyIntegral:
         self.value: Array = np.zeros(size)
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Set the value to zero."""
         self.value[:] = 0.0
 
     def update(self, rate: Array | float, dt: float) -> Array:
-        """Take in one rate and return the integral, which the next call overwrites."""
+        """Return the integral with one more rate, which the next call overwrites."""
         if self._leak > 0.0:
-            kept = math.exp(-self._leak * dt)
-            self.value *= kept
-            self.value += (1.0 - kept) / self._leak * np.asarray(rate)
+            decay = math.exp(-self._leak * dt)
+            self.value *= decay
+            self.value += (1.0 - decay) / self._leak * np.asarray(rate)
         else:
             self.value += dt * np.asarray(rate)
         clamp(self.value, self._bound)
         return self.value
 
 
-class Derivator:
-    """Derivative of the DCM error from the pendulum's model, without its constant part.
+class HighPass:
+    """First-order high-pass: the input without its low-pass.
 
-    The model says ė = ω (e − e_zmp), at all frequencies but with an offset when CoM or force sensors are off; a
-    low-pass of it is taken away. Where the derivative is measured as well, its own low-pass is put there instead
-    (a complementary filter: model above, measurement below).
+    The pendulum gives the derivative of the DCM error as ė = ω (e − e_zmp), at all frequencies but with an offset when
+    CoM or force sensors are off; a high-pass takes the offset away.
 
     Attributes:
-        value: Derivative.
+        value: Output.
     """
 
     def __init__(self, time_constant: float, size: int) -> None:
         """Start at zero.
 
         Args:
-            time_constant: Split between measurement and model, s.
+            time_constant: Time constant of the low-pass, s.
             size: Number of components.
         """
-        self._slow_model = LowPass(time_constant, size)
-        self._slow_measured = LowPass(time_constant, size)
+        self._low_pass = LowPass(time_constant, size)
         self.value: Array = np.zeros(size)
 
     def reset(self) -> None:
         """Start over from zero."""
-        self._slow_model.reset()
-        self._slow_measured.reset()
+        self._low_pass.reset()
         self.value[:] = 0.0
 
-    def update(self, model: Array, measured: Array | None, dt: float) -> Array:
-        """Take in both derivatives and return the result, which the next call overwrites."""
-        np.subtract(model, self._slow_model.update(model, dt), out=self.value)
-        if measured is not None:
-            self.value += self._slow_measured.update(measured, dt)
-        return self.value
+    def update(self, u: Array, dt: float) -> Array:
+        """Return the output for one more input, which the next call overwrites."""
+        return np.subtract(u, self._low_pass.update(u, dt), out=self.value)

@@ -1,18 +1,21 @@
-"""Gains of the stabilizer, in physical units: what is too large is clamped and said."""
+"""Gains of the stabilizer in physical units; gains above their limits are clamped, with a warning."""
 
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
+from typing import Annotated
 
-from wbc.core.errors import InputError, finite_scalar, non_negative, positive, unknown_name
+from wbc.core.errors import positive
+from wbc.core.settings import NonNegative, Positive, settings
 
 logger = logging.getLogger(__name__)
 
 Pair = tuple[float, float]
 """Forward and sideways, in the yaw frame of the robot."""
+
+Gain = NonNegative | tuple[NonNegative, NonNegative]
+"""One number for both directions, or a pair; settings hold the pair."""
 
 LIMITS = {
     "dcm_p": 20.0,
@@ -27,27 +30,27 @@ LIMITS = {
     "force_difference_damping": 10.0,
     "com_admittance": 20.0,
 }
-"""Greatest gains, from mc_rtc's safety thresholds; dcm_d is let up to the range of Frizza et al. (5 instead of 2),
-force_difference to 2e-3 instead of 5e-4 m/(N·s), and the height gains, which mc_rtc has not, to a 20 1/s pole."""
+"""Greatest gains, from mc_rtc's safety thresholds; dcm_d may go up to the range of Frizza et al. (5 instead of 2),
+force_difference to 2e-3 instead of 5e-4 m/(N·s), and the height gains, which mc_rtc does not have, to a 20 1/s pole."""
 
 
 def pair(value: Pair | float) -> Pair:
-    """Both directions of a gain that may be given as one number."""
+    """Return both directions of a gain that may be given as one number."""
     return value if isinstance(value, tuple) else (value, value)
 
 
 PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance", "com_admittance")
 
 
-@dataclass(frozen=True)
+@settings
 class StabilizerGains:
     """Gains, time constants and bounds. Pairs may be given as one number for both directions.
 
-    The default is what a first walk on all soles worked best with: a quick transfer of load, a CoP admittance
-    that goes with torque feed-forward, and filtered wrenches. `legacy` is mc_rtc's plain law.
+    The defaults walk best on all soles: a quick transfer of load, a CoP admittance that goes with torque
+    feed-forward, and filtered wrenches. `legacy` is mc_rtc's plain law.
 
     Attributes:
-        dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP followed at once.
+        dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP follows without lag.
         dcm_i: Gain on the average DCM error, 1/s.
         dcm_d: Gain on the derivative of the DCM error; it feeds the noise of the measured ZMP back, which on hard soles
             costs more than the damping gives: DCM errors of 8 against 6 mm on flat floor, 17 against 7 mm at 2 ms.
@@ -56,7 +59,7 @@ class StabilizerGains:
         height_p: Stiffness of the CoM height in the desired force, 1/s².
         height_d: Damping of the CoM height in the desired force, 1/s.
         integrator_time: Memory of the average, s.
-        derivator_time: Below it the derivative is measured or left out, s.
+        derivator_time: Time constant of the low-pass that is taken off the derivative of the model, s.
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
             less for a robot of more than 40 kg, see `for_mass`.
         force_difference: Foot height per difference of normal forces, m/(N·s).
@@ -74,67 +77,49 @@ class StabilizerGains:
         max_linear_velocity: Bound of the foot's vertical speed, m/s.
         max_rotation: Bound of the ankle rotation, rad.
         max_height: Bound of the foot's height offset, m.
-        min_force: Both feet below it means in the air, N.
+        min_force: Normal force of both feet below which the robot is in the air, N.
     """
 
-    dcm_p: Pair | float = 4.0
-    dcm_i: Pair | float = 0.0
-    dcm_d: Pair | float = 0.0
-    com_v: Pair | float = 1.0
-    zmp_d: Pair | float = 0.0
-    height_p: float = 0.0
-    height_d: float = 0.0
-    integrator_time: float = 10.0
-    derivator_time: float = 1.0
-    cop_admittance: Pair | float | None = None
-    force_difference: float = 5e-4
-    force_difference_damping: float = 0.0
-    height_leak: float = 1.0
-    support_height_leak: float = 3.0
-    rotation_leak: float = 0.0
-    com_admittance: Pair | float = 0.0
-    com_admittance_leak: float = 0.1
-    wrench_time: float = 0.02
-    max_average_dcm_error: float = 0.05
-    max_com_offset: float = 0.05
-    max_angular_velocity: float = 1.0
-    max_linear_velocity: float = 0.1
-    max_rotation: float = 0.4
-    max_height: float = 0.05
-    min_force: float = 15.0
+    dcm_p: Annotated[Gain, "1/s"] = 4.0
+    dcm_i: Annotated[Gain, "1/s"] = 0.0
+    dcm_d: Gain = 0.0
+    com_v: Gain = 1.0
+    zmp_d: Annotated[Gain, "s"] = 0.0
+    height_p: Annotated[NonNegative, "1/s²"] = 0.0
+    height_d: Annotated[NonNegative, "1/s"] = 0.0
+    integrator_time: Annotated[Positive, "s"] = 10.0
+    derivator_time: Annotated[Positive, "s"] = 1.0
+    cop_admittance: Annotated[Gain, "rad/(Nm·s)"] | None = None
+    force_difference: Annotated[NonNegative, "m/(N·s)"] = 5e-4
+    force_difference_damping: Annotated[NonNegative, "1/s"] = 0.0
+    height_leak: Annotated[NonNegative, "1/s"] = 1.0
+    support_height_leak: Annotated[NonNegative, "1/s"] = 3.0
+    rotation_leak: Annotated[NonNegative, "1/s"] = 0.0
+    com_admittance: Annotated[Gain, "1/s"] = 0.0
+    com_admittance_leak: Annotated[NonNegative, "1/s"] = 0.1
+    wrench_time: Annotated[NonNegative, "s"] = 0.02
+    max_average_dcm_error: Annotated[Positive, "m"] = 0.05
+    max_com_offset: Annotated[Positive, "m"] = 0.05
+    max_angular_velocity: Annotated[Positive, "rad/s"] = 1.0
+    max_linear_velocity: Annotated[Positive, "m/s"] = 0.1
+    max_rotation: Annotated[Positive, "rad"] = 0.4
+    max_height: Annotated[Positive, "m"] = 0.05
+    min_force: Annotated[NonNegative, "N"] = 15.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            name, value = field.name, getattr(self, field.name)
-            if name == "cop_admittance" and value is None:
+        for name, limit in LIMITS.items():
+            value = getattr(self, name)
+            if value is None:
                 continue
-            if name in PAIRS:
-                object.__setattr__(self, name, self._pair(name, value))
-            elif name in ("integrator_time", "derivator_time"):
-                positive(f"{name} (s)", value)
-            elif name.startswith("max_"):
-                positive(name, value)
-            else:
-                value = non_negative(name, value)
-                limit = LIMITS.get(name, math.inf)
-                if value > limit:
-                    logger.warning("gain %s of %g clamped to %g", name, value, limit)
-                    object.__setattr__(self, name, limit)
-
-    @staticmethod
-    def _pair(name: str, value: Pair | float) -> Pair:
-        pair = tuple(value) if isinstance(value, Sequence) else (value, value)
-        if len(pair) != 2:
-            raise InputError(f"gain {name} must be one number or (forward, sideways), got {value!r}")
-        limit = LIMITS[name]
-        x, y = (non_negative(f"gain {name}", v) for v in pair)
-        if max(x, y) > limit:
-            logger.warning("gain %s of %g clamped to %g", name, max(x, y), limit)
-        return min(x, limit), min(y, limit)
+            greatest = max(pair(value))
+            if greatest > limit:
+                logger.warning("gain %s of %g clamped to %g", name, greatest, limit)
+            x, y = (min(part, limit) for part in pair(value))
+            object.__setattr__(self, name, (x, y) if name in PAIRS else x)
 
     @staticmethod
     def legacy() -> StabilizerGains:
-        """mc_rtc's plain law with the gains of its HRP-4 family: nothing filtered, nothing adapted."""
+        """Return mc_rtc's plain law with the gains of its HRP-4 family: nothing filtered, nothing adapted."""
         return StabilizerGains(
             dcm_d=0.0,
             cop_admittance=0.01,
@@ -144,98 +129,16 @@ class StabilizerGains:
             max_angular_velocity=0.3,
         )
 
-    @staticmethod
-    def preset(name: str) -> StabilizerGains:
-        """Gains by name: "default" or "legacy".
-
-        Raises:
-            UnknownNameError: Another name.
-        """
-        presets = {"default": StabilizerGains, "legacy": StabilizerGains.legacy}
-        if name not in presets:
-            unknown_name("gain preset", name, presets)
-        return presets[name]()
-
     def for_mass(self, mass: float) -> StabilizerGains:
-        """The gains with what depends on the robot's mass filled in.
+        """Return the gains with a CoP admittance for the robot's mass where none is given.
 
         A loop that turns an ankle against the ground is as quick as admittance times stiffness, and stiffness grows
         with the weight to be carried: Talos (90 kg) shakes its ankles with the admittance that suits 39 kg, and the ZMP
         is 85 mm off its reference instead of 34.
 
         Args:
-            mass: Of the robot, kg.
+            mass: Mass of the robot, kg.
         """
         if self.cop_admittance is not None:
             return self
         return replace(self, cop_admittance=min(0.05, 2.0 / positive("mass (kg)", mass)))
-
-    def for_bandwidth(self, bandwidth: float, omega: float, stiffness: Pair) -> StabilizerGains:
-        """The gains with CoP admittance and proportional gain chosen from how fast the CoP is to follow.
-
-        Args:
-            bandwidth: Wanted of the CoP, 1/s; above ω.
-            omega: Natural frequency of the pendulum, 1/s.
-            stiffness: Of ankle servo, sole and ground in series, about pitch and roll, Nm/rad.
-
-        Raises:
-            InputError: A bandwidth that is not above ω.
-        """
-        along, across = (admittance(bandwidth, value) for value in stiffness)
-        return replace(self, cop_admittance=(along, across), dcm_p=dcm_gain(bandwidth, omega))
-
-    def changed(self, **values: Pair | float) -> StabilizerGains:
-        """The gains with some replaced.
-
-        Raises:
-            UnknownNameError: A gain that does not exist; the nearest names are given.
-            InputError: A value that is negative or not a number.
-        """
-        names = [field.name for field in fields(self)]
-        for name in values:
-            if name not in names:
-                unknown_name("gain", name, names)
-        return replace(self, **values)  # type: ignore[arg-type]
-
-
-def dcm_gain(bandwidth: float, omega: float, damping: float = 1.0) -> float:
-    """Greatest proportional gain that a CoP of finite bandwidth leaves damped.
-
-    With ż = λ (z_d − z) the DCM error obeys s² + (λ − ω) s + λ k_p = 0, damped by ζ = (λ − ω) / (2 √(λ k_p)).
-
-    Args:
-        bandwidth: λ, 1/s; above ω.
-        omega: Natural frequency, 1/s.
-        damping: ζ wanted.
-
-    Returns:
-        k_p, 1/s.
-
-    Raises:
-        InputError: A bandwidth that is not above ω: such a CoP cannot hold the pendulum.
-    """
-    omega = positive("natural frequency (1/s)", omega)
-    bandwidth = finite_scalar("CoP bandwidth (1/s)", bandwidth, low=omega, open_low=True)
-    return (bandwidth - omega) ** 2 / (4.0 * positive("damping", damping) ** 2 * bandwidth)
-
-
-def admittance(bandwidth: float, stiffness: float) -> float:
-    """Admittance that moves a torque (or a force) with a bandwidth through a stiffness: A = λ / K.
-
-    Args:
-        bandwidth: λ, 1/s; A · K · dt must stay well below 1.
-        stiffness: Of ankle servo, sole and ground in series, Nm/rad (or N/m).
-
-    Returns:
-        Admittance, rad/(Nm·s) (or m/(N·s)).
-
-    Raises:
-        InputError: A value that is not above zero.
-    """
-    return positive("bandwidth (1/s)", bandwidth) / positive("stiffness", stiffness)
-
-
-def series(*stiffnesses: float) -> float:
-    """Stiffness of springs in a row, of the unit of its arguments; infinite ones do not count."""
-    compliance = sum(1.0 / positive("stiffness", k) for k in stiffnesses if not math.isinf(k))
-    return 1.0 / compliance if compliance > 0.0 else math.inf

@@ -1,7 +1,7 @@
-"""Leaning: what the feet cannot do against a fall, the trunk does for a while.
+"""Lean of the trunk: for a while it gives the moment that the feet cannot give.
 
-Where the CoP cannot go further, the distribution of wrenches says which moment m about the desired ZMP is missing. The
-reaction to a trunk that is turned the other way gives it, as people do on a beam (the hip strategy):
+Where the CoP cannot go further, the distribution of wrenches has a shortfall m of the moment about the desired ZMP. The
+reaction to a trunk that is turned the other way gives this moment, as people do on a beam (the hip strategy):
 
     I φ̈ = −m − I (2 ζ √k φ̇ + k φ),   |φ| ≤ φ_max,
 
@@ -15,45 +15,41 @@ momentum to enhance bipedal center-of-mass control", ICRA 2009. The spring is ou
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
+from wbc.core.settings import Positive, settings
 
 STILL_ANGLE = 1e-4
-"""Lean below which a trunk with nothing to do is upright, rad."""
+"""Lean below which a trunk without a missing moment is upright, rad."""
 
 STILL_SPEED = 1e-3
-"""Speed below which it rests, rad/s."""
+"""Speed below which such a trunk rests, rad/s."""
 
 
-@dataclass(frozen=True)
+@settings
 class LeanSettings:
-    """How the trunk leans.
+    """Settings of the lean.
 
     Attributes:
-        inertia: I, in parts of m h² with the mass of the robot and the height of its CoM; a smaller one leans more.
-        stiffness: How fast the trunk comes back, k, 1/s².
-        damping: Damping ratio of that, ζ.
-        least: Missing moment that is left alone, in parts of m g h.
+        inertia: I, as a share of m h² with the mass of the robot and the height of its CoM; a smaller one leans more.
+        stiffness: Stiffness k of the spring that brings the trunk back, 1/s².
+        damping: Damping ratio ζ of the spring.
+        dead_band: Missing moment that causes no lean, as a share of m g h.
         limit: Greatest lean about each axis, φ_max, rad.
         braking: Deceleration before the limit, rad/s².
     """
 
-    inertia: float = 0.06
-    stiffness: float = 25.0
-    damping: float = 0.7
-    least: float = 0.002
-    limit: float = 0.4
-    braking: float = 60.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            positive(f"{field.name} of the lean", getattr(self, field.name))
+    inertia: Positive = 0.06
+    stiffness: Annotated[Positive, "1/s²"] = 25.0
+    damping: Positive = 0.7
+    dead_band: Positive = 0.002
+    limit: Annotated[Positive, "rad"] = 0.4
+    braking: Annotated[Positive, "rad/s²"] = 60.0
 
 
 class LeanMotion(NamedTuple):
@@ -62,7 +58,7 @@ class LeanMotion(NamedTuple):
     Attributes:
         rotation: From the upright trunk to the leaning one, shape (3, 3).
         velocity: Angular velocity, shape (3,), rad/s.
-        acceleration: Its derivative, shape (3,), rad/s².
+        acceleration: Angular acceleration, shape (3,), rad/s².
     """
 
     rotation: Array
@@ -74,12 +70,12 @@ UPRIGHT = LeanMotion(np.eye(3), np.zeros(3), np.zeros(3))
 
 
 class Lean:
-    """The lean of one trunk.
+    """Lean of one trunk.
 
     Attributes:
         settings: Settings.
         angle: Lean about x and y, rad.
-        speed: Its derivative, rad/s.
+        speed: Derivative of the lean, rad/s.
     """
 
     def __init__(self, mass: float, height: float, settings: LeanSettings | None = None) -> None:
@@ -87,7 +83,7 @@ class Lean:
 
         Args:
             mass: Mass of the robot, kg.
-            height: Height of its CoM over the support, m.
+            height: Height of the CoM over the support, m.
             settings: Settings; the defaults when None.
 
         Raises:
@@ -98,7 +94,7 @@ class Lean:
             "height of the CoM over the support (m)", height
         )
         self._inertia = s.inertia * first_moment * height
-        self._least = s.least * first_moment * GRAVITY
+        self._dead_band = s.dead_band * first_moment * GRAVITY
         self.angle = self.speed = (0.0, 0.0)
 
     def reset(self) -> None:
@@ -106,16 +102,16 @@ class Lean:
         self.angle = self.speed = (0.0, 0.0)
 
     def update(self, missing: tuple[float, float], dt: float) -> LeanMotion:
-        """Move on by one period.
+        """Integrate over one period.
 
         Args:
-            missing: Moment about the horizontal axes of the world that is wanted and that the feet do not give, Nm.
+            missing: Desired moment that the feet do not give, about the horizontal axes of the world, Nm.
             dt: Period, s.
 
         Returns:
-            The lean at its end; `UPRIGHT` itself when there is none.
+            The lean at the end of the period; `UPRIGHT` itself when there is none.
         """
-        if math.hypot(*missing) < self._least:
+        if math.hypot(*missing) < self._dead_band:
             missing = (0.0, 0.0)
             if max(map(abs, self.angle)) < STILL_ANGLE and max(map(abs, self.speed)) < STILL_SPEED:
                 self.angle = self.speed = missing
@@ -129,12 +125,12 @@ class Lean:
         return LeanMotion(rotation, np.array((wx, wy, 0.0)), np.array((ax, ay, 0.0)))
 
     def _moved(self, angle: float, speed: float, missing: float, dt: float) -> tuple[float, float, float]:
-        """Angle, speed and acceleration about one axis after a period; it can always still brake."""
+        """Angle, speed and acceleration about one axis after a period; the trunk can always brake before its limit."""
         s = self.settings
         push = -missing / self._inertia
-        wanted = speed + dt * (push - 2.0 * s.damping * math.sqrt(s.stiffness) * speed - s.stiffness * angle)
-        after = angle + dt * wanted
+        free = speed + dt * (push - 2.0 * s.damping * math.sqrt(s.stiffness) * speed - s.stiffness * angle)
+        after = angle + dt * free
         highest = math.sqrt(2.0 * s.braking * max(0.0, s.limit - after))
         lowest = -math.sqrt(2.0 * s.braking * max(0.0, s.limit + after))
-        reached = min(max(wanted, lowest), highest)
+        reached = min(max(free, lowest), highest)
         return angle + dt * reached, reached, (reached - speed) / dt

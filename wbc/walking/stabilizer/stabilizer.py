@@ -1,9 +1,9 @@
-"""The stabilizer on values: measured pendulum and foot wrenches in, desired wrenches and corrections out.
+"""DCM stabilizer: measured pendulum and foot wrenches in, desired wrenches and corrections out.
 
     errors → desired acceleration → net wrench → foot wrenches → corrections of feet and CoM
 
-It knows neither tasks nor a simulator. In the air the feet stand still, the CoM's offset leaks away, and it lands with
-an empty memory.
+The stabilizer knows neither tasks nor a simulator. In the air the corrections of the feet stay, the CoM's offset leaks
+away, and feedback starts with an empty memory at landing.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, finite_array, positive
 from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.pattern.zmp import MIN_FORCE, level_zmp, net_wrench
 from wbc.walking.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
 from wbc.walking.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.walking.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
 from wbc.walking.stabilizer.filters import LowPass
 from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench
 
 
 class StabilizerOutput(NamedTuple):
@@ -32,14 +32,14 @@ class StabilizerOutput(NamedTuple):
         errors: Target minus measured.
         com_acceleration: Desired acceleration of the CoM, shape (3,), m/s².
         net_wrench: Desired [force; moment] at the world origin, shape (6,), N and Nm.
-        zmp: Where that wrench meets the support, shape (3,), m.
+        zmp: ZMP of the desired wrench, shape (3,), m.
         measured_zmp: Unfiltered, on the level of the target ZMP, shape (3,), m; NaN in the air.
         feet: Desired foot wrenches in the sole frames, left then right.
-        corrections: What is added to left and right foot.
-        com_offset: What is added to the CoM target, shape (2,), m.
-        com_velocity_offset: What is added to its velocity, shape (2,), m/s.
-        com_acceleration_offset: What is added to its acceleration, shape (2,), m/s².
-        in_air: True while neither foot feels the ground: their corrections stand still.
+        corrections: Corrections of left and right foot.
+        com_offset: Shift of the CoM target, shape (2,), m.
+        com_velocity_offset: Velocity of that shift, shape (2,), m/s.
+        com_acceleration_offset: Acceleration of that shift, shape (2,), m/s².
+        in_air: True while neither foot is loaded: their corrections stay.
     """
 
     errors: PendulumErrors
@@ -59,9 +59,10 @@ class Stabilizer:
     """Feedback, distribution and admittances of one robot.
 
     Attributes:
-        enabled: Feedback is on. Without it the desired wrench is the pattern's.
+        mass: Mass of the robot, kg.
+        enabled: True for feedback; without feedback the desired wrench is the pattern's.
         distribution: Wrench distribution.
-        feet: Corrections of the feet; reset a foot when it leaves or meets the ground.
+        feet: Admittances of the feet; reset a foot when it leaves or meets the ground.
     """
 
     def __init__(
@@ -106,12 +107,12 @@ class Stabilizer:
 
     @property
     def in_air(self) -> bool:
-        """True while neither foot feels the ground."""
+        """True while neither foot is loaded."""
         return self._in_air
 
     @property
     def com_still(self) -> bool:
-        """True if the CoM target is not shifted, and nothing can shift it."""
+        """True if the CoM target is not shifted and the gains do not allow a shift."""
         return self._com.idle
 
     def reset(self) -> None:
@@ -140,16 +141,16 @@ class Stabilizer:
         """Compute one tick.
 
         Args:
-            target: What the pattern wants.
+            target: Reference of the pendulum.
             com: Measured CoM in the world, shape (3,), m.
-            com_velocity: Its measured velocity, shape (3,), m/s.
-            wrenches: What the ground does to left and right sole, [force; moment] in the sole frames, shape
+            com_velocity: Measured velocity of the CoM, shape (3,), m/s.
+            wrenches: Measured contact wrenches of left and right sole, [force; moment] in the sole frames, shape
                 (2, 6), N and Nm.
-            soles: Where left and right sole are.
-            contact: Which feet are to carry; at least one.
+            soles: Placements of left and right sole.
+            contact: True for each foot that is to carry; at least one.
             yaw: Heading of the robot, rad.
             dt: Control period, s.
-            bias: What the measured DCM has too much, shape (2,), m.
+            bias: Bias of the measured DCM, shape (2,), m.
             ratio: Left-foot ratio on both feet; from the target ZMP when None.
             max_force: Greatest normal force of each foot, N.
 
@@ -158,23 +159,21 @@ class Stabilizer:
         """
         dt = positive("control period (s)", dt)
         wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
-        com, com_velocity = (
-            finite_array("CoM (m)", com, (3,)),
-            finite_array("CoM velocity (m/s)", com_velocity, (3,)),
-        )
-        self._notice_air(wrenches)
+        com = finite_array("CoM (m)", com, (3,))
+        com_velocity = finite_array("CoM velocity (m/s)", com_velocity, (3,))
+        self._update_in_air(wrenches)
         measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
         idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])
-        felt = None if idle else measured_zmp
-        errors = self._feedback.errors(target, com, com_velocity, felt, dt, bias)
-        if not idle:
-            acceleration = self._feedback.acceleration(target, errors, yaw)
-            pivot = com
+        zmp = None if idle else measured_zmp  # that feedback and admittances go by
+
+        errors = self._feedback.errors(target, com, com_velocity, zmp, dt, bias)
+        if idle:
+            acceleration, pivot = target.com_acceleration, target.com
+        else:
+            acceleration, pivot = self._feedback.acceleration(target, errors, yaw), com
             if bias is not None:
                 pivot = com.copy()
                 pivot[:2] -= bias
-        else:
-            acceleration, pivot = target.com_acceleration, target.com
         net = wrench_through(pivot, acceleration, self.mass)
         desired_zmp = zmp_of_force(pivot, acceleration, float(target.zmp[2]))
 
@@ -182,17 +181,12 @@ class Stabilizer:
             ratio = left_foot_ratio(target.zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact, max_force)
         filtered = self._wrench.update(wrenches, dt)
-        if felt is None:
+        if idle:
             self.feet.hold()
         else:
             self.feet.update(filtered, feet.wrenches, contact, dt)
         if not self._com.idle:
-            zmp_error = None
-            if felt is not None and all(contact):
-                distributed = net_wrench(feet.wrenches, soles)
-                if distributed[2] >= MIN_FORCE:
-                    zmp_error = (level_zmp(distributed, target.zmp) - measured_zmp)[:2]
-            self._com.update(zmp_error, yaw, dt)
+            self._com.update(self._zmp_error(target, zmp, feet, soles, contact), yaw, dt)
         return StabilizerOutput(
             errors,
             acceleration,
@@ -207,8 +201,8 @@ class Stabilizer:
             self._in_air,
         )
 
-    def _notice_air(self, wrenches: Array) -> None:
-        """Both feet without load: in the air. The first tick of ground starts with an empty memory."""
+    def _update_in_air(self, wrenches: Array) -> None:
+        """Both feet without load are in the air; the first tick on the ground starts with an empty memory."""
         in_air = max(wrenches[:, 2].tolist()) < self._gains.min_force
         if self._in_air and not in_air:
             self._feedback.reset()
@@ -218,9 +212,25 @@ class Stabilizer:
     def _measured_zmp(
         self, target: Pendulum, wrenches: Array, soles: Sequence[pin.SE3], contact: tuple[bool, bool]
     ) -> Array:
-        """ZMP of the feet in contact, on the level of the target; NaN where there is none."""
-        used = [i for i in (0, 1) if contact[i]]
-        total = net_wrench([wrenches[i] for i in used], [soles[i] for i in used])
+        """ZMP of the feet in contact, on the level of the target, shape (3,), m; NaN without load."""
+        standing = [i for i in (0, 1) if contact[i]]
+        total = net_wrench([wrenches[i] for i in standing], [soles[i] for i in standing])
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
         return level_zmp(total, target.zmp)
+
+    @staticmethod
+    def _zmp_error(
+        target: Pendulum,
+        measured: Array | None,
+        feet: FootWrenches,
+        soles: Sequence[pin.SE3],
+        contact: tuple[bool, bool],
+    ) -> Array | None:
+        """Distributed minus measured ZMP, shape (2,), m; None on one foot or without a measured ZMP."""
+        if measured is None or not all(contact):
+            return None
+        distributed = net_wrench(feet.wrenches, soles)
+        if distributed[2] < MIN_FORCE:
+            return None
+        return (level_zmp(distributed, target.zmp) - measured)[:2]

@@ -1,0 +1,221 @@
+"""`SoftDesign`: settings of the soft foot, and the places and inertias of its parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from wbc.core.errors import Array, InputError
+from wbc.core.settings import Count, NonNegative, Positive, settings
+from wbc.feet.soles.contact import LOOP_CLOSURE, ConstraintLaw
+from wbc.feet.soles.foot import Foot, fitted_sole
+from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
+from wbc.feet.soles.sole import FootFit, SoleGeometry, bar_inertia, box_inertia
+
+ARCH_WIDTH = 0.03
+"""Width of the arches, m; for their inertia and picture alone, they touch nothing."""
+
+ARCH_THICKNESS = 0.01
+"""Thickness of the arches, m (as above)."""
+
+
+@settings
+class TransverseBending:
+    """Hinges about the longitudinal axis, which the paper's foot lacks.
+
+    "twist" puts one between neighbouring phalanges; the heel phalanx stays fixed to the backward arch about this axis.
+    "flaps" cuts every phalanx lengthwise into three strips and hinges the outer two onto the middle one. A standing
+    robot simulates 1.2 to 1.4 times slower with "twist" than with the plain sole, 1.2 to 3.5 times with "flaps".
+
+    Attributes:
+        kind: "twist" or "flaps".
+        stiffness: Nm/rad per hinge; None takes the stiffness of the sole, also when it varies.
+        damping: Nms/rad per hinge.
+        hinge_share: Distance of the flaps' hinges from the middle, share of half the width.
+    """
+
+    kind: Literal["twist", "flaps"] = "twist"
+    stiffness: Annotated[NonNegative, "Nm/rad"] | None = None
+    damping: Annotated[NonNegative, "Nms/rad"] = 2.0
+    hinge_share: Annotated[float, Field(ge=0.05, le=0.95)] = 1.0 / 3.0
+
+
+@dataclass(frozen=True)
+class SoftLayout:
+    """Places and inertias of a soft foot's parts in sole axes, rest shape.
+
+    Attributes:
+        pitch: Length of a phalanx, m.
+        centres: Phalanx centres along x, from toe to heel, m.
+        hinges: Hinge of each phalanx on its heel side, from the toe, m; the last one is on the backward arch.
+        ankle: Ankle in the plane of the arches, m.
+        arch_hinge: Hinge of the frontal arch, m.
+        loop_point: Point of the sole that the frontal arch holds, m.
+        phalanges: Inertia of each phalanx, from the toe.
+        backward_arch: Inertia of the backward arch.
+        frontal_arch: Inertia of the frontal arch.
+    """
+
+    pitch: float
+    centres: tuple[float, ...]
+    hinges: tuple[tuple[float, float, float], ...]
+    ankle: tuple[float, float, float]
+    arch_hinge: tuple[float, float, float]
+    loop_point: tuple[float, float, float]
+    phalanges: tuple[pin.Inertia, ...]
+    backward_arch: pin.Inertia
+    frontal_arch: pin.Inertia
+
+
+@settings
+class SoftDesign(Foot):
+    """Phalanges hinged about the transverse axis with a spring and a damper each, under a two-part arch.
+
+    Phalanx 1 is the toe. The backward arch is fixed to the ankle and carries the heel phalanx on a hinge at its middle;
+    the frontal arch is hinged at the ankle and holds the top of phalanx `loop_phalanx`, which closes the chain.
+
+    Attributes:
+        stiffness: k of the sole hinges, Nm/rad.
+        damping: b of the sole hinges, Nms/rad. Below k ≈ 10 Nm/rad a damper of 2 carries more torque than the spring
+            during a step; the public SoftFoot model has 0.04.
+        phalanges: Number of phalanges.
+        length: Extent along x, m.
+        width: Extent along y, m.
+        thickness: Height of the phalanges, m; twice the radius of the sole spheres.
+        hinge_height: Height of the sole hinges over the sole, m.
+        ankle_behind: Distance from the ankle forward to the sole centre, m.
+        ankle_height: Height of the ankle over the sole, m; None keeps the robot's own if it is high enough.
+        arch_clearance: Smallest height of the ankle over the top of the phalanges, m.
+        arch_hinge: Hinge of the frontal arch, forward of and above the ankle, m.
+        arch_stiffness: k of the frontal arch, Nm/rad.
+        arch_damping: b of the frontal arch, Nms/rad.
+        loop: True to close the frontal arch onto the sole; without it the forefoot carries nothing.
+        loop_phalanx: Phalanx, counted from the toe, that the frontal arch holds.
+        loop_law: Constraint law of the closure.
+        phalanx_mass: Mass of one phalanx, kg.
+        frontal_arch_mass: Mass of the frontal arch, kg.
+        backward_arch_mass: Mass of the backward arch, kg.
+        armature: Rotor-like inertia added to each sole hinge, kg m²; 0 with the `discrete` integrator, 1e-3 makes
+            `implicitfast` usable at 1 ms.
+        transverse: Bending about the longitudinal axis; None as in the paper.
+        encoders: True to measure the angles of the sole hinges.
+
+    Source: k, b, arch, loop and ten phalanges from the paper, sections II-A and II-B; footprint and ankle position from
+    the authors' public controller configuration; masses of the public SoftFoot model (IIT): 0.07 kg each arch,
+    phalanges of 20 g (5–50 g make no difference); thickness and hinge positions chosen here.
+    """
+
+    stiffness: Annotated[NonNegative, "Nm/rad"] = 5.0
+    damping: Annotated[NonNegative, "Nms/rad"] = 2.0
+    phalanges: Annotated[int, Field(ge=2)] = 10
+    length: Annotated[Positive, "m"] = SOFT_LENGTH
+    width: Annotated[Positive, "m"] = SOFT_WIDTH
+    thickness: Annotated[Positive, "m"] = 0.014
+    hinge_height: Annotated[NonNegative, "m"] = 0.007
+    ankle_behind: Annotated[float, "m"] = SOFT_ANKLE_BEHIND
+    ankle_height: Annotated[Positive, "m"] | None = None
+    arch_clearance: Annotated[NonNegative, "m"] = 0.02
+    arch_hinge: Annotated[tuple[float, float], "m"] = (0.0, 0.0)
+    arch_stiffness: Annotated[NonNegative, "Nm/rad"] = 100.0
+    arch_damping: Annotated[NonNegative, "Nms/rad"] = 80.0
+    loop: bool = True
+    loop_phalanx: Count = 3
+    loop_law: ConstraintLaw = LOOP_CLOSURE
+    phalanx_mass: Annotated[Positive, "kg"] = 0.02
+    frontal_arch_mass: Annotated[Positive, "kg"] = 0.07
+    backward_arch_mass: Annotated[NonNegative, "kg"] = 0.07
+    armature: Annotated[NonNegative, "kg m²"] = 0.0
+    transverse: TransverseBending | None = None
+    encoders: bool = False
+
+    @property
+    def rotation_stiffness(self) -> float:
+        """Torque per angle between ankle and flat ground under a walking robot, Nm/rad.
+
+        Source: measured with `wbc foot pitch --angle 1 --load 390`: 26 500 to 26 900 for hinges of 0.5 to 80 Nm/rad.
+        The arches and the loop carry the torque, not the hinges.
+        """
+        return 26_700.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.hinge_height > self.thickness:
+            raise InputError(
+                f"hinge_height (m), the height of the sole hinges, must be at most the thickness, {self.thickness:g}, "
+                f"got {self.hinge_height:g}"
+            )
+        if 2.0 * self.contact.radius > self.thickness + 1e-9:
+            raise InputError(
+                f"sole spheres of radius {self.contact.radius:g} m do not fit into phalanges "
+                f"{self.thickness:g} m thick"
+            )
+        if self.loop_phalanx >= self.phalanges:
+            raise InputError(
+                f"loop_phalanx must be an integer in [1, {self.phalanges - 1}] (the heel phalanx cannot "
+                f"close the loop), got {self.loop_phalanx}"
+            )
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole foot, kg."""
+        return self.phalanges * self.phalanx_mass + self.frontal_arch_mass + self.backward_arch_mass
+
+    def fit(self, sole: SoleGeometry) -> FootFit:
+        """Return the foot in place of the robot's own sole; see `Foot.fit`."""
+        fitted = fitted_sole(
+            sole,
+            length=self.length,
+            width=self.width,
+            ankle_behind=self.ankle_behind,
+            ankle_height=self.ankle_height,
+            min_height=self.thickness + self.arch_clearance,
+        )
+        layout = self.layout(fitted)
+        inertia = layout.backward_arch + layout.frontal_arch
+        for phalanx in layout.phalanges:
+            inertia += phalanx
+        return FootFit(
+            fitted, fitted.placement.act(inertia), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
+        )
+
+    def layout(self, fitted: SoleGeometry) -> SoftLayout:
+        """Return places and inertias of the parts in the rest shape, under a given ankle."""
+        n, z = self.phalanges, self.hinge_height
+        pitch = self.length / n
+        centres = tuple(self.length / 2.0 - (i + 0.5) * pitch for i in range(n))
+        hinges = tuple((self.length / 2.0 - (i + 1) * pitch, 0.0, z) for i in range(n - 1))
+        heel = (centres[-1], 0.0, z)
+        ankle = (float(fitted.ankle[0]), 0.0, float(fitted.ankle[2]))
+        arch_hinge = (ankle[0] + self.arch_hinge[0], 0.0, ankle[2] + self.arch_hinge[1])
+        loop_point = (centres[self.loop_phalanx - 1], 0.0, self.thickness)
+        size = (pitch, self.width, self.thickness)
+        return SoftLayout(
+            pitch=pitch,
+            centres=centres,
+            hinges=(*hinges, heel),
+            ankle=ankle,
+            arch_hinge=arch_hinge,
+            loop_point=loop_point,
+            phalanges=tuple(
+                box_inertia(self.phalanx_mass, size, (x, 0.0, self.thickness / 2.0)) for x in centres
+            ),
+            backward_arch=bar_inertia(
+                self.backward_arch_mass, ankle, heel, width=ARCH_WIDTH, thickness=ARCH_THICKNESS
+            ),
+            frontal_arch=bar_inertia(
+                self.frontal_arch_mass, arch_hinge, loop_point, width=ARCH_WIDTH, thickness=ARCH_THICKNESS
+            ),
+        )
+
+    def contact_rows(self) -> Array:
+        """Return the positions of the rows of contact spheres along x, from the toe, m."""
+        per_phalanx = self.contact.rows_per_phalanx
+        if per_phalanx == 1:
+            return np.array(
+                [self.length / 2.0 - (i + 0.5) * self.length / self.phalanges for i in range(self.phalanges)]
+            )
+        return self.contact.row_positions(self.length, per_phalanx * self.phalanges)

@@ -1,0 +1,92 @@
+"""Fall test on the true state: height and tilt of the pelvis, whatever the controller's estimate says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.core.settings import Positive, settings
+from wbc.walking.falls import FallReason, FallSettings
+
+LOWEST_SHARE = 0.7
+"""Pelvis height over that at half-sitting below which a standing robot has fallen. Squats do not go that low."""
+
+LARGEST_TILT = math.radians(60.0)
+"""Tilt of the pelvis, against half-sitting, from which no balance controller recovers, rad."""
+
+
+@settings
+class PelvisLimits:
+    """Limits of the pelvis beyond which a robot has fallen.
+
+    Attributes:
+        height: Lowest height over the ground, m.
+        tilt: Largest angle to its orientation at half-sitting, rad; a turn about the vertical is none.
+    """
+
+    height: Annotated[float, "m"]
+    tilt: Annotated[Positive, "rad"] = LARGEST_TILT
+
+    @staticmethod
+    def standing(robot: Robot) -> PelvisLimits:
+        """Return the limits of a robot that stands or squats: its feet may slide, tilt or leave the ground."""
+        return PelvisLimits(LOWEST_SHARE * float(robot.half_sitting[2]))
+
+    @staticmethod
+    def walking(height: float, limits: FallSettings) -> PelvisLimits:
+        """Return the limits of a robot that walks: those of its controller's fall test.
+
+        Args:
+            height: Pelvis height over the lower sole while walking, m.
+            limits: Settings of the controller's fall test.
+        """
+        return PelvisLimits(height - limits.drop, limits.tilt)
+
+
+class TrueFallDetector:
+    """Fall test on the true configuration.
+
+    Attributes:
+        limits: Limits of the pelvis.
+    """
+
+    def __init__(self, robot: Robot, limits: PelvisLimits | None = None) -> None:
+        """Take the robot's half-sitting as upright.
+
+        Args:
+            robot: The robot.
+            limits: Limits of the pelvis; those of a standing robot when None.
+        """
+        self.limits = PelvisLimits.standing(robot) if limits is None else limits
+        rotation = np.asarray(pin.Quaternion(robot.half_sitting[3:7]).toRotationMatrix())
+        self._up: tuple[float, float, float] = tuple(rotation[2].tolist())
+        self._upright = math.cos(self.limits.tilt)
+
+    def reason(self, q: Array | Sequence[float], ground: float = 0.0) -> FallReason | None:
+        """Return why a robot has fallen, None if it has not; a configuration with NaN counts as tilted.
+
+        Args:
+            q: True configuration, shape (nq,), or its first seven values: position and orientation of the base.
+            ground: Height of the ground, m.
+        """
+        x, y, z, w = (float(value) for value in q[3:7])
+        a, b, c = self._up
+        vertical = a * 2.0 * (x * z - w * y) + b * 2.0 * (y * z + w * x) + c * (1.0 - 2.0 * (x * x + y * y))
+        if not vertical >= self._upright * (x * x + y * y + z * z + w * w):
+            return FallReason.TILT
+        return None if q[2] - ground >= self.limits.height else FallReason.HEIGHT
+
+    def fallen(self, q: Array | Sequence[float], ground: float = 0.0) -> bool:
+        """Return True if the robot has fallen.
+
+        Args:
+            q: True configuration, shape (nq,).
+            ground: Height of the ground, m.
+        """
+        return self.reason(q, ground) is not None

@@ -1,0 +1,103 @@
+"""Stiffness actuators and range sensors of all feet of a robot."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array, InputError
+from wbc.feet import Foot, RangeSensor, VariableStiffnessFoot
+from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
+from wbc.sim.plant.model import PlantModel
+
+
+class FootDevices:
+    """Stiffness actuator and range sensor of every sole, left first."""
+
+    def __init__(self, plant: PlantModel, foot: Foot, range_sensor: RangeSensor | None) -> None:
+        """Find the devices in the model.
+
+        Args:
+            plant: The compiled model.
+            foot: Foot that was built under both ankles.
+            range_sensor: Range sensor under each toe; none when None.
+        """
+        self._plant = plant
+        self._range_sensor = range_sensor
+        actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
+        self._variable = actuator is not None
+        self._soles = [
+            SoleStiffness(plant.model, built, actuator) for built in plant.feet if built.variable_joints
+        ]
+        self._none = np.full(len(plant.feet), np.nan)
+        self._none.setflags(write=False)
+        self._ranges: list[RangeFinder] = []
+
+    def reset(self, seeds: list[int]) -> None:
+        """Restore the stiffness at the start and restart the range sensors.
+
+        Args:
+            seeds: Seed of the errors of each range sensor.
+        """
+        for sole in self._soles:
+            sole.reset()
+        if self._range_sensor is not None:
+            self._ranges = [
+                RangeFinder(
+                    self._plant.model,
+                    foot,
+                    ground_group=self._plant.ground.group,
+                    sensor=self._range_sensor,
+                    seed=seed,
+                )
+                for foot, seed in zip(self._plant.feet, seeds, strict=True)
+            ]
+
+    def check(self, command: Array | None) -> None:
+        """Check a stiffness command; nothing changes.
+
+        Args:
+            command: Commanded stiffness, shape (number of soles,), Nm/rad; None for none.
+
+        Raises:
+            InputError: Soles of fixed stiffness, wrong shape, or outside the range of the actuator.
+        """
+        if command is None:
+            return
+        if not self._variable:
+            raise InputError(
+                "command: the soles of this plant have a fixed stiffness; choose foot='variable' to command it"
+            )
+        if np.shape(command) != self._none.shape:
+            raise InputError(
+                f"command: sole_stiffness must have shape {self._none.shape}, got {np.shape(command)}"
+            )
+        for sole, stiffness in zip(self._soles, command, strict=True):
+            sole.actuator.check(stiffness)
+
+    def advance(self, command: Array | None, duration: float) -> bool:
+        """Advance the stiffness actuators.
+
+        Args:
+            command: Commanded stiffness, checked; the last one when None.
+            duration: s.
+
+        Returns:
+            True if a stiffness has changed.
+        """
+        changed = False
+        for i, sole in enumerate(self._soles if self._variable else ()):
+            before = sole.actual
+            commanded = sole.state.commanded if command is None else float(command[i])
+            changed |= sole.step(commanded, duration) != before
+        return changed
+
+    def stiffness(self) -> Array:
+        """Return the actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid one."""
+        return np.array([sole.actual for sole in self._soles]) if self._soles else self._none
+
+    def ranges(self, data: mujoco.MjData) -> Array:
+        """Return the reading of each range sensor, shape (number of soles,), m; NaN without a sensor or an echo."""
+        if not self._ranges:
+            return self._none
+        return np.array([finder.read(self._plant.model, data) for finder in self._ranges])

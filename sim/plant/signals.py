@@ -1,0 +1,85 @@
+"""True signals of all sensors of a plant, in one vector, before the sensor errors."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array, scalar
+from wbc.core.signals import Measurement
+from wbc.sim.plant.model import PlantModel
+
+
+class TrueSignals:
+    """Joint positions, joint velocities, gyroscope, accelerometer, force and moment of each sole.
+
+    All but encoders and gyroscope measure forces that exist only during a physics step; they are the mean over the
+    rows of `window`, one a step.
+
+    Attributes:
+        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,).
+        window: Forces in the last physics steps, shape (number of averaged steps, 3 + 6 × number of soles).
+        force_places: Places of these forces in `sensordata`.
+    """
+
+    def __init__(self, plant: PlantModel, averaged_steps: int) -> None:
+        """Look up the place of each signal.
+
+        Args:
+            plant: The compiled model.
+            averaged_steps: Physics steps over which forces are averaged.
+        """
+        self._plant = plant
+        na, model = len(plant.joint_qpos), plant.model
+        gyro, accelerometer = plant.imu
+        places = [*range(accelerometer, accelerometer + 3)]
+        for foot in plant.feet:
+            for name in (foot.force_sensor, foot.torque_sensor):
+                first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
+                places += range(first, first + 3)
+        self._gyro_places = np.arange(gyro, gyro + 3, dtype=np.intp)
+        self.force_places = np.array(places, dtype=np.intp)
+        self.window = np.zeros((averaged_steps, len(places)))
+        self._samples = scalar(averaged_steps)
+        self._na = na
+        self.values = np.empty(2 * na + 3 + len(places))
+        self._positions, self._velocities = self.values[:na], self.values[na : 2 * na]
+        self._rates = self.values[2 * na : 2 * na + 3]
+        self._forces = self.values[2 * na + 3 :]
+        self._wrenches = self.values[2 * na + 6 :]
+
+    def sample(self, data: mujoco.MjData) -> None:
+        """Write the present signals into `values`.
+
+        Args:
+            data: The simulation, positions and velocities up to date.
+        """
+        # With the default mode NumPy writes into a buffer first.
+        data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
+        data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
+        data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
+        np.add.reduce(self.window, axis=0, out=self._forces)  # the mean, without the overhead of np.mean
+        np.divide(self._forces, self._samples, out=self._forces)
+        # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
+        np.negative(self._wrenches, out=self._wrenches)
+
+    def measurement(self, reading: Array, time: float, ranges: Array, stiffness: Array) -> Measurement:
+        """Return a reading of the sensors as a measurement.
+
+        Args:
+            reading: The signals with their errors, shape of `values`.
+            time: s.
+            ranges: Readings of the range sensors, shape (number of soles,), m.
+            stiffness: Stiffness of the soles, shape (number of soles,), Nm/rad.
+        """
+        na = self._na
+        return Measurement(
+            time,
+            reading[:na],
+            reading[na : 2 * na],
+            reading[2 * na : 2 * na + 3],
+            reading[2 * na + 3 : 2 * na + 6],
+            reading[2 * na + 6 :].reshape(-1, 6),
+            ranges,
+            stiffness,
+        )

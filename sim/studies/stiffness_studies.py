@@ -1,0 +1,343 @@
+"""Studies of the sole's stiffness: walks that a stiffness model learns from, and walks that show its use."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, Positive, settings
+from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.model import DEFAULT_TABLE
+from wbc.sim.studies.journal import Entry
+from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, ground_of, study_entries
+from wbc.sim.terrain import terrain
+from wbc.sim.walks.spec import WalkSpec
+
+DATA = Path(__file__).parent / "data"
+"""Folder of results of these studies that other studies depend on."""
+
+RANDOM_CUTOFFS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+"""Cut-offs of the unidirectional grounds: seven between 0.0001 and 0.1 (the paper, section IV-B)."""
+
+RANDOM_AMPLITUDES = (0.0195, 0.0381)
+"""Least and greatest amplitude of the unidirectional grounds, m (the paper, section IV-B)."""
+
+OTHER_GROUNDS = ("cylinder_obstacles", "pyramidal_stones", "floor_tiles", "cobble_stones", "ellipsoids")
+"""The other grounds to learn from (the paper, figure 3)."""
+
+OTHER_AMPLITUDES = (0.010, 0.040)
+"""Least and greatest amplitude of these, m (the paper, section IV-B)."""
+
+SOFTEST, STIFFEST = 1.0, 80.0
+"""Range of the stiffnesses that are tried, Nm/rad: below the lower bound the sole hangs slack and a lower stiffness
+changes nothing; the upper one is the paper's (table I)."""
+
+
+def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
+    """Return the twelve grounds of the paper's training set: name → parts of a spec, range of amplitudes (m)."""
+    random = {
+        f"random {cutoff:g}": ({"terrain": "random", "terrain_params": {"cutoff": cutoff}}, RANDOM_AMPLITUDES)
+        for cutoff in RANDOM_CUTOFFS
+    }
+    return random | {name: ({"terrain": name}, OTHER_AMPLITUDES) for name in OTHER_GROUNDS}
+
+
+def stiffness_grid(evaluations: int) -> tuple[float, ...]:
+    """Return the stiffnesses that are tried, a geometric series of three digits, Nm/rad."""
+    return tuple(float(f"{k:.3g}") for k in np.geomspace(SOFTEST, STIFFEST, evaluations))
+
+
+@settings(kw_only=True)
+class DatasetSize:
+    """Number and size of the walks of the study 'dataset'.
+
+    Attributes:
+        seeds: Grounds of each kind and amplitude.
+        amplitudes: Amplitudes of each of the twelve kinds of ground.
+        evaluations: Stiffnesses that are tried on each ground.
+        distance: Length of a walk, m.
+        height: Amplitudes over those of the paper; higher grounds tell more where every walk is survived.
+    """
+
+    seeds: Count = 2
+    amplitudes: Count = 5
+    evaluations: Annotated[int, Field(ge=4)] = 16
+    distance: Annotated[Positive, "m"] = 3.0
+    height: Positive = 1.0
+
+
+def dataset(size: DatasetSize | None = None) -> Study:
+    """Return walks on soft soles of many stiffnesses: which is best on which ground, at which amplitude?
+
+    Stiffnesses share grounds and sensor errors, so that each ground compares them with one another. The paper's 6,000
+    walks are 100 for each ground and amplitude: 50 stiffnesses on 2 grounds, say.
+
+    Args:
+        size: Number and size of the walks.
+
+    Source: the paper, section IV-B.
+    """
+    size = DatasetSize() if size is None else size
+    grid = stiffness_grid(size.evaluations)
+    cells = tuple(
+        Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
+        for name, (values, (low, high)) in training_grounds().items()
+        for amplitude in (size.height * np.linspace(low, high, size.amplitudes)).round(6).tolist()
+    )
+    return Study(
+        name="dataset",
+        about="the best stiffness for ground x amplitude: what a stiffness model learns from",
+        base={"foot": "soft", "noise": "realistic", "plan": {"distance": size.distance}},
+        cells=cells,
+        arms={f"{k:g}": {"stiffness": k} for k in grid},
+        seeds=tuple(range(size.seeds)),
+        metric="J",
+        reference=f"{grid[size.evaluations // 2]:g}",
+    )
+
+
+QUESTION_GROUNDS = (
+    "boards",
+    "cobble_stones",
+    "cylinder_obstacles",
+    "ellipsoids",
+    "floor_tiles",
+    "iso8608",
+    "large_floor_tiles",
+    "metal_sheets",
+    "pyramidal_stones",
+    "random",
+    "roof_tiles",
+    "slats",
+    "small_stones",
+    "steps",
+    "sticks",
+    "stone_bricks",
+    "stones",
+)
+"""Every family that is rough: all but flat floor, slopes and pictures."""
+
+HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)
+"""Heights of the study 'halfway', m."""
+
+SWINGS = (0.06, 0.09)
+"""Swing heights, m: the paper's and a higher one."""
+
+QUESTION_DISTANCE = 1.5
+"""Length of a walk of the stiffness question, m: twelve steps, the first two of them on flat floor."""
+
+
+def halfway(seeds: int = 6) -> Study:
+    """Return walks that tell at which height of the ground half of them fall, where a sole can make a difference."""
+    return Study(
+        name="halfway",
+        about="how high each ground must be for half of the walks to fall",
+        base={
+            "foot": "soft",
+            "stiffness": 10.0,
+            "noise": "realistic",
+            "plan": {"distance": QUESTION_DISTANCE},
+        },
+        cells=tuple(
+            Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
+            for name in QUESTION_GROUNDS
+            for amplitude in HEIGHTS
+            if amplitude <= terrain(name).parameters.largest_amplitude
+        ),
+        arms={"10": {}},
+        seeds=tuple(range(seeds)),
+        metric="steps_done",
+    )
+
+
+def stiffness_question(seeds: int = 6) -> Study:
+    """Return walks that tell when the stiffness of a sole matters.
+
+    A rigid sole of the same footprint, and soft ones from 1 to 100 Nm/rad, two of them with a twentieth of the paper's
+    damping, too, on every rough family at the height where half of the walks fall; and all of it with a higher
+    swing, too, as a foot that does not touch needs no softness. Gains are tuned on other seeds.
+    """
+    heights = halfway_heights()
+    arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
+    for k in (1.0, 3.2, 10.0, 32.0, 100.0):
+        arms[f"{k:g}"] = {"foot": "soft", "stiffness": k}
+    for k in (3.2, 32.0):
+        arms[f"{k:g}, b/20"] = {"foot": "soft", "stiffness": k, "foot_changes": {"damping": 0.1}}
+    return Study(
+        name="stiffness",
+        about="when does the stiffness of a sole matter? every rough family, at heights that half of the walks survive",
+        base={"noise": "realistic", "plan": {"distance": QUESTION_DISTANCE}},
+        cells=tuple(
+            Cell(
+                f"{cell_name(name, height)}, swing {1e3 * swing:g} mm",
+                {"terrain": name, "amplitude": height, "gait": {"swing_height": swing}},
+            )
+            for swing in SWINGS
+            for name, height in heights.items()
+        ),
+        arms=arms,
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="100",
+    )
+
+
+def arches(seeds: int = 6) -> Study:
+    """Return walks that compare a soft foot whose arch reaches to the toe with the paper's."""
+    arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
+    for k in (3.2, 32.0):
+        arms[f"soft, {k:g}"] = {"foot": "soft", "stiffness": k}
+        arms[f"long arch, {k:g}"] = {"foot": "long_arch", "stiffness": k}
+    question = stiffness_question(seeds)
+    return replace(
+        question,
+        name="arches",
+        about="a soft foot whose arch reaches to the toe against the paper's, where the stiffness question was asked",
+        cells=tuple(cell for cell in question.cells if cell.values["gait"]["swing_height"] == SWINGS[0]),
+        arms=arms,
+        reference="soft, 3.2",
+    )
+
+
+def halfway_heights() -> dict[str, float]:
+    """Return the height of each family at which half of the walks of the study 'halfway' fell, m."""
+    data = _result("halfway.json", "wbc study heights")
+    return {name: float(height) for name, height in data["heights_m"].items()}
+
+
+def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> dict[str, float]:
+    """Return the height of each ground at which half of the walks are completed, m.
+
+    The share of completed walks is fitted by a decreasing function of the height (isotonic regression), linear between
+    the heights that were tried; if it is a half over a range, the middle of the range is taken. A ground on which fewer
+    than half fall at every height gets the greatest height, one on which more than half fall at every height the least.
+
+    Args:
+        study: A study such as `halfway()`, with cells that differ in "terrain" and "amplitude".
+        entries: Entries of a journal, by key.
+        any_code: Take walks of other versions of the code, too.
+
+    Raises:
+        InputError: A study of another kind than walks, or with several arms.
+    """
+    if study.kind != WalkSpec.kind or len(study.arms) != 1:
+        raise InputError(
+            f"half heights come from walks with a single arm; study '{study.name}' is of the kind '{study.kind}' with "
+            f"the arms {', '.join(study.arms)}"
+        )
+    from sklearn.isotonic import IsotonicRegression  # noqa: PLC0415 - takes a second to import
+
+    walks: dict[str, list[tuple[float, bool]]] = {}
+    for trial, entry in study_entries(study, entries, any_code=any_code):
+        if entry is not None and entry.status == "done" and entry.result is not None:
+            spec = trial.spec.to_json()
+            done = entry.result["outcome"] == "completed"
+            walks.setdefault(ground_of(trial.cell), []).append((spec["amplitude"], done))
+    result = {}
+    for name, rows in walks.items():
+        height, done = np.array(rows, dtype=np.float64).T
+        tried = np.unique(height)
+        share = IsotonicRegression(increasing=False).fit(height, done).predict(tried).round(9)
+        # At a plateau of a half the two directions find its two ends.
+        ends = np.interp(-0.5, -share, tried), np.interp(0.5, share[::-1], tried[::-1])
+        result[name] = float(np.round(np.mean(ends), 4))
+    return result
+
+
+UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
+    "stones": (0.040, 0.055),
+    "roof_tiles": (0.040, 0.055),
+    "stone_bricks": (0.040, 0.055),
+    "small_stones": (0.010, 0.025),
+    "large_floor_tiles": (0.010, 0.025),
+}
+"""Grounds that no model is trained on, at the least and the greatest amplitude of the paper's table IV, m."""
+
+TUNED_FIXED_CHOICES = (1.0, 3.0, 8.0, 20.0, 45.0, 80.0)
+"""Stiffnesses that are tried to tune a fixed one to each unknown ground, Nm/rad."""
+
+
+def _unknown_cells() -> tuple[Cell, ...]:
+    return tuple(
+        Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
+        for name, amplitudes in UNKNOWN_GROUNDS.items()
+        for amplitude in amplitudes
+    )
+
+
+def tuned_fixed(seeds: int = 4) -> Study:
+    """Return walks that tune a fixed stiffness to each of the unknown grounds, on other seeds than the table's."""
+    return Study(
+        name="tuned_fixed",
+        about="the best fixed stiffness on each ground of 'unknown_ground', on seeds of its own",
+        base={"foot": "soft", "noise": "realistic", "plan": {"distance": 3.0}},
+        cells=_unknown_cells(),
+        arms={f"{k:g}": {"stiffness": k} for k in TUNED_FIXED_CHOICES},
+        seeds=tuple(range(seeds)),
+        metric="J",
+        reference=f"{TUNED_FIXED_CHOICES[2]:g}",
+    )
+
+
+def unknown_ground(seeds: int = 20) -> Study:
+    """Return walks that tell whether a sole whose stiffness follows the ground walks further over unknown ground.
+
+    The arms: the robot's own flat sole; a rigid one of the soft footprint, which separates size from softness; soft
+    ones of the paper's 5 Nm/rad and of the median of all best stiffnesses that the model was trained on; the variable
+    one; and, if there is a result of the study 'tuned_fixed', a fixed stiffness that was tuned to each kind and height
+    of ground on other seeds.
+    """
+    median = float(f"{np.median(StiffnessTable.load(DEFAULT_TABLE).stiffness):.3g}")
+    arms: dict[str, dict[str, Any]] = {
+        "flat": {"foot": "flat"},
+        "rigid": {"foot": "rigid"},
+        "soft 5": {"foot": "soft", "stiffness": 5.0},
+        "soft, median": {"foot": "soft", "stiffness": median},
+        "variable": {"foot": "variable"},
+    }
+    cells = _unknown_cells()
+    if tuned_fixed_known():
+        best = tuned_fixed_stiffness()
+        arms["tuned fixed"] = {"foot": "soft"}
+        cells = tuple(
+            replace(cell, arm_values={"tuned fixed": {"stiffness": best[cell.name]}}) for cell in cells
+        )
+    return Study(
+        name="unknown_ground",
+        about="3 m over ground that nothing was trained or tuned on, all soles",
+        base={"noise": "realistic", "plan": {"distance": 3.0}},
+        cells=cells,
+        arms=arms,
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="soft 5",
+    )
+
+
+def tuned_fixed_known() -> bool:
+    """Return True if the library holds a result of the study 'tuned_fixed'."""
+    return (DATA / "tuned_fixed.json").is_file()
+
+
+def tuned_fixed_stiffness() -> dict[str, float]:
+    """Return the fixed stiffness that the study 'tuned_fixed' found best: cell → Nm/rad."""
+    data = _result("tuned_fixed.json", "wbc study best tuned_fixed")
+    return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}
+
+
+def _result(file: str, command: str) -> dict[str, Any]:
+    """Return the result of a study that the library holds.
+
+    Raises:
+        InputError: There is none.
+    """
+    path = DATA / file
+    if not path.is_file():
+        raise InputError(f"no {path}: `{command} --journal JOURNAL --json` prints its content")
+    data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return data

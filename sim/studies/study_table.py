@@ -1,0 +1,309 @@
+"""Tables of a study: means with intervals, paired differences, outcomes; and its rows for a spreadsheet."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from wbc.core.errors import InputError, unknown_name
+from wbc.core.settings import to_json
+from wbc.sim.studies.intervals import CONFIDENCE, Estimate, mean_interval, paired_difference
+from wbc.sim.studies.journal import Entry
+from wbc.sim.studies.study import METRICS, Study, StudyTrial, study_entries
+
+ALL = "all"
+"""Name of the row of all cells together."""
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """Result of one arm in one row.
+
+    Attributes:
+        row: Name of the row.
+        arm: Name of the arm.
+        estimate: Mean of the metric; in a row of several cells over the grounds that all arms of the row have.
+        difference: Difference to the reference arm, pair by pair; None for the reference itself.
+        statuses: Status of the trials → number; "missing" have not been run.
+        outcomes: Outcome of the walks → number.
+        fall_reasons: Reason of the falls → number.
+        directions: Direction in which falls began → number.
+    """
+
+    row: str
+    arm: str
+    estimate: Estimate
+    difference: Estimate | None
+    statuses: dict[str, int]
+    outcomes: dict[str, int]
+    fall_reasons: dict[str, int]
+    directions: dict[str, int]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as plain values."""
+        values = to_json(self)
+        return {"row": values.pop("row"), "arm": values.pop("arm"), **values.pop("estimate"), **values}
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """The table of a study.
+
+    Attributes:
+        study: The study.
+        metric: Part of the results that the table is about.
+        completed_only: Only completed walks are counted.
+        by: Parts of the specs by which cells were put together; empty if each cell is a row.
+        reference: Arm that the others are compared with.
+        rows: Names of the rows; the last one has all cells together if there are several.
+        cells: Results, row by row.
+    """
+
+    study: Study
+    metric: str
+    completed_only: bool
+    by: tuple[str, ...]
+    reference: str
+    rows: tuple[str, ...]
+    cells: tuple[TableCell, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the table as plain values."""
+        return {
+            "study": self.study.name,
+            "metric": self.metric,
+            "completed_only": self.completed_only,
+            "by": list(self.by),
+            "confidence": CONFIDENCE,
+            "reference": self.reference,
+            "cells": [cell.to_json() for cell in self.cells],
+        }
+
+    @property
+    def by_name(self) -> dict[tuple[str, str], TableCell]:
+        """Row and arm → result."""
+        return {(cell.row, cell.arm): cell for cell in self.cells}
+
+    def markdown(self) -> str:
+        """Return three tables: means, paired differences, outcomes; in brackets the number of trials or pairs."""
+        arms, cells = list(self.study.arms), self.by_name
+        which = ", completed walks alone" if self.completed_only else ""
+        parts = [
+            f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(self.rows, arms, cells, _mean_text)
+        ]
+        if len(arms) > 1:
+            title = f"Difference to '{self.reference}' on the same seeds: mean [95 % interval]"
+            others = [arm for arm in arms if arm != self.reference]
+            parts.append(title + "\n\n" + _grid(self.rows, others, cells, _difference_text))
+        if any(cell.outcomes for cell in self.cells):
+            parts.append("How they ended\n\n" + _grid(self.rows, arms, cells, _ending_text))
+        return "\n\n".join(parts)
+
+
+def _grid(
+    rows: Sequence[str],
+    columns: Sequence[str],
+    cells: Mapping[tuple[str, str], TableCell],
+    text: Callable[[TableCell], str],
+) -> str:
+    lines = ["| | " + " | ".join(columns) + " |", "|---|" + "---|" * len(columns)]
+    for row in rows:
+        values = [text(cells[row, column]) if (row, column) in cells else "" for column in columns]
+        lines.append(f"| {row} | " + " | ".join(values) + " |")
+    return "\n".join(lines)
+
+
+def _mean_text(cell: TableCell) -> str:
+    return f"{cell.estimate.text()} ({cell.estimate.n})"
+
+
+def _difference_text(cell: TableCell) -> str:
+    return "" if cell.difference is None else f"{cell.difference.text()} ({cell.difference.n})"
+
+
+def _ending_text(cell: TableCell) -> str:
+    total = sum(cell.outcomes.values())
+    parts = [f"{cell.outcomes.get('completed', 0)} of {total} completed"]
+    parts += [f"{n} {reason}" for reason, n in sorted(cell.fall_reasons.items(), key=lambda item: -item[1])]
+    parts += [f"{n} {direction}" for direction, n in sorted(cell.directions.items(), key=lambda i: -i[1])]
+    parts += [f"{cell.outcomes[name]} {name}" for name in ("unfinished",) if cell.outcomes.get(name)]
+    bad = ("diverged", "timeout", "crashed", "missing")
+    parts += [f"{cell.statuses[name]} {name}" for name in bad if cell.statuses.get(name)]
+    return ", ".join(parts)
+
+
+@dataclass
+class _Column:
+    """Results of one arm in one row, while they are collected."""
+
+    values: dict[Hashable, float] = field(default_factory=dict)  # (cell, seed) → metric
+    statuses: Counter[str] = field(default_factory=Counter)
+    outcomes: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    directions: Counter[str] = field(default_factory=Counter)
+
+    def count(self, entry: Entry | None) -> None:
+        """Count status, outcome and fall of a trial."""
+        self.statuses["missing" if entry is None else entry.status] += 1
+        result = None if entry is None or entry.status != "done" else entry.result
+        if result is None or result.get("outcome") is None:
+            return
+        self.outcomes[result["outcome"]] += 1
+        if result.get("fall_reason"):
+            self.reasons[result["fall_reason"]] += 1
+        if result.get("fall"):
+            self.directions[result["fall"]["direction"]] += 1
+
+
+def study_table(
+    study: Study,
+    entries: Mapping[str, Entry],
+    *,
+    metric: str | None = None,
+    completed_only: bool = False,
+    by: Sequence[str] = (),
+    any_code: bool = False,
+) -> StudyTable:
+    """Make the table of a study.
+
+    Trials that diverged, crashed or timed out are counted, and enter no mean. In a row of several cells, means are over
+    the grounds (cell and seed) that all its arms have, so that missing walks favour no arm; differences are over the
+    grounds that an arm and the reference have.
+
+    Args:
+        study: The study.
+        entries: Entries of a journal, by key.
+        metric: Part of the results; that of the study when None.
+        completed_only: Leave out walks that were not completed, and their pairs.
+        by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
+            any, each cell is a row.
+        any_code: Take results of other versions of the code, too.
+
+    Raises:
+        UnknownNameError: A metric that no result has, or a part that no spec has.
+    """
+    name = metric or study.metric or METRICS[study.kind]
+    reference = study.reference or next(iter(study.arms))
+    columns: dict[tuple[str, str], _Column] = {}
+    members: dict[str, set[str]] = {}  # row → its cells
+    for trial, entry in study_entries(study, entries, any_code=any_code):
+        row = _row(trial, by) if by else trial.cell
+        value = _value(entry, name, completed_only)
+        for title in (row, ALL):
+            members.setdefault(title, set()).add(trial.cell)
+            column = columns.setdefault((title, trial.arm), _Column())
+            column.count(entry)
+            if value is not None:
+                column.values[trial.cell, trial.seed] = value
+    rows = [row for row in members if row != ALL]
+    if len(rows) > 1 and ALL not in {cell.name for cell in study.cells}:
+        rows.append(ALL)
+    cells = []
+    for row in rows:
+        in_row = {arm: columns[row, arm] for arm in study.arms if (row, arm) in columns}
+        common = _common(in_row) if len(members[row]) > 1 else None
+        base = in_row[reference].values if reference in in_row else {}
+        for arm, column in in_row.items():
+            values = column.values
+            cells.append(
+                TableCell(
+                    row,
+                    arm,
+                    mean_interval([v for pair, v in values.items() if common is None or pair in common]),
+                    None if arm == reference else paired_difference(values, base),
+                    dict(column.statuses),
+                    dict(column.outcomes),
+                    dict(column.reasons),
+                    dict(column.directions),
+                )
+            )
+    return StudyTable(study, name, completed_only, tuple(by), reference, tuple(rows), tuple(cells))
+
+
+def _common(columns: Mapping[str, _Column]) -> set[Hashable]:
+    """Return the grounds that all arms with any values have."""
+    sets = [set(column.values) for column in columns.values() if column.values]
+    return set.intersection(*sets) if sets else set()
+
+
+def _row(trial: StudyTrial, by: Sequence[str]) -> str:
+    """Return the name of the row of a trial when cells are put together."""
+    spec = trial.spec.to_json()
+    values = [part_of(spec, name, "part of a spec") for name in by]
+    return ", ".join(
+        f"{name.rpartition('.')[2]} {value:g}" if isinstance(value, (int, float)) else str(value)
+        for name, value in zip(by, values, strict=True)
+    )
+
+
+def _value(entry: Entry | None, name: str, completed_only: bool) -> float | None:
+    """Return a number of a trial's result; None where it was not measured or is not counted."""
+    if entry is None or entry.status != "done" or entry.result is None:
+        return None
+    if completed_only and entry.result.get("outcome") != "completed":
+        return None
+    value = part_of(entry.result, name, "part of a result")
+    if value is None:
+        return None
+    if isinstance(value, (bool, int, float)):
+        return float(value)
+    raise InputError(f"'{name}' of a result is no number but {value!r}")
+
+
+def study_rows(
+    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
+) -> tuple[list[str], list[list[Any]]]:
+    """Return all trials of a study as rows for a spreadsheet or a data frame.
+
+    Args:
+        study: The study.
+        entries: Entries of a journal, by key.
+        any_code: Take results of other versions of the code, too.
+
+    Returns:
+        Names of the columns and the rows: cell, arm, seed, status, and every part of the results that is no list, such
+        as "zmp_error.mean"; None where a trial does not have it.
+    """
+    first = ["cell", "arm", "seed", "status"]
+    found: list[tuple[list[Any], dict[str, Any]]] = []
+    columns: dict[str, None] = {}
+    for trial, entry in study_entries(study, entries, any_code=any_code):
+        status = "missing" if entry is None else entry.status
+        parts = flattened({} if entry is None else entry.result or {})
+        columns |= dict.fromkeys(parts)
+        found.append(([trial.cell, trial.arm, trial.seed, status], parts))
+    names = [name for name in columns if name not in first]
+    return [*first, *names], [[*head, *(parts.get(name) for name in names)] for head, parts in found]
+
+
+def flattened(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return plain values by their dotted names; lists are left out."""
+    result: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            result |= flattened(value, f"{prefix}{key}.")
+        elif not isinstance(value, (list, tuple)):
+            result[prefix + key] = value
+    return result
+
+
+def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:
+    """Return a part of plain data by its dotted name.
+
+    Args:
+        data: Objects within objects.
+        name: Such as "zmp_error.mean".
+        what: Noun for the message, such as "part of a spec".
+
+    Raises:
+        UnknownNameError: There is no such part.
+    """
+    value: Any = data
+    for key in name.split("."):
+        if not isinstance(value, Mapping) or key not in value:
+            known = [f"{a}.{b}" for a, v in data.items() if isinstance(v, Mapping) for b in v]
+            unknown_name(what, name, [*data, *known])
+        value = value[key]
+    return value

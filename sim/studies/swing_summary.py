@@ -1,0 +1,149 @@
+"""Summary of the swings of soles of variable stiffness, over the walks of a study."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wbc.sim.studies.journal import Entry
+from wbc.sim.studies.study import Study, study_entries
+from wbc.sim.studies.study_table import ALL
+
+TOLERANCE = 0.5
+"""Largest difference of equal stiffnesses, Nm/rad."""
+
+
+@dataclass(frozen=True)
+class SwingSummary:
+    """Summary of the swings of several walks. Quantities without a value are None.
+
+    Attributes:
+        walks: Number of walks.
+        swings: Number of swings.
+        reached: Share of swings whose stiffness was reached before touch-down.
+        decided: Share of swings whose stiffness the policy decided.
+        as_wanted: Share of these in which the choice of the policy was commanded, not the part of the way to it that
+            could be made in time.
+        fallbacks: Reason why the policy was not asked or not followed → number.
+        stiffness: Commanded stiffness: 10th, 50th and 90th percentile over the swings, Nm/rad.
+        ahead: Time from the decision to the landing: 1st, 50th and 99th percentile over the swings, s.
+        profile_error: |scanned − true| ground as the policy sees it (its shape), m: mean, and mean of the scans' 95th
+            percentiles.
+        profile_error_as_believed: The same at the height at which the controller believes the ground to be, m.
+        decision_us: Time from the complete scan to the command, µs: median over the walks, and the longest.
+    """
+
+    walks: int
+    swings: int
+    reached: float
+    decided: float
+    as_wanted: float | None
+    fallbacks: dict[str, int]
+    stiffness: tuple[float, float, float]
+    ahead: tuple[float, float, float] | None
+    profile_error: tuple[float, float] | None
+    profile_error_as_believed: tuple[float, float] | None
+    decision_us: tuple[float, float] | None
+
+
+@dataclass
+class _Collected:
+    walks: int = 0
+    swings: list[Mapping[str, Any]] = field(default_factory=list)
+    clocks: list[Mapping[str, float]] = field(default_factory=list)
+
+
+def swing_summaries(
+    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
+) -> dict[str, SwingSummary]:
+    """Sum up the swings of each cell, and of all cells.
+
+    Args:
+        study: A study with walks on soles of variable stiffness; other walks are left out.
+        entries: Entries of a journal, by key.
+        any_code: Take walks of other versions of the code, too.
+
+    Returns:
+        Cell → summary; the last is "all" if there are several.
+    """
+    collected: dict[str, _Collected] = {}
+    for trial, entry in study_entries(study, entries, any_code=any_code):
+        if entry is None or entry.status != "done" or not (entry.result or {}).get("stiffness"):
+            continue
+        for row in (trial.cell, ALL):
+            group = collected.setdefault(row, _Collected())
+            group.walks += 1
+            group.swings += (entry.result or {})["stiffness"]
+            if entry.clock and entry.clock.get("decision_us"):
+                group.clocks.append(entry.clock["decision_us"])
+    total = collected.pop(ALL, None)
+    if total is not None and len(collected) > 1:
+        collected[ALL] = total
+    return {row: _summary(group) for row, group in collected.items()}
+
+
+def _summary(group: _Collected) -> SwingSummary:
+    swings = group.swings
+    fallbacks = Counter(s["fallback"].partition(":")[0].partition(",")[0] for s in swings if s["fallback"])
+    decided = [s for s in swings if s["fallback"] is None]
+    followed = [abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= TOLERANCE for s in decided]
+    ahead = [s["seconds_before_landing"] for s in swings if s["seconds_before_landing"] is not None]
+    return SwingSummary(
+        walks=group.walks,
+        swings=len(swings),
+        reached=float(np.mean([s["reached"] for s in swings])),
+        decided=len(decided) / len(swings),
+        as_wanted=float(np.mean(followed)) if followed else None,
+        fallbacks=dict(fallbacks.most_common()),
+        stiffness=_percentiles([s["commanded_nm_per_rad"] for s in swings], 10),
+        ahead=_percentiles(ahead, 1) if ahead else None,
+        profile_error=_errors(swings, "profile_error_m"),
+        profile_error_as_believed=_errors(swings, "profile_error_as_believed_m"),
+        decision_us=(
+            (float(np.median([c["median"] for c in group.clocks])), max(c["max"] for c in group.clocks))
+            if group.clocks
+            else None
+        ),
+    )
+
+
+def _percentiles(values: list[float], outer: float) -> tuple[float, float, float]:
+    low, middle, high = np.percentile(values, [outer, 50.0, 100.0 - outer])
+    return float(low), float(middle), float(high)
+
+
+def _errors(swings: list[Mapping[str, Any]], name: str) -> tuple[float, float] | None:
+    known = [s[name] for s in swings if s[name] is not None]
+    if not known:
+        return None
+    return float(np.mean([e["mean"] for e in known])), float(np.mean([e["p95"] for e in known]))
+
+
+def swing_table(summaries: Mapping[str, SwingSummary]) -> str:
+    """Return summaries as a table for people."""
+    width = max(len(row) for row in summaries)
+    head = f"{'':<{width}} swings reached decided as wanted  k 10/50/90 %     ahead (s)      scan error (mm)"
+    lines = [head]
+    for row, s in summaries.items():
+        k = "/".join(f"{value:.3g}" for value in s.stiffness)
+        ahead = "" if s.ahead is None else "/".join(f"{value:.2f}" for value in s.ahead)
+        error = (
+            ""
+            if s.profile_error is None
+            else f"{1e3 * s.profile_error[0]:.1f}, 95 % {1e3 * s.profile_error[1]:.1f}"
+        )
+        wanted = "" if s.as_wanted is None else f"{100 * s.as_wanted:.1f} %"
+        lines.append(
+            f"{row:<{width}} {s.swings:6d} {100 * s.reached:5.1f} % {100 * s.decided:5.1f} % {wanted:>9}"
+            f"  {k:<15} {ahead:<15} {error}"
+        )
+    last = list(summaries.values())[-1]
+    if last.fallbacks:
+        lines.append("not decided: " + ", ".join(f"{n} {reason}" for reason, n in last.fallbacks.items()))
+    if last.decision_us is not None:
+        lines.append(f"a decision takes {last.decision_us[0]:.0f} µs, {last.decision_us[1]:.0f} µs at most")
+    return "\n".join(lines)

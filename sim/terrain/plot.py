@@ -1,0 +1,118 @@
+"""Pictures of terrains: one in detail, or all families on a sheet."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.spec import Terrain, terrain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+MAP_STEP = 0.004
+"""Pixel of maps, m: half of the smallest joint."""
+
+
+def plot_terrain(ground: Terrain, path: str | Path) -> None:
+    """Draw the map, a profile and the roughness parameters of a terrain.
+
+    Args:
+        ground: The terrain.
+        path: Picture file; its ending chooses the format.
+    """
+    x0, x1, *_ = ground.extent
+    figure = _figure(11.0, 5.2)
+    top, below = figure.subplots(2, 1, height_ratios=(2.0, 1.0))
+    image = _draw_map(top, ground, ground.extent, shade=0.35)
+    top.axhline(0.0, color="tab:red", lw=0.7)
+    top.set_ylabel("y (m)")
+    top.set_title(
+        f"{ground.name}: amplitude {1e3 * ground.amplitude:.3g} mm, seed {ground.seed} - {ground.parameters.summary()}",
+        fontsize=9,
+    )
+    figure.colorbar(image, ax=top, label="z (mm)", shrink=0.8)
+    xs, zs = ground.profile(x0, x1, step=0.001)
+    below.fill_between(xs, 1e3 * zs, 1e3 * zs.min() - 3.0, color="0.75")
+    below.plot(xs, 1e3 * zs, color="tab:red", lw=1.0)
+    below.set(xlim=(x0, x1), xlabel="x (m)", ylabel="z at y = 0 (mm)")
+    values = map(_number, PARAMETERS, UNITS, ground.roughness().values)
+    below.set_title("roughness along y = 0:  " + "   ".join(values), fontsize=8.5)
+    figure.savefig(path, dpi=130)
+
+
+def plot_families(path: str | Path, columns: int = 4) -> int:
+    """Draw a thumbnail of every family with its defaults.
+
+    Args:
+        path: Picture file; its ending chooses the format.
+        columns: Thumbnails side by side.
+
+    Returns:
+        Number of thumbnails.
+    """
+    grounds = [example_terrain(name) for name in terrain_families()]
+    rows = math.ceil(len(grounds) / columns)
+    figure = _figure(3.9 * columns, 2.0 * rows)
+    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for ax, ground in zip(axes, grounds, strict=False):
+        x0, x1 = ground.start - 0.1, min(ground.stop, ground.start + 2.0)
+        _draw_map(ax, ground, (x0, x1, *ground.extent[2:]), shade=0.4)
+        ax.set_title(f"{ground.name}  {1e3 * ground.amplitude:.3g} mm", fontsize=10)
+        ax.tick_params(labelsize=7)
+    for ax in axes[len(grounds) :]:
+        ax.axis("off")
+    figure.savefig(path, dpi=110)
+    return len(grounds)
+
+
+def example_terrain(name: str) -> Terrain:
+    """Return a terrain of the family with its defaults and seed 1; for images, of a picture of ripples."""
+    if name != "image":
+        return terrain(name, seed=1)
+    y, x = np.mgrid[-0.5:0.5:101j, -1.5:1.5:301j]
+    return terrain(name, source=np.cos(30.0 * np.hypot(x, y)), metres_per_pixel=0.01)
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, and walking needs no pictures
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _draw_map(ax: Axes, ground: Terrain, box: tuple[float, float, float, float], shade: float) -> AxesImage:
+    """Draw heights as colours, under a shade of this opacity."""
+    nx, ny = round((box[1] - box[0]) / MAP_STEP), round((box[3] - box[2]) / MAP_STEP)
+    x = box[0] + (np.arange(nx) + 0.5) * (box[1] - box[0]) / nx
+    y = box[2] + (np.arange(ny) + 0.5) * (box[3] - box[2]) / ny
+    z = ground.height(x[None, :], y[:, None])
+    # The colours begin a margin below the ground, so that the floor is earth and not sea.
+    low = float(1e3 * (z.min() - 0.5 * (z.max() - z.min()))) - 1e-9
+    image = ax.imshow(
+        1e3 * z, extent=box, origin="lower", cmap="gist_earth", vmin=low, vmax=1e3 * z.max() + 1e-9
+    )
+    ax.imshow(_shade(z), extent=box, origin="lower", cmap="gray", alpha=shade, vmin=0.0, vmax=1.0)
+    return image
+
+
+def _shade(z: Array) -> Array:
+    """Return the brightness of a surface lit from the upper left, 0..1, heights doubled."""
+    dy, dx = np.gradient(2.0 * z, MAP_STEP)
+    light = np.array([-0.5, 0.5, 0.75]) / np.linalg.norm([-0.5, 0.5, 0.75])
+    return np.asarray(
+        np.clip((light[2] - light[0] * dx - light[1] * dy) / np.sqrt(1.0 + dx**2 + dy**2), 0.0, 1.0)
+    )
+
+
+def _number(name: str, unit: str, value: float) -> str:
+    """Return a roughness parameter as text: lengths in mm."""
+    scale, written = {"m": (1e3, " mm"), "m2": (1e6, " mm²")}.get(unit, (1.0, ""))
+    return f"{name} {scale * value:.3g}{written}"

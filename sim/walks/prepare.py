@@ -1,0 +1,108 @@
+"""Everything that follows from a walk's spec without a simulator: robot descriptions, footsteps, settings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.feet import Foot
+from wbc.robots import load
+from wbc.robots.description import RobotDescription
+from wbc.sim.plant.fitting import with_feet
+from wbc.sim.terrain import Terrain
+from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.settings import TrialSettings
+from wbc.walking.control import WalkingControl
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.reach import check_plan
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedWalk:
+    """Everything that follows from a spec without a simulator.
+
+    Attributes:
+        plant_description: The robot on its own soles, for the plant.
+        controller_description: The robot on the feet of the walk, for the controller.
+        foot: The foot.
+        settings: Settings.
+        configuration: Configuration of the controller's robot at the start, shape (nq,).
+        plan: Footsteps, with timings on the grid of the control period.
+        nominal_time: Duration of the walk as planned, s.
+        notes: What was changed to make it walkable.
+    """
+
+    plant_description: RobotDescription
+    controller_description: RobotDescription
+    foot: Foot
+    settings: TrialSettings
+    configuration: Array
+    plan: FootstepPlan
+    nominal_time: float
+    notes: tuple[str, ...]
+
+    def robot(self) -> Robot:
+        """Return a new robot for a controller, standing at the start."""
+        robot = self.controller_description.robot()
+        robot.update(self.configuration, np.zeros(robot.nv))
+        return robot
+
+    @property
+    def time_limit(self) -> float:
+        """Simulated time after which a walk that has neither ended nor fallen is stopped, s.
+
+        Half as long again as planned, and 5 s: late touch-downs and feet that wait for their load take time, too.
+        """
+        return math.ceil(1.5 * self.nominal_time + 5.0)
+
+
+@lru_cache(maxsize=256)
+def prepare(
+    robot: str,
+    foot: Foot,
+    plan: WalkPlan,
+    gait: Gait,
+    settings: TrialSettings,
+    period: float,
+    start: tuple[float, float, float],
+    extent: tuple[float, float, float, float] | None,
+    stairs: Terrain | None,
+) -> PreparedWalk:
+    """Build and check all that needs no simulator; see `WalkSpec.prepare`.
+
+    Raises:
+        InputError: A foot that does not fit, or a plan that the robot cannot walk.
+    """
+    plant_description = load(robot)
+    description = with_feet(plant_description, foot)
+    model = description.robot()
+    q = moved(model.half_sitting, start)
+    model.update(q, np.zeros(model.nv))
+    gait, notes = gait.on_grid(period)
+    ground = stairs if stairs is not None else terrain_by_name("flat")
+    steps = plan.build(FootstepPlan.standing(model, gait), ground)
+    if stairs is not None:
+        _ = stairs.surface  # raises if a stair does not fit into its track
+    walking = WalkingControl(model, steps, period, settings, extent=extent)
+    check_plan(steps, model, walking.walk.reach, extent)
+    swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
+    time = gait.initial_double_support + swings + gait.final_double_support
+    return PreparedWalk(plant_description, description, foot, settings, q, steps, time, notes)
+
+
+def moved(configuration: Array, start: tuple[float, float, float]) -> Array:
+    """Return a configuration moved over the ground by x and y (m), and turned about the vertical by a heading (rad)."""
+    x, y, yaw = start
+    q = np.array(configuration)
+    turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
+    base = turn * pin.XYZQUATToSE3(q[:7])
+    q[:7] = pin.SE3ToXYZQUAT(base)
+    return q

@@ -1,0 +1,108 @@
+"""Stiffness policy of a simulated walk: by name and parameters, fixed by the spec alone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from wbc.core.changes import Changes, as_changes
+from wbc.core.errors import InputError
+from wbc.feet import Foot, VariableStiffnessFoot
+from wbc.feet.stiffness.model import DEFAULT_MODEL
+from wbc.tasks.scheduling.policies import FixedPolicy, StiffnessPolicy, stiffness_policy
+from wbc.tasks.scheduling.record import StiffnessTiming
+
+DEFAULT_POLICY = "model"
+"""Default policy of a sole of variable stiffness: the model that comes with the library."""
+
+FILE, CONTENT = "path", "sha256"
+"""Parameters of a policy for a file and the hash of its content: a spec stays one walk, also if the file changes."""
+
+
+def checked_policy(
+    foot: Foot, name: str | None, parameters: Changes, timing: StiffnessTiming
+) -> tuple[str | None, Changes]:
+    """Return policy and parameters in their normal form: with the default, and with the hash of a file that is read.
+
+    Args:
+        foot: Foot of the walk.
+        name: Policy; the default when None.
+        parameters: Parameters of the policy.
+        timing: Timing of the policy, and its fallback stiffness.
+
+    Raises:
+        UnknownNameError: No such policy or parameter.
+        InputError: A foot without a stiffness to set, a policy that cannot work with such scans, a fallback that the
+            actuator cannot set, or a value out of range.
+    """
+    if not isinstance(foot, VariableStiffnessFoot):
+        if name is not None or set(dict(parameters)) - {
+            CONTENT
+        }:  # a hash remains when the foot of a spec is replaced
+            raise InputError(
+                f"a stiffness policy ('{name or DEFAULT_POLICY}') needs feet of variable stiffness: foot 'variable'"
+            )
+        return None, ()
+    chosen = DEFAULT_POLICY if name is None else name
+    # Equal policies are equal specs: whole numbers become numbers, and what is None is left out.
+    values = {
+        key: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        for key, value in parameters
+        if value is not None
+    }
+    file = values.get(FILE)
+    if file is not None and not isinstance(file, str):
+        raise InputError(f"{FILE} of a stiffness policy must be the name of a file, got {file!r}")
+    policy = make_policy(chosen, as_changes(values))
+    policy.prepare(timing.scan)
+    for stiffness in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None):
+        if stiffness is not None:
+            foot.actuator.check(stiffness)
+    model = _file(chosen, values)
+    if model is not None:
+        values[CONTENT] = file_hash(model)
+    elif CONTENT in values:
+        raise InputError(
+            f"{CONTENT} is the hash of a file, but the policy '{chosen}' reads none; leave it out"
+        )
+    return chosen, as_changes(values)
+
+
+def _file(name: str, values: Mapping[str, Any]) -> str | None:
+    """Return the file that a policy is read from, None if there is none."""
+    file = values.get(FILE)
+    if file is None and name == DEFAULT_POLICY:
+        return str(DEFAULT_MODEL)
+    return file if isinstance(file, str) else None
+
+
+def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
+    """Return a policy for one walk.
+
+    Raises:
+        UnknownNameError: No such policy or parameter.
+        InputError: A value out of range, or a file whose content is not the one that was specified.
+    """
+    values: dict[str, Any] = dict(parameters)
+    content, file = values.pop(CONTENT, None), _file(name, values)
+    if content is not None and file is not None:
+        actual = file_hash(file)
+        if actual != content:
+            raise InputError(
+                f"{file} has changed: its hash is {actual}, the walk was specified with {content}"
+            )
+    return stiffness_policy(name, **values)
+
+
+def file_hash(path: str) -> str:
+    """Return the hash of a file's content, 16 hex digits.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error

@@ -1,0 +1,341 @@
+"""A simulated walk: spec in, result out, with hooks that look on.
+
+result = walk(foot="soft", stiffness=5.0, terrain="stones", amplitude=0.02, seed=7)
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from wbc.core.errors import Array, InputError, MeasurementError, choose
+from wbc.core.estimation.observer import Observer
+from wbc.core.robot import Robot
+from wbc.core.signals import Command, Measurement
+from wbc.feet import RangeSensor, VariableStiffnessFoot
+from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.plant.plant import Plant
+from wbc.sim.walks.meter import WalkMeter
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.prepare import PreparedWalk, moved
+from wbc.sim.walks.push import PushSchedule
+from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objective
+from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.stiffness_meter import StiffnessMeter
+from wbc.sim.walks.stiffness_policy import make_policy
+from wbc.tasks.scheduling.policies import PolicyLike
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.control import WalkingControl
+from wbc.walking.falls import FallReason
+
+PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
+FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
+
+
+def walk(
+    spec: WalkSpec | None = None,
+    *,
+    policy: str | PolicyLike | None = None,
+    hooks: Sequence[WalkHook] = (),
+    **values: Any,
+) -> WalkResult:
+    """Simulate a walk.
+
+        walk(robot="talos", distance=1.5)
+        walk(foot="soft", terrain="stones", amplitude=0.02, velocity=(0.1, 0.0, 0.0), steps=20)
+        walk(spec, seed=8)
+
+    Args:
+        spec: The walk; the default one when None: 3 m on a flat ground.
+        policy: Stiffness policy of variable soles: a name, or a policy of one's own.
+        hooks: Look on; they do not change the result.
+        **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec: robot, foot, terrain, distance, ….
+
+    Returns:
+        The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
+
+    Raises:
+        UnknownNameError: A field that the spec does not have; the nearest names are given.
+        InputError: A value that cannot be used.
+    """
+    for name in values:
+        choose("field of a walk", name, FIELDS)
+    plan = {name: values.pop(name) for name in PLAN_FIELDS if name in values}
+    if plan:
+        if "plan" in values:
+            raise InputError(f"give either a plan or {' and '.join(plan)}")
+        values["plan"] = WalkPlan(**plan)
+    if isinstance(policy, str):
+        values["policy"], policy = policy, None
+    spec = WalkSpec(**values) if spec is None else replace(spec, **values)
+    return WalkTrial(spec, policy=policy).run(hooks)
+
+
+@dataclass(frozen=True, slots=True)
+class WalkTick:
+    """One tick of a walk: the measurement, and the command that follows from it.
+
+    Attributes:
+        plant: The plant in the state that was measured; it moves on after the hooks.
+        walking: The controller, with reference and stabilizer output of this tick, or of the last one whose measurement
+            was good.
+        measurement: Readings of the sensors.
+        command: Command to the drives.
+    """
+
+    plant: Plant
+    walking: WalkingControl
+    measurement: Measurement
+    command: Command
+
+
+class WalkHook:
+    """An observer of a walk; the result is the same with any hooks. Override what is needed."""
+
+    def start(self, trial: WalkTrial) -> None:
+        """Called once, before the first tick."""
+
+    def tick(self, tick: WalkTick) -> None:
+        """Called in every tick, before the plant moves on."""
+
+    def end(self, result: WalkResult) -> None:
+        """Called once, after the last tick."""
+
+
+class WalkTrial:
+    """One walk that is about to begin: plant and controller, connected.
+
+    Attributes:
+        spec: The walk.
+        plant: The plant.
+        walking: The controller.
+    """
+
+    def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None) -> None:
+        """Build plant and controller.
+
+        Args:
+            spec: The walk.
+            policy: Stiffness policy of variable soles in place of the spec's.
+
+        Raises:
+            InputError: A policy for soles without a stiffness to set.
+        """
+        self._begin = time.perf_counter()
+        self.spec = spec
+        self._policy = spec.policy if policy is None else _name(policy)
+        prepared = self._prepared = spec.prepare()
+        with threadpool_limits(1):
+            robot = prepared.robot()
+            self.plant = _plant(spec, prepared, robot)
+            # Only a walk in torque control needs more of the estimate than where its parts are and how they move.
+            adopt = spec.mode == "torque"
+            observer = Observer(robot, prepared.settings.observer, adopt=adopt, dynamics=False)
+            observer.reset(prepared.configuration)
+            robot.update(prepared.configuration, np.zeros(robot.nv))
+            standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
+            self.walking = WalkingControl(
+                robot,
+                prepared.plan,
+                spec.period,
+                prepared.settings,
+                observer=observer,
+                stiffness=_scheduler(spec, prepared, robot, policy),
+            )
+        self._meter = WalkMeter(self.plant, self.walking)
+        self._soles = None if self.walking.stiffness is None else StiffnessMeter(self.plant, self.walking)
+        height = prepared.settings.com_height
+        lowering = 0.0 if height is None else max(0.0, standing_com - height)
+        pelvis = float(self.plant.data.qpos[2]) - self._ground() - lowering
+        limits = PelvisLimits.walking(pelvis, prepared.settings.falls)
+        self._falls = TrueFallDetector(self.plant.robot, limits)
+        self._origin = self._middle()
+        self._pushes = PushSchedule(spec.pushes, self.plant, self.walking, prepared.plan.gait)
+
+    def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
+        """Walk to the end, a fall or the time limit; once only.
+
+        Args:
+            hooks: Look on.
+        """
+        with threadpool_limits(1):  # sums that several threads make depend on their number
+            return self._run(hooks)
+
+    def true_fall(self) -> FallReason | None:
+        """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
+        x, y, z, qw, qx, qy, qz = self.plant.data.qpos[:7].tolist()
+        return self._falls.reason((x, y, z, qx, qy, qz, qw), self._ground())
+
+    def _run(self, hooks: Sequence[WalkHook]) -> WalkResult:
+        plant, walking, meter, soles = self.plant, self.walking, self._meter, self._soles
+        limit = self._prepared.time_limit
+        ticks: list[float] = []
+        physics = 0.0
+        fall: Fall | None = None
+        diverged: str | None = None
+        for hook in hooks:
+            hook.start(self)
+        begin = time.perf_counter()
+        hook_time = 0.0
+        while not walking.finished and plant.time < limit:
+            try:
+                measurement = plant.measure()
+            except MeasurementError as error:
+                diverged = str(error)
+                break
+            start = time.perf_counter()
+            command = walking.command(measurement)
+            end = time.perf_counter()
+            ticks.append(end - start)
+            meter.update(measurement)
+            if soles is not None:
+                soles.update()
+            if hooks:
+                tick = WalkTick(plant, walking, measurement, command)
+                start = time.perf_counter()
+                for hook in hooks:
+                    hook.tick(tick)
+                hook_time += time.perf_counter() - start
+            self._pushes.update()
+            start = time.perf_counter()
+            plant.step(command)
+            physics += time.perf_counter() - start
+            meter.after_step()
+            diverged = plant.diverged
+            reason = walking.fallen or (None if diverged else self.true_fall())
+            if reason is FallReason.DIVERGED and diverged is None:
+                diverged = f"estimated speeds beyond any robot's before {plant.time:.4f} s"
+            if diverged is not None:
+                break
+            if reason is not None:
+                fall = meter.fall(reason.name.lower())
+                break
+        loop = time.perf_counter() - begin - hook_time
+        clock = WallClock(
+            wall_s=time.perf_counter() - self._begin,
+            real_time_factor=plant.time / loop if loop > 0.0 else math.inf,
+            tick_us={
+                "median": 1e6 * float(np.median(ticks)) if ticks else math.nan,
+                "p99": 1e6 * float(np.percentile(ticks, 99)) if ticks else math.nan,
+            },
+            physics_share=physics / loop if loop > 0.0 else math.nan,
+            decision_us=None if soles is None else soles.decision_us(),
+        )
+        result = self._result(fall, diverged, clock)
+        for hook in hooks:
+            hook.end(result)
+        return result
+
+    def _result(self, fall: Fall | None, diverged: str | None, clock: WallClock) -> WalkResult:
+        walking = self.walking
+        if diverged is not None:
+            outcome = "diverged"
+        elif fall is not None:
+            outcome = "fell"
+        else:
+            outcome = "completed" if walking.finished else "unfinished"
+        planned, figures = len(self._prepared.plan), self._meter.figures()
+        return WalkResult(
+            **(identity(self.spec) | {"policy": self._policy}),
+            outcome=outcome,
+            steps_planned=planned,
+            steps_done=walking.steps_done,
+            J=objective(planned - walking.steps_done, figures["zmp_error"], figures["com_error"]),
+            fell=fall is not None,
+            fall_reason=None if fall is None else fall.reason,
+            fall=fall,
+            diverged=diverged,
+            seconds=self.plant.time,
+            **self._travel(),
+            **figures,
+            stiffness=None if self._soles is None else tuple(self._soles.steps()),
+            failures=walking.control.failures,
+            notes=self._prepared.notes,
+            clock=clock,
+        )
+
+    def _ground(self) -> float:
+        """Return the height of the lower sole, m."""
+        places, (left, right) = self.plant.data.site_xpos, self.plant.sole_sites
+        return min(float(places[left, 2]), float(places[right, 2]))
+
+    def _middle(self) -> Array:
+        """Return the middle between the true soles, shape (2,), m."""
+        return np.asarray(np.mean(self.plant.data.site_xpos[list(self.plant.sole_sites), :2], axis=0))
+
+    def _travel(self) -> dict[str, Any]:
+        """Return the true displacement of the feet, and the error of the pelvis' heading."""
+        q = self.plant.data.qpos
+        if not np.isfinite(q[:7]).all():
+            return {"distance": math.nan, "drift": math.nan, "yaw_error": math.nan}
+        yaw = self.spec.start[2]
+        c, s = math.cos(yaw), math.sin(yaw)
+        dx, dy = (self._middle() - self._origin).tolist()
+        w, i, j, k = q[3:7].tolist()
+        heading = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+        reference = self.walking.reference
+        desired = yaw if reference is None else reference.heading
+        return {
+            "distance": c * dx + s * dy,
+            "drift": c * dy - s * dx,
+            "yaw_error": math.remainder(heading - desired, 2.0 * math.pi),
+        }
+
+
+def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
+    """Return the plant, its robot where the controller's robot is."""
+    plant = Plant(
+        prepared.plant_description,
+        foot=prepared.foot,
+        terrain=spec.ground(),
+        timestep=spec.timestep,
+        control_period=spec.period,
+        noise=spec.noise,
+        range_sensor=_range_sensor(spec, prepared.settings),
+        seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
+        physics=prepared.settings.physics,
+    )
+    # The soles of the walk's feet may lie elsewhere under the ankles than the robot's own.
+    plant_q, controller_q = plant.robot.half_sitting, robot.half_sitting
+    shift = (controller_q[0] - plant_q[0], controller_q[1] - plant_q[1], 0.0)
+    if any(spec.start) or any(shift):
+        plant.reset(plant.on_ground(moved(moved(plant_q, shift), spec.start)))
+    return plant
+
+
+def _name(policy: PolicyLike) -> str:
+    """Return the name of a policy that is not in the registry: that of its function or class."""
+    return policy.__name__ if hasattr(policy, "__name__") else type(policy).__name__
+
+
+def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None:
+    """Return the range sensor under each toe; None for soles without a policy."""
+    if spec.policy is None:
+        return None
+    sensor = settings.range_sensor
+    if spec.noise == "none":
+        sensor = replace(sensor, noise=0.0, relative_noise=0.0, resolution=0.0, dropout=0.0)
+    return sensor
+
+
+def _scheduler(
+    spec: WalkSpec, prepared: PreparedWalk, robot: Robot, policy: PolicyLike | None
+) -> StiffnessScheduler | None:
+    """Return the scheduler of the soles' stiffness; None for soles without a stiffness to set."""
+    foot, settings = prepared.foot, prepared.settings
+    if not isinstance(foot, VariableStiffnessFoot) or spec.policy is None:
+        if policy is not None:
+            raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
+        return None
+    chosen = make_policy(spec.policy, spec.policy_params) if policy is None else policy
+    # The result has an entry for each swing, and there may be some more than were planned.
+    history = max(settings.stiffness.history, 2 * len(prepared.plan))
+    timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate, history=history)
+    return StiffnessScheduler(robot, foot, chosen, timing)

@@ -1,0 +1,92 @@
+"""Base of tasks with a target for each joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar
+from wbc.core.qp.task import Task
+from wbc.core.robot import Robot
+from wbc.tasks.motion.axes import distinct_joints, joint_columns
+
+JointValues = ArrayLike | Mapping[str, float]
+"""A value for each joint of a task, shape (number of joints,), or joint name → value for some of them."""
+
+
+class JointTask(Task):
+    """Base of tasks on joints, of which each has a row and a target."""
+
+    def __init__(
+        self, name: str, target: JointValues | None, joints: Sequence[str] | None, options: Mapping[str, Any]
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            name: Name of the task where the options give none.
+            target: Targets of the joints.
+            joints: Joints of the task; all when None.
+            options: Options by name, checked, with the defaults of the task.
+
+        Raises:
+            InputError: No joint at all, a joint twice, or an option out of range.
+        """
+        self._joints = None if joints is None else distinct_joints(joints)
+        gains = dict(options)
+        super().__init__(gains.pop("name", None) or name, len(self._joints or [""]), **gains)
+        self._target: Array | None = None
+        self._pending = target
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the joints, and take the present values as targets where none were given.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+            InputError: A target of the wrong shape.
+        """
+        super().bind(robot)
+        if self._joints is None:
+            self._joints = list(robot.joint_names)
+            self._resize(robot.na)
+        self._columns = joint_columns(robot, self._joints)
+        if self._target is None:
+            self._target = self._present(robot)
+        if self._pending is not None:
+            self.target, self._pending = self._pending, None
+
+    def _present(self, robot: Robot) -> Array:
+        """Targets of joints for which none were given, shape (dim,); a new array."""
+        raise NotImplementedError
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints of the task, in the order of its rows."""
+        return self.robot.joint_names if self._joints is None else tuple(self._joints)
+
+    @property
+    def target(self) -> Array:
+        """Targets, shape (dim,), `unit`; assign an array, or joint name → target for some joints."""
+        if self._target is None:
+            raise InputError(f"task '{self.name}' has no target before it is added to a controller")
+        return self._target
+
+    @target.setter
+    def target(self, value: JointValues) -> None:
+        if self._target is None:
+            self._pending = value
+        elif isinstance(value, Mapping):
+            changed = np.array(self._target)
+            for joint, target in value.items():
+                changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
+            self._target = changed
+        else:
+            self._target = finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
+
+    def _row(self, joint: str) -> int:
+        self.robot.joint_index(joint)
+        if joint not in self.joints:
+            raise InputError(f"joint '{joint}' is not part of task '{self.name}'")
+        return self.joints.index(joint)

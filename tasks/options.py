@@ -1,0 +1,81 @@
+"""Options that tasks share, each stated once: name, weight, gains, axes and joints.
+
+A task takes those of one of these classes as keywords: `**options: Unpack[MotionOptions]`. The class of a task states
+its default weight and gains. An unknown option raises an `UnknownNameError`, a value out of range an `InputError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypedDict
+
+from numpy.typing import ArrayLike
+
+
+class TaskOptions(TypedDict, total=False):
+    """Options of all tasks.
+
+    Attributes:
+        name: Name in status tables and solutions, unique within a controller; made from the class and the frame or
+            contact when None.
+        weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
+        hard: Make the rows a constraint instead of a cost; False by default.
+    """
+
+    name: str | None
+    weight: ArrayLike
+    hard: bool
+
+
+class GainOptions(TaskOptions, total=False):
+    """Options of tasks with an error: those of all tasks, and gains.
+
+    Attributes:
+        stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
+        damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
+            the default.
+    """
+
+    stiffness: ArrayLike
+    damping: ArrayLike | None
+
+
+class MotionOptions(GainOptions, total=False):
+    """Options of motion tasks: those of tasks with an error, and a choice of axes and joints.
+
+    Attributes:
+        axes: Axes to control, each with a row; all by default. Out of x, y, z for a position, roll (about x), pitch
+            (about y), yaw (about z) for an orientation, all six for a pose.
+        joints: Joints that the task may use, "base" for the floating base; all of them when None, the default.
+    """
+
+    axes: Sequence[str]
+    joints: Sequence[str] | None
+
+
+class ComplianceOptions(MotionOptions, total=False):
+    """Options of tasks that yield to a wrench: those of motion tasks, a filter and a bound.
+
+    Weight 10 and stiffness 100 1/s² by default: the gain with which the frame follows its reference.
+
+    Attributes:
+        time_constant: Time constant of the low-pass on the wrench error, s; none when 0.
+        velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair (linear, angular), m/s and rad/s.
+        target_wrench: Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm;
+            zero by default.
+    """
+
+    time_constant: float
+    velocity_bound: ArrayLike
+    target_wrench: ArrayLike | None
+
+
+class OffsetOptions(ComplianceOptions, total=False):
+    """Options of tasks that keep an offset: those of tasks that yield to a wrench, and a bound.
+
+    Attributes:
+        offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
+            None, the default.
+    """
+
+    offset_bound: ArrayLike | None

@@ -1,0 +1,120 @@
+"""The benchmarks of the command line: the task of the comparison, problems of known feasibility, parts of a walk."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from dataclasses import asdict, fields
+from pathlib import Path
+from types import ModuleType
+
+import mujoco
+import numpy as np
+import pytest
+
+from wbc.app.bench.solver import BenchSolverOptions, bench_solver, primal_residual
+from wbc.app.bench.streams import ProblemStream, least_violation
+from wbc.app.bench.tick import BenchTickOptions, bench_tick, start_configuration
+from wbc.app.bench.walk import CASES, PARTS, BenchWalkOptions, bench_walk
+from wbc.robots import load, names
+from wbc.sim.balance.controller import balance_controller
+from wbc.tasks import PositionTask
+
+
+@pytest.fixture(scope="module")
+def others() -> ModuleType:
+    folder = str(Path(__file__).resolve().parents[1] / "benchmarks")
+    sys.path.insert(0, folder)
+    try:
+        return importlib.import_module("balance_task")
+    finally:
+        sys.path.remove(folder)
+
+
+def test_the_task_is_the_one_that_other_libraries_solve(others: ModuleType) -> None:
+    ours = asdict(BenchTickOptions())
+    theirs = {
+        f.name: f.default
+        for f in fields(others.BalanceTask)
+        if f.name not in ("urdf", "robot", "posture", "base_height", "soles")
+    }
+    assert {name: ours[name] for name in theirs} == theirs
+    task = others.BalanceTask("", "talos", {}, 0.0, ("", ""))
+    for time in (0.0, 0.3, 1.7):
+        np.testing.assert_allclose(BenchTickOptions().sway(time), task.sway(time), atol=1e-12)
+
+
+@pytest.mark.parametrize("robot", names())
+def test_ticks_are_solved_and_follow_the_sway(robot: str) -> None:
+    # The soles of the comparison are wider than the small robots' own; the ticks stay what they are.
+    result = bench_tick(BenchTickOptions(robot=robot, ticks=300, warm_up=1000))
+    assert result["failures"] == 0 and sum(result["solvers"].values()) == result["ticks"] == 300
+    assert result["com_error_mm"] < 1.0 and 0.0 < result["torque_use"] < 1.0
+    assert result["p99_us"] >= result["median_us"] > sum(result["parts"].values()) * 0.5
+    assert set(result["parts"]) == {"model", "assembly", "solve", "decode"}
+
+
+@pytest.mark.parametrize("robot", names())
+def test_the_start_is_clear_of_joint_limits(robot: str) -> None:
+    model = load(robot).robot()
+    q = start_configuration(model)[7:]
+    assert (q > model.position_lower).all() and (q < model.position_upper).all()
+
+
+def test_the_judge_tells_feasible_from_infeasible() -> None:
+    robot = load("hrp4_class").robot()
+    controller = balance_controller(robot, 0.005)
+    assert controller.solve().ok
+    assert least_violation(controller.problem) < 1e-7
+    place = robot.placement(robot.torso_frame).translation
+    for name, way in (("up", 0.1), ("down", -0.1)):
+        controller.add(PositionTask(robot.torso_frame, place + [0, 0, way], name=name, hard=True))
+    assert not controller.solve().ok
+    assert least_violation(controller.problem) == np.inf  # equalities that contradict each other
+    controller.remove(controller.task("down"))
+    controller.task("up").stiffness = 1e6  # an acceleration that no motor has the torque for
+    assert not controller.solve().ok
+    assert 1.0 < least_violation(controller.problem) < np.inf
+
+
+def test_random_streams_are_hard_and_repeat_themselves() -> None:
+    def accelerations(seed: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+        stream = ProblemStream(load("hrp4_class"), np.random.default_rng(seed), scattered=False)
+        return np.array([stream.step().accelerations for _ in range(30)])
+
+    first = accelerations(3)
+    np.testing.assert_array_equal(first, accelerations(3))
+    assert np.abs(first - accelerations(4)).max() > 1.0
+
+
+def test_random_problems_are_solved_within_tolerance() -> None:
+    reported: list[int] = []
+    options = BenchSolverOptions(ticks=300, stream=50, sample=10, scattered=0.5)
+    result = bench_solver(options, progress=reported.append)
+    assert result["ticks"] == 300 and result["compared_with_daqp"] == 30
+    assert result["unsolved"] == result["above_tolerance"] == result["slow_ticks"] == 0
+    assert result["ticks_with_active_limits"] > 200 and result["contact_switches"] > 0
+    assert result["daqp_failed"] == result["differ_from_daqp"] == 0
+    assert reported == sorted(reported) and reported[-1] == 300
+
+
+def test_a_wrong_solution_has_a_residual() -> None:
+    stream = ProblemStream(load("g1"), np.random.default_rng(0), scattered=False)
+    solution = stream.step()
+    problem = stream.controller.problem
+    assert primal_residual(problem, solution) < 1e-5
+    solution.variables[0] += 1.0
+    assert primal_residual(problem, solution) > 1.0
+
+
+def test_parts_make_up_the_period_of_a_walk_that_is_otherwise_the_same() -> None:
+    costs = list(bench_walk(BenchWalkOptions(distance=0.15, repeats=1)))
+    assert [cost.name for cost in costs] == list(CASES)
+    for cost in costs:
+        assert cost.steps_done == cost.steps_planned == 3
+        assert tuple(cost.parts_us) == PARTS and min(cost.parts_us.values()) > 0.0
+        assert sum(cost.parts_us.values()) == pytest.approx(cost.period_us)
+        assert cost.real_time_factor == pytest.approx(1e6 * cost.control_period / cost.period_us)
+        assert cost.parts_us["physics"] > cost.parts_us["sensors"]
+        assert 0.0 < cost.collision_share < cost.constraint_share < 1.0
+    assert mujoco.get_mjcb_time() is None

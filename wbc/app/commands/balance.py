@@ -1,0 +1,61 @@
+"""`wbc stand` and `wbc push`: a robot that stands, and the pushes that it recovers from."""
+
+from __future__ import annotations
+
+import logging
+
+from rich.progress import track
+
+from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
+from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.core.settings import to_json
+from wbc.sim.balance import PushTableSpec, StandSpec, StandTrial, format_push_table, push_table
+
+
+@reports
+def stand(
+    options: Flat[StandSpec] = StandSpec(),
+    *,
+    live: LiveOptions = LiveView(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
+    trial = StandTrial(options)
+    with live.show(trial.plant) as watching:
+        result = trial.run(watching.after_tick)
+    state = "stood" if result.upright else "FELL after"
+    text = (
+        f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
+        f"{state} {result.seconds:g} s\n"
+        f"  centre of mass within {result.com_error_mm:.3g} mm of its target, "
+        f"zero-tilting moment point ± {result.zmp_noise_mm:.3g} mm (second half)\n"
+        f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
+        f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
+    )
+    changes = watching.interventions
+    return output.report(to_json(result) | interactive(changes), text + interactive_text(changes))
+
+
+@reports
+def push(
+    options: Flat[PushTableSpec] = PushTableSpec(),
+    *,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
+    if not output.verbose:
+        logging.getLogger("wbc.core").setLevel(logging.CRITICAL)  # robots that fall are expected here
+    total = len(options.specs())
+    cells = list(track(push_table(options), "pushing", total=total, console=progress_console()))
+    text = (
+        f"Largest impulse recovered, Ns/kg, force constant for {options.duration:g} s; 0° is forward, 90° left\n\n"
+        + format_push_table(cells)
+    )
+    data = {
+        "unit": "Ns/kg",
+        "duration_s": options.duration,
+        "resolution": options.resolution,
+        "noise": options.noise,
+        "cells": to_json(cells),
+    }
+    return output.report(data, text)

@@ -1,0 +1,151 @@
+"""`wbc study best`, `heights` and `dataset`: from walks to the best stiffness and to the table of a stiffness model."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from wbc.app.commands.study import (
+    JournalOptions,
+    PartOptions,
+    RunOptions,
+    StudyName,
+    read_study,
+    run_trials,
+    summary_text,
+)
+from wbc.app.files import check_target
+from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError
+from wbc.core.settings import settings, to_json
+from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
+from wbc.sim.studies.journal import Entry, read_journal
+from wbc.sim.studies.stiffness_studies import DatasetSize, half_heights
+from wbc.sim.studies.stiffness_studies import dataset as dataset_study
+from wbc.sim.studies.study import Study, study_entries
+
+
+@settings(kw_only=True)
+class BestOptions(JournalOptions):
+    """Walks that the best stiffness comes from.
+
+    Attributes:
+        separate: Find the best stiffness of each cell from its own walks alone; otherwise the curve of the other cells
+            is the prior.
+        any_code: Take walks of other versions of the code, too.
+    """
+
+    separate: bool = False
+    any_code: bool = False
+
+
+@settings(kw_only=True)
+class DatasetOptions(DatasetSize):
+    """Size of the dataset, and the table made from it.
+
+    Attributes:
+        output: Table to write (.csv).
+        windows: Profiles that are cut out of each ground, as long as a foot's scan.
+        separate: Find the best stiffness of each ground from its own walks alone, as in the paper; otherwise the curve
+            of the other grounds is the prior.
+        any_code: Take walks of other versions of the code, too.
+    """
+
+    output: Path
+    windows: Annotated[int, Field(ge=2)] = 6
+    separate: bool = False
+    any_code: bool = False
+
+    def command(self) -> str:
+        """Return the command that makes the same table."""
+        names = ("seeds", "amplitudes", "evaluations", "distance", "height", "windows")
+        words = "wbc study dataset " + " ".join(f"--{name} {getattr(self, name):g}" for name in names)
+        return words + (" --separate" if self.separate else "")
+
+
+@reports
+def dataset(
+    *,
+    options: Flat[RunOptions],
+    size: Flat[DatasetOptions],
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the best stiffness for ground and amplitude, and write the table that a stiffness model learns from.
+
+    The walks that the journal does not have are run first; the size decides their number, from minutes to the paper's
+    6,000 walks (50 evaluations, 2 seeds). `wbc stiffness train` makes a model of the table.
+    """
+    study = dataset_study(size)
+    target = check_target("a stiffness table", size.output, (".csv",))
+    summary = run_trials(study, options, any_code=size.any_code)
+    entries = read_journal(options.journal)
+    found = labels(study, entries, pooled=not size.separate, any_code=size.any_code)
+    made = {"command": size.command(), **origin(study, entries, any_code=size.any_code)}
+    table = stiffness_table(study, found, windows=size.windows, made=made)
+    table.save(target)
+    data = {"table": str(target), "rows": len(table), "labels": to_json(found), **summary.to_json()}
+    lines = [
+        summary_text(study, options, summary),
+        label_table(found),
+        f"{len(table)} rows written to {target}",
+    ]
+    return output.report(data, "\n".join(lines))
+
+
+@reports
+def best(
+    study: StudyName,
+    /,
+    *,
+    options: Flat[BestOptions],
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
+    chosen, entries = read_study(study), options.entries()
+    found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
+    if not found:
+        raise InputError(
+            f"{options.journal} has no cell of '{chosen.name}' with walks of enough stiffnesses; run the study"
+        )
+    data = {
+        "study": chosen.name,
+        "separate": options.separate,
+        **origin(chosen, entries, any_code=options.any_code),
+        "labels": to_json(found),
+    }
+    return output.report(data, label_table(found))
+
+
+@reports
+def heights(
+    study: StudyName = "halfway",
+    /,
+    *,
+    options: Flat[JournalOptions],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the height of each ground at which half of the walks are completed, from a journal."""
+    chosen, entries = part.part(study), options.entries()
+    found = half_heights(chosen, entries, any_code=part.any_code)
+    if not found:
+        raise InputError(f"{options.journal} has no walks of '{chosen.name}'; run the study")
+    data = {"study": chosen.name, **origin(chosen, entries, any_code=part.any_code), "heights_m": found}
+    return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
+
+
+def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
+    """Return the origin of a result: counts of trials by status, versions of the code, seeds."""
+    found = study_entries(study, entries, any_code=any_code)
+    used = {trial: entry for trial, entry in found if entry is not None}
+    versions = {json.dumps(entry.version, sort_keys=True) for entry in used.values()}
+    return {
+        "trials": dict(Counter(entry.status for entry in used.values())),
+        "versions": [json.loads(version) for version in sorted(versions)],
+        "seeds": sorted({trial.seed for trial in used}),
+    }

@@ -1,0 +1,99 @@
+"""Sole outlines, stances and support of a logged walk, for figures and replays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.app.log.columns import SIDES
+from wbc.app.log.reader import Log
+from wbc.core.errors import Array
+
+
+def yaw_of(quaternions: Array) -> Array:
+    """Return the headings (rad), shape (n,), of frames given as quaternions xyzw, shape (n, 4)."""
+    x, y, z, w = quaternions.T
+    heading: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return heading
+
+
+def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
+    """Return the corners of sole rectangles seen from above.
+
+    Args:
+        centre: Shape (n, 2) or more, m.
+        yaw: Shape (n,), rad.
+        size: Length and width, m.
+
+    Returns:
+        Shape (n, 4, 2), m, counter-clockwise.
+    """
+    local = 0.5 * np.array(size) * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    x, y = local.T
+    turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
+    placed: Array = np.asarray(centre)[:, None, :2] + turned
+    return placed
+
+
+def sole_sizes(log: Log) -> list[tuple[float, float]]:
+    """Return length and width of the left and the right sole, m."""
+    return [(float(s["length_m"]), float(s["width_m"])) for s in log.header["robot"]["soles"]]
+
+
+def support_box(log: Log) -> tuple[Array, Array]:
+    """Return the bounding box of the planned support in every tick.
+
+    Returns:
+        Lower and upper x and y, each of shape (ticks, 2), m; NaN without a foot on the ground.
+    """
+    low = np.full((len(log), 2), np.inf)
+    high = np.full((len(log), 2), -np.inf)
+    for side, size in zip(SIDES, sole_sizes(log), strict=True):
+        place = f"foot/{side}/reference"
+        shape = corners(log[f"{place}/position"], yaw_of(log[f"{place}/orientation"]), size)
+        on = log[f"foot/{side}/contact"] > 0.5
+        low[on] = np.minimum(low[on], shape[on].min(axis=1))
+        high[on] = np.maximum(high[on], shape[on].max(axis=1))
+    none = ~np.isfinite(low[:, 0])
+    low[none] = high[none] = np.nan
+    return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """One stance of a foot, from touch-down to lift-off.
+
+    Attributes:
+        side: "left" or "right".
+        start: First tick.
+        end: Tick after the last one.
+        corners: Corners of the sole seen from above, shape (4, 2), m.
+    """
+
+    side: str
+    start: int
+    end: int
+    corners: Array
+
+
+def stances(log: Log, which: str = "reference") -> list[Stance]:
+    """Return all stances of both feet, ordered by touch-down.
+
+    Args:
+        log: The log.
+        which: "reference" for the planned position, "truth" for the real one; the heading is planned in both.
+    """
+    made = []
+    for side, size in zip(SIDES, sole_sizes(log), strict=True):
+        place = f"foot/{side}/reference"
+        position = log["truth/" + f"foot/{side}/position"] if which == "truth" else log[f"{place}/position"]
+        yaw = yaw_of(log[f"{place}/orientation"])
+        on = (log[f"foot/{side}/contact"] > 0.5).astype(int)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], on, [0]])))
+        for start, end in edges.reshape(-1, 2).tolist():
+            middle = (start + end) // 2  # the foot has settled by then
+            shape = corners(position[middle : middle + 1], yaw[middle : middle + 1], size)[0]
+            made.append(Stance(side, start, end, shape))
+    return sorted(made, key=lambda stance: stance.start)

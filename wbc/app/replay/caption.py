@@ -1,0 +1,31 @@
+"""Caption of a picture of a replay."""
+
+from __future__ import annotations
+
+import math
+
+from wbc.app.log import Log
+from wbc.app.log.columns import SIDES
+from wbc.app.scene.layers import stiffness_text
+
+EVENT_TIME = 2.0
+"""Time for which an event is shown, s."""
+
+
+def caption(log: Log, tick: int) -> str:
+    """Return phase and step, stiffness of the soles and the last event, one line each, as far as logged."""
+    lines = []
+    if "walk/phase" in log:
+        phase, side = log.texts("walk/phase")[tick], log.texts("step/side")[tick]
+        swing = f", {side} foot swings" if phase == "single support" and side else ""
+        lines.append(f"{phase or ''}{swing}, {log['walk/steps_done'][tick]:.0f} steps done")
+    stiffness = [
+        float(log[f"foot/{side}/stiffness"][tick]) for side in SIDES if f"foot/{side}/stiffness" in log
+    ]
+    if stiffness and all(math.isfinite(value) for value in stiffness):
+        lines.append(stiffness_text(stiffness))
+    now = float(log.time[tick])
+    past = [text for time, text in log.events if now - EVENT_TIME <= time <= now]
+    if past:
+        lines.append(past[-1])
+    return "\n".join(lines)

@@ -1,0 +1,187 @@
+"""MuJoCo model of a scene, for films: its bodies are moved, nothing is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from wbc.app.scene.colours import TILE_COLOURS
+from wbc.app.scene.ground import TILE
+from wbc.app.scene.scene import Scene
+from wbc.app.scene.shapes import (
+    ROOT,
+    Colour,
+    MeshFile,
+    SceneObject,
+    Shape,
+    Surface,
+    VisualBox,
+    VisualCylinder,
+    VisualEllipsoid,
+)
+from wbc.core.errors import Array, InputError
+from wbc.sim.terrain import Terrain, add_to_spec
+
+READABLE = (".stl", ".obj")
+"""Mesh formats that MuJoCo reads; coal reads the others."""
+
+NOT_BODIES = (f"{ROOT}/markers/", f"{ROOT}/forces/")
+"""Objects that films draw as geoms of the picture, not of the model."""
+
+_T = mujoco.mjtGeom
+
+
+class MujocoScene:
+    """A model with a body for each moving object.
+
+    Attributes:
+        model: MuJoCo's model.
+        data: Its state.
+        shown: Paths of its bodies: those of the robot and of the overlays.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        terrain: Terrain,
+        width: int,
+        height: int,
+        sole_paths: Sequence[tuple[str, ...]] = (),
+    ) -> None:
+        """Build the model.
+
+        Args:
+            scene: The scene.
+            terrain: Its ground.
+            width: Width of the pictures, pixels.
+            height: Height of the pictures, pixels.
+            sole_paths: Paths of each foot whose colour can change.
+        """
+        spec = mujoco.MjSpec()
+        _light(spec, width, height)
+        added = add_to_spec(spec, terrain)
+        spec.geom(added.geoms[0]).material = "tiles"
+        self.shown = tuple(path for path in scene.moving if not path.startswith(NOT_BODIES))
+        self._places = [scene.moving.index(path) for path in self.shown]
+        owners = {path: spec.worldbody.add_body(name=path, mocap=True) for path in self.shown}
+        for i, thing in enumerate(scene.objects):
+            if thing.path.startswith((f"{ROOT}/ground/", *NOT_BODIES)):
+                continue
+            owner = next((owners[p] for p in self.shown if thing.path.startswith(p + "/")), spec.worldbody)
+            _add(spec, owner, thing, i)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        body_of = {self.model.body(path).id: path for path in self.shown}
+        owner = [body_of.get(int(body)) for body in self.model.geom_bodyid]
+        self._soles = [[i for i, path in enumerate(owner) if path in paths] for paths in sole_paths]
+
+    def set(self, matrices: Array, sole_colours: Sequence[Colour] = ()) -> None:
+        """Move all bodies and colour the soles.
+
+        Args:
+            matrices: One for each moving path of the scene, shape (paths, 4, 4).
+            sole_colours: Colour of each foot's soles.
+        """
+        for geoms, colour in zip(self._soles, sole_colours, strict=False):
+            self.model.geom_rgba[geoms] = colour
+        for body, place in enumerate(self._places):
+            matrix = matrices[place]
+            shown = np.linalg.norm(matrix[:3, 0]) > 0.5  # hidden objects are scaled to nothing
+            self.data.mocap_pos[body] = matrix[:3, 3] if shown else (0.0, 0.0, -100.0)
+            if shown:
+                mujoco.mju_mat2Quat(self.data.mocap_quat[body], np.ascontiguousarray(matrix[:3, :3]).ravel())
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+
+def _light(spec: mujoco.MjSpec, width: int, height: int) -> None:
+    """Add lamps, sky and tiles, and set the size of the pictures."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
+    spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
+    spec.visual.headlight.specular = [0.1, 0.1, 0.1]
+    spec.visual.quality.shadowsize = 2048
+    spec.visual.map.zfar = 40.0
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.95, 0.97, 1.0],
+        rgb2=[0.72, 0.78, 0.84],
+        width=256,
+        height=256,
+    )
+    spec.add_texture(
+        name="tiles",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=TILE_COLOURS[0],
+        rgb2=TILE_COLOURS[1],
+        width=256,
+        height=256,
+    )
+    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[0.5 / TILE, 0.5 / TILE])
+    tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
+    spec.worldbody.add_light(
+        pos=[0.0, -3.0, 6.0],
+        dir=[0.1, 0.4, -1.0],
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        diffuse=[0.45, 0.45, 0.45],
+        castshadow=True,
+    )
+
+
+def _add(spec: mujoco.MjSpec, body: Any, thing: SceneObject, number: int) -> None:
+    """Add a geom for an object."""
+    rotation = np.zeros(4)
+    mujoco.mju_mat2Quat(rotation, np.ascontiguousarray(thing.placement[:3, :3]).ravel())
+    geom = body.add_geom(
+        pos=thing.placement[:3, 3],
+        quat=rotation,
+        rgba=thing.colour,
+        contype=0,
+        conaffinity=0,
+        group=0,
+        mass=0.0,
+    )
+    shape = thing.shape
+    if isinstance(shape, VisualBox):
+        geom.type, geom.size = _T.mjGEOM_BOX, np.array(shape.size) / 2.0
+    elif isinstance(shape, VisualEllipsoid):
+        geom.type, geom.size = _T.mjGEOM_ELLIPSOID, np.array(shape.semi_axes)
+    elif isinstance(shape, VisualCylinder):
+        geom.type = _T.mjGEOM_CAPSULE if shape.round_ends else _T.mjGEOM_CYLINDER
+        geom.size = np.array([shape.radius, 0.5 * shape.length, 0.0])
+    else:
+        geom.type, geom.meshname = _T.mjGEOM_MESH, f"mesh_{number}"
+        _add_mesh(spec, f"mesh_{number}", shape)
+
+
+def _add_mesh(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
+    # Surfaces need not be closed: MuJoCo wants an inertia although nothing is simulated.
+    mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    if isinstance(shape, MeshFile):
+        mesh.scale = np.array(shape.scale)
+        if Path(shape.path).suffix.lower() in READABLE:
+            mesh.file = shape.path
+            return
+        vertices, faces = read_mesh(shape.path)
+    elif isinstance(shape, Surface):
+        vertices, faces = shape.vertices, shape.faces
+    else:
+        raise InputError(f"a {type(shape).__name__} cannot be filmed")
+    mesh.uservert = np.asarray(vertices, dtype=np.float64).ravel()
+    mesh.userface = np.asarray(faces, dtype=np.int32).ravel()
+
+
+def read_mesh(path: str) -> tuple[Array, Any]:
+    """Return vertices and triangles of a mesh file of any format that assimp reads."""
+    import coal  # noqa: PLC0415 - for COLLADA alone
+
+    model = coal.MeshLoader().load(path, np.ones(3))
+    faces = [[model.tri_indices(i)[k] for k in range(3)] for i in range(model.num_tris)]
+    return np.array(model.vertices()), np.array(faces)

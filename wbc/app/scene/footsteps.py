@@ -1,0 +1,121 @@
+"""Layer of the footsteps of a walk, with its phase and step as text."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.app.scene.colours import FOOTSTEP_LEGEND, SIDE_COLOURS, translucent
+from wbc.app.scene.layer import Annotations, Layer
+from wbc.app.scene.marks import LIFT, outline, polygon, rectangle
+from wbc.app.scene.shapes import HIDDEN
+from wbc.core.errors import Array
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, other
+
+if TYPE_CHECKING:
+    from wbc.sim import Plant
+    from wbc.walking.control import WalkingControl
+
+MAX_STEPS = 128
+"""Largest number of footsteps of each kind; of a longer walk the last ones, and half as many to come."""
+
+
+class FootstepsLayer(Layer):
+    """Footsteps: outlines of the planned ones (adjusted until they land), filled areas of the real ones.
+
+    Both have the same indices: 0 is the first swing foot, 1 the first stance foot, 2 the first landing.
+    """
+
+    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+        """Make marks for all steps, and for one that a stop may add.
+
+        Args:
+            plant: The plant.
+            walking: The controller.
+        """
+        super().__init__()
+        self._plant, self._walking = plant, walking
+        plan = walking.walk.phases.plan
+        self._count = min(MAX_STEPS, 2 * ((len(plan) + 4) // 2))
+        # In longer walks the marks are reused.
+        self._ahead = self._count if self._count >= len(plan) + 3 else self._count // 2
+        self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
+        soles = [rectangle(foot.fit.sole.length, foot.fit.sole.width) for foot in plant.feet]
+        first = plan.steps[0].side if plan.steps else SIDES[0]
+        self._planned, self._real = [], []
+        for i in range(self._count):
+            side = first if i % 2 == 0 else other(first)
+            corners, colour = soles[SIDES.index(side)], SIDE_COLOURS[side]
+            self._planned.append(self.add(f"footsteps/planned_{i}", outline(corners), colour, on_top=True))
+            self._real.append(self.add(f"footsteps/real_{i}", polygon(corners), translucent(colour)))
+        self.legend = FOOTSTEP_LEGEND
+        self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
+        self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
+        self._end, self._step = 0, -1
+        self._plan: FootstepPlan | None = None
+        self._feet: list[Footstep] = []
+
+    def fill(self, matrices: Array, annotations: Annotations) -> None:  # noqa: D102
+        phases = self._walking.walk.phases
+        step = phases.step
+        if phases.plan is not self._plan or step != self._step:  # plans are replaced, never changed
+            self._plan, self._step, self._feet = phases.plan, step, all_feet(phases.plan)
+            self._mark_plan(self._feet, step)
+        for i in (step + 1,) if phases.swing is not None else (step, step + 1):
+            self._real_at[i % self._count] = self._pose(self._feet[i].side)
+        matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
+        annotations.text += walk_lines(self._walking)
+
+    def _mark_plan(self, feet: list[Footstep], step: int) -> None:
+        """Move the marks of future steps to their planned placements.
+
+        Args:
+            feet: All feet of the plan.
+            step: Index of the present or next step.
+        """
+        # The marks of landed feet stay: the plan then holds the real landings.
+        future = range(step + 2 if step else 0, min(len(feet), step + 2 + self._ahead))
+        for i in future:
+            self._planned_at[i % self._count] = _mark(feet[i])
+        for i in range(future.stop, self._end):
+            self._planned_at[i % self._count] = HIDDEN  # a stop has shortened the plan
+        self._end = future.stop
+
+    def _pose(self, side: str) -> Array:
+        """Return the real placement of a sole."""
+        site, data = self._sites[SIDES.index(side)], self._plant.data
+        pose = np.eye(4)
+        pose[:3, :3] = data.site_xmat[site].reshape(3, 3)
+        pose[:3, 3] = data.site_xpos[site] + LIFT * pose[:3, 2]
+        return pose
+
+
+def all_feet(plan: FootstepPlan) -> list[Footstep]:
+    """Return the first swing foot, the first stance foot, and all landings of a plan."""
+    if not plan.steps:
+        return [plan.left, plan.right]
+    return [plan.lift_off(0), plan.stance(0), *plan.steps]
+
+
+def walk_lines(walking: WalkingControl) -> list[str]:
+    """Return step, phase, DCM error and outcome of a walk as lines of text."""
+    phases = walking.walk.phases
+    total = len(phases.plan)
+    swing = "" if phases.swing is None else f": {phases.swing} foot swings"
+    lines = [f"step {min(phases.step + 1, total)} of {total}, {phases.phase.value}{swing}"]
+    if walking.output is not None:
+        error = walking.output.errors.dcm
+        lines.append(f"DCM {1e3 * math.hypot(float(error[0]), float(error[1])):.0f} mm off its reference")
+    if walking.fallen is not None:
+        lines.append(f"FALLEN: {walking.fallen.name.lower()}")
+    elif walking.finished:
+        lines.append("finished")
+    return lines
+
+
+def _mark(step: Footstep) -> Array:
+    pose: Array = np.array(step.placement.homogeneous)
+    pose[:3, 3] += LIFT * pose[:3, 2]
+    return pose

@@ -1,0 +1,125 @@
+let socket = null;
+const byId = (id) => document.getElementById(id);
+const tell = (wish) => { if (socket && socket.readyState === 1) socket.send(JSON.stringify(wish)); };
+const order = (wish) => tell({order: wish});
+
+// ---- what can be changed depends on the run; it says so when the connection is made
+
+function make(tag, parent, attributes = {}, text = "") {
+    const made = parent.appendChild(document.createElement(tag));
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+    made.append(text);
+    return made;
+}
+function number(parent, label, unit, value, limits, then) {
+    const box = make("label", parent, {}, label + " ");
+    const field = make("input", box, {type: "number", step: "any", value: value, ...limits});
+    box.append(" " + unit);
+    if (then) field.onchange = () => { if (field.value !== "") then(Number(field.value)); };
+    return field;
+}
+function build(controls) {
+    const place = byId("change");
+    place.replaceChildren();
+    if (controls.push) {
+        const group = make("span", place, {class: "group"});
+        const button = make("button", group, {id: "push"}, "push");
+        const direction = make("select", group, {"aria-label": "direction of the push"});
+        for (const name of controls.push.directions) make("option", direction, {}, name);
+        const limits = {min: 0, max: controls.push.largest};
+        const impulse = number(group, "", "Ns/kg", controls.push.impulse, limits);
+        button.onclick = () =>
+            order({do: "push", direction: direction.value, impulse: Number(impulse.value)});
+    }
+    if (controls.stop) make("button", place, {id: "stop"}, "stop walking").onclick = () => order({do: "stop"});
+    if (controls.stiffness) {
+        const limits = {min: controls.stiffness.low, max: controls.stiffness.high, id: "stiffness"};
+        number(place, "soles", "Nm/rad", controls.stiffness.value, limits,
+            (value) => order({do: "stiffness", value: value}));
+    }
+    if (controls.gains) {
+        const fold = make("details", place, {id: "gains"});
+        make("summary", fold, {}, "gains");
+        const group = make("span", fold, {class: "gains"});
+        for (const gain of controls.gains) {
+            number(group, gain.name, gain.unit, gain.value, {min: 0, "data-gain": gain.name},
+                (value) => order({do: "gain", name: gain.name, value: value}));
+        }
+    }
+}
+let paused = false;
+byId("pause").onclick = () => tell({paused: !paused});
+byId("speed").onchange = (event) => {
+    tell({speed: event.target.value === "" ? null : Number(event.target.value)});
+};
+document.addEventListener("keydown", (event) => {
+    if (event.key === " " && !["SELECT", "INPUT", "BUTTON"].includes(event.target.tagName)) {
+        event.preventDefault();
+        tell({paused: !paused});
+    }
+});
+function state(facts) {
+    paused = facts.paused;
+    byId("pause").textContent = paused ? "go on" : "pause";
+    const speed = facts.speed === null ? "" : String(facts.speed), select = byId("speed");
+    if (![...select.options].some((option) => option.value === speed)) make("option", select, {value: speed}, speed);
+    select.value = speed;
+}
+
+// ---- frames
+
+// The camera lives in a frame with y up: (x, z, -y) of the world. It follows slowly: hips sway.
+const FOLLOW = 0.15;
+let seen = null;
+function follow(target) {
+    const from = seen === null ? [0, 0, START_HEIGHT] : seen;
+    const share = seen === null ? 1 : FOLLOW;
+    const by = target.map((value, i) => share * (value - from[i]));
+    seen = from.map((value, i) => value + by[i]);
+    if (!byId("follow").checked) return;
+    for (const place of [viewer.camera.position, viewer.controls.target]) {
+        place.x += by[0]; place.y += by[2]; place.z -= by[1];
+    }
+    viewer.controls.update();
+}
+function bend(path, numbers) {
+    // Vertices are moved where they are: an object made anew with each frame would be slow, and flicker.
+    let node = viewer.scene_tree;
+    for (const name of [...path.split("/").filter((part) => part), "0", "<object>"]) {
+        node = node.children[name];
+        if (node === undefined) return;
+    }
+    const geometry = node.object.geometry;
+    const places = geometry && geometry.attributes.position;
+    if (!places || places.array.length !== numbers.length) return;
+    places.array.set(numbers);
+    places.needsUpdate = true;
+    geometry.computeBoundingSphere();
+}
+function facts(said) {
+    say("time", said.time.toFixed(2) + " s");
+    say("text", said.text || "");
+    state(said);
+    for (const [path, numbers] of Object.entries(said.shapes || {})) bend(path, numbers);
+    if (said.target) follow(said.target);
+    viewer.set_dirty();
+}
+function connect() {
+    socket = new WebSocket(location.href.replace(/^http/, "ws").replace(/[^/]*$/, "") + "stream");
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => say("state", "");
+    socket.onmessage = (message) => {
+        if (typeof message.data !== "string") { take(message.data); return; }
+        const said = JSON.parse(message.data);
+        if (!said.hello) { facts(said); return; }
+        if (said.hello.page !== PAGE_KEY) { location.reload(); return; }
+        build(said.hello.controls);
+    };
+    // The next run on the same port goes on in the same page.
+    socket.onclose = () => {
+        say("state", "(ended)");
+        byId("change").replaceChildren();
+        setTimeout(connect, 1000);
+    };
+}
+connect();

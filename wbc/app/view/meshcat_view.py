@@ -1,0 +1,265 @@
+"""Live view of a robot in a web browser.
+
+Drawing happens in a process of its own. `update` takes a snapshot at most 30 times a second and leaves it in shared
+memory; all other calls return at once. It reads the plant and never writes to it, so that a run gives the same numbers
+with and without a view, unless somebody uses the page's controls that change a run (`wbc.app.view.controls`): these
+changes are in `MeshcatView.interventions`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time as clock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wbc.app.scene.layer import Annotations, Layer
+from wbc.app.scene.layers import RangeLayer, make_layers
+from wbc.app.scene.scene import Scene, Snapshot
+from wbc.app.scene.shapes import HIDDEN
+from wbc.app.scene.sources import PlantSource, RobotSource
+from wbc.app.view.controls import LiveControls
+from wbc.app.view.pace import Pace
+from wbc.app.view.process import DrawingProcess, ServerSetup
+from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.robot import Robot
+from wbc.robots import RobotDescription
+from wbc.sim.terrain import Terrain
+
+if TYPE_CHECKING:
+    from wbc.core.signals import Measurement
+    from wbc.sim import Plant
+    from wbc.walking.control import WalkingControl
+
+PAUSE_TICK = 0.02
+"""Period at which a paused run checks whether it may go on, s."""
+
+
+class MeshcatView:
+    """A page in the browser that shows a robot as it moves.
+
+    Robot and ground; soft soles as they are bent, in the colour of their stiffness; contact forces (an arrow as long as
+    the centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon. Of a
+    walk also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors, and text: time, step, phase,
+    stiffness. The camera follows the robot if that is checked on the page.
+
+    The page can pause a run and set its speed; and, unless `controls` are off, push the robot, stop a walk and change
+    gains and stiffness (see `wbc.app.view.controls`, also for what cannot be changed live). A paused run goes on when
+    the last page is closed.
+
+    The view ends when it is closed or when the program ends; the page then keeps its last picture, and a later view on
+    the same port continues in the same page.
+
+    Attributes:
+        scene: The scene.
+        controls: Controls of the page, with the changes so far.
+    """
+
+    def __init__(
+        self,
+        source: Plant | RobotDescription,
+        *,
+        walking: WalkingControl | None = None,
+        terrain: Terrain | None = None,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        rate: float = 30.0,
+        speed: float | None = None,
+        controls: bool = True,
+    ) -> None:
+        """Start serving the page; its address goes to the standard error.
+
+        Args:
+            source: A plant, or the description of a robot whose states are given to `update`.
+            walking: Controller of a walk, to show its footsteps and references; only with a plant.
+            terrain: The ground under a described robot; flat when None. A plant has its own.
+            host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
+                `ssh -L`, or "0.0.0.0" to let everybody in the network watch, and use the controls.
+            port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
+            rate: Largest rate of pictures, 1/s.
+            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
+                change it.
+            controls: Let the page change the run; pause and speed are always available.
+
+        Raises:
+            InputError: A value out of range, a terrain given with a plant, or a walk without one.
+            PortError: The port is in use; nothing is left running.
+            ViewError: The process does not start; nothing is left running.
+        """
+        self._period = 1.0 / positive("rate of the view (1/s)", rate)
+        self._pace = Pace(None if speed is None else positive("speed of the view", speed))
+        if port is not None:
+            finite_scalar("port of the view", port, low=0, high=65535)
+        self._source: PlantSource | RobotSource
+        self._plant: Plant | None = None
+        self._layers: tuple[Layer, ...] = ()
+        if isinstance(source, RobotDescription):
+            if walking is not None:
+                raise InputError("a walk is shown with its plant; give the plant in place of the description")
+            self._source = RobotSource(source, terrain)
+        elif terrain is not None:
+            raise InputError("a plant has its own terrain; leave `terrain` out")
+        else:
+            self._plant, self._source = source, PlantSource(source)
+            self._layers = make_layers(source, self._source.scene, walking)
+        self.scene: Scene = self._source.scene.extended(
+            [thing for layer in self._layers for thing in layer.objects],
+            [path for layer in self._layers for path in layer.moving],
+            tuple(entry for layer in self._layers for entry in layer.legend),
+        )
+        self.controls = LiveControls(self._plant if controls else None, walking)
+        setup = ServerSetup(self.scene, host, port, rate, speed, self.controls.available())
+        self._process = DrawingProcess(setup)
+        self._next = -math.inf
+        self._input_number = self._request_number = 0  # of the last ones that were read
+        self._paused = False
+        self._measurement: Measurement | None = None
+        print(f"live view: {self.url}", file=sys.stderr, flush=True)
+        if self._plant is not None:
+            self.update()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self._process.url
+
+    @property
+    def pid(self) -> int:
+        """Identifier of the drawing process."""
+        return self._process.pid
+
+    @property
+    def pages(self) -> int:
+        """Number of open browser pages."""
+        return self._process.channel.pages
+
+    @property
+    def frames(self) -> int:
+        """Number of pictures so far."""
+        return self._process.channel.newest
+
+    @property
+    def interventions(self) -> list[dict[str, Any]]:
+        """Changes made from the page, each with its simulated time (s); empty if nobody changed the run."""
+        return self.controls.interventions
+
+    def update(
+        self,
+        state: Robot | Array | None = None,
+        *,
+        sole_wrench: Array | None = None,
+        time: float | None = None,
+        measurement: Measurement | None = None,
+    ) -> None:
+        """Show the present state, unless the last picture is too recent; wait while the page is paused.
+
+        Args:
+            state: Only without a plant: the robot, up to date, or a configuration of shape (nq,).
+            sole_wrench: Only without a plant: contact wrench of each sole, [force; moment] in the sole frame, shape
+                (number of soles, 6), N and Nm.
+            time: Only without a plant: s.
+            measurement: Only with a plant: the latest measurement, to show the rays of range sensors.
+
+        Raises:
+            InputError: A state given with a plant, none without, or one of another robot.
+        """
+        if self._plant is None and state is None:
+            raise InputError("a view of a robot description needs a state: update(robot)")
+        if self._plant is not None and any(value is not None for value in (state, sole_wrench, time)):
+            raise InputError("a view of a plant takes its state from the plant; call update() alone")
+        self._measurement = measurement
+        self._read_input()
+        if self._paused:
+            self._draw(self._snapshot(state, sole_wrench, time))
+            self._wait_for_end_of_pause()
+        now = clock.perf_counter()
+        self._pace.wait(time if self._plant is None else self._plant.time)
+        if now >= self._next:
+            self._next = now + self._period
+            self._draw(self._snapshot(state, sole_wrench, time))
+
+    def _snapshot(
+        self, state: Robot | Array | None, sole_wrench: Array | None, time: float | None
+    ) -> Snapshot:
+        if isinstance(self._source, PlantSource):
+            return self._source.snapshot()
+        assert state is not None
+        return self._source.snapshot(state, sole_wrench, 0.0 if time is None else time)
+
+    def _draw(self, snapshot: Snapshot) -> None:
+        matrices = np.tile(HIDDEN, (len(self.scene.moving), 1, 1))
+        robot = self.scene.frame(snapshot)
+        place = len(robot)
+        matrices[:place] = robot
+        annotations = Annotations(target=tuple(snapshot.com.tolist()))
+        for layer in self._layers:
+            if isinstance(layer, RangeLayer):
+                layer.measurement = self._measurement
+            layer.fill(matrices[place : place + len(layer.moving)], annotations)
+            place += len(layer.moving)
+        if self.controls.message:
+            annotations.text.append(self.controls.message)
+        self._process.draw(snapshot.time, matrices, annotations)
+
+    def _read_input(self) -> None:
+        """Take over pause and speed from the pages, and carry out their requests."""
+        newer = self._process.channel.read_input(self._input_number)
+        if newer is None:
+            return
+        self._input_number, text = newer
+        data = json.loads(text)
+        self._paused = data["paused"]
+        if data["speed"] != self._pace.speed:
+            self._pace.speed = data["speed"]
+        for number, request in data["orders"]:
+            if number > self._request_number:
+                self._request_number = number
+                self.controls.apply(request)
+
+    def _wait_for_end_of_pause(self) -> None:
+        while self._paused and self.pages > 0 and self._process.running:
+            clock.sleep(PAUSE_TICK)
+            self._read_input()
+        self._paused = False
+        self._pace.restart()
+
+    def wait_for_page(self, seconds: float) -> bool:
+        """Wait until a page is open; say so on the standard error.
+
+        Args:
+            seconds: Longest time to wait, s.
+
+        Returns:
+            True if a page is open.
+        """
+        end = clock.perf_counter() + finite_scalar("time to wait for a page (s)", seconds, low=0.0)
+        if seconds > 0.0:
+            print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
+        while self.pages == 0 and self._process.running and clock.perf_counter() < end:
+            clock.sleep(0.02)
+        return self.pages > 0
+
+    def html(self) -> str:
+        """Return the present picture as a self-contained page that opens without network.
+
+        Raises:
+            ViewError: The view has ended.
+        """
+        return self._process.html()
+
+    def close(self) -> None:
+        """Show the last state of a plant and end the view; the page keeps its picture."""
+        if self._process.closed:
+            return
+        if self._plant is not None and self._process.running:
+            self._draw(self._snapshot(None, None, None))
+        self._process.close()
+
+    def __enter__(self) -> MeshcatView:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()

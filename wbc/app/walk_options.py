@@ -1,0 +1,158 @@
+"""Options of `wbc walk`: robot, foot, ground, plan, gait, gains and pushes, and the spec that they make."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from wbc.app.files import read_object
+from wbc.core.changes import read_changes
+from wbc.core.errors import finite_scalar
+from wbc.core.settings import from_json, settings
+from wbc.sim.balance.standing import Mode
+from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
+from wbc.walking.planning.gait import Gait
+
+STONES_AMPLITUDE = 0.02
+"""Height of the stones that are the ground when none is named, m."""
+
+
+@settings(kw_only=True)
+class WalkOptions:
+    """Robot, ground and gait of a walk.
+
+    Without any options: 3 m over unknown stones, on soles whose stiffness is set from the scan of each swing foot.
+
+    Attributes:
+        robot: Robot, one of those that `wbc robots` lists.
+        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft, long_arch (soft, too) or variable (its
+            stiffness is set while it swings).
+        stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
+        foot_param: Further parameters of the foot, each as name=value.
+        policy: Who sets soles of variable stiffness while they swing: model or fixed; the model that comes with the
+            library when not given.
+        policy_param: Parameters of the policy, each as name=value, such as stiffness=5 or path=model.json.
+        terrain: Family of grounds, one of those that `wbc terrains` lists; stones of 20 mm when not given.
+        amplitude: Highest minus lowest point of the ground, m; the family's own when not given, 20 mm if no ground is
+            named either.
+        param: Parameters of the ground, each as name=value; also length, width, start, strip, resolution, rendering.
+        seed: Fixes the ground and the errors of the sensors.
+        noise: Errors of the sensors, none or realistic.
+        noise_seed: Another seed for the errors of the sensors.
+        distance: How far to go straight on, m; 3 m when nothing else is asked for.
+        velocity: Walk with a velocity instead: forward (m/s), left (m/s), turn (rad/s).
+        steps: Number of steps with a velocity.
+        turn: Turn on the spot instead, to the left, degrees.
+        stairs: Climb the stairs of the terrain instead: together (both feet on each stair) or alternate.
+        first: Side that steps first.
+        mode: What the drives are given: position and velocity, or torque.
+        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when not
+            given.
+        timestep: Physics step, s; 0.002 with a control period of 0.01 is the fast mode.
+        gains: Settings to begin with: default, or legacy for mc_rtc's plain law.
+        set: Settings that differ, each as name=value, such as dcm_p=5 or walk.phases.lift_off=0.2.
+        push: Pushes on the way, each as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (0 forward, 90
+            left), number of the step, share of that step.
+        gait: Sizes and timings of steps.
+        config: File with some of these options, TOML or JSON, such as swing_height = 0.07; names and values are tables,
+            such as dcm_p = 5 under [set]. What is given on the command line comes before it.
+        spec: File with the whole walk as JSON, such as an earlier output of --json; takes the place of all of these.
+        record: File to write everything to that happens, tick by tick (.arrow).
+    """
+
+    robot: str = WalkSpec.robot
+    foot: str = "variable"
+    stiffness: float | None = None
+    foot_param: tuple[str, ...] = ()
+    policy: str | None = None
+    policy_param: tuple[str, ...] = ()
+    terrain: str | None = None
+    amplitude: float | None = None
+    param: tuple[str, ...] = ()
+    seed: int = WalkSpec.seed
+    noise: str = WalkSpec.noise
+    noise_seed: int | None = None
+    distance: float | None = None
+    velocity: tuple[float, float, float] | None = None
+    steps: int | None = None
+    turn: float | None = None
+    stairs: Literal["together", "alternate"] | None = None
+    first: Literal["left", "right"] | None = None
+    mode: Mode = WalkSpec.mode
+    control_period: float | None = None
+    timestep: float = WalkSpec.timestep
+    gains: str = WalkSpec.gains
+    set: tuple[str, ...] = ()
+    push: tuple[str, ...] = ()
+    gait: Annotated[Gait, Parameter(name="*")] = field(default_factory=Gait)
+    config: Path | None = None
+    spec: Path | None = None
+    record: Path | None = None
+
+    def walk(self) -> WalkSpec:
+        """Return the spec of the walk.
+
+        Raises:
+            InputError: A walk that cannot be walked.
+        """
+        if self.spec is not None:
+            return read_spec(self.spec)
+        terrain = "stones" if self.terrain is None else self.terrain
+        return WalkSpec(
+            robot=self.robot,
+            foot=self.foot,
+            stiffness=self.stiffness,
+            foot_changes=tuple(read_changes(self.foot_param).items()),
+            policy=self.policy,
+            policy_params=tuple(read_changes(self.policy_param).items()),
+            terrain=terrain,
+            amplitude=STONES_AMPLITUDE if self.terrain is None and self.amplitude is None else self.amplitude,
+            terrain_params=tuple(read_changes(self.param).items()),
+            seed=self.seed,
+            noise=self.noise,
+            noise_seed=self.noise_seed,
+            mode=self.mode,
+            control_period=self.control_period,
+            timestep=self.timestep,
+            plan=WalkPlan(
+                distance=self.distance,
+                velocity=self.velocity,
+                steps=self.steps,
+                turn=None if self.turn is None else math.radians(self.turn),
+                stairs=self.stairs,
+                first=self.first,
+            ),
+            gait=self.gait,
+            gains=self.gains,
+            changes=tuple(read_changes(self.set).items()),
+            pushes=tuple(read_push(text) for text in self.push),
+        )
+
+
+def read_spec(path: Path) -> WalkSpec:
+    """Return the walk in a file: a spec, or the output of `wbc walk --json`, which contains it.
+
+    Raises:
+        InputError: The file cannot be read, or holds no walk.
+    """
+    data = read_object("walk", path)
+    spec = data.get("spec")
+    return WalkSpec.from_json(spec if isinstance(spec, dict) else data)
+
+
+def read_push(text: str) -> WalkPush:
+    """Return the push of a text such as impulse=0.2,direction=90,step=5,phase=0.5; the direction in degrees.
+
+    Raises:
+        InputError: Not of that form, or a value out of range.
+    """
+    values: dict[str, Any] = dict(read_changes(text.split(",")))
+    if "direction" in values:
+        values["direction"] = math.radians(
+            finite_scalar("direction of a push (degrees)", values["direction"])
+        )
+    return from_json(WalkPush, values)

@@ -1,0 +1,95 @@
+"""Text of a walk's result: how far the robot came, how it fell, how well it tracked, what its soles did."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+
+import numpy as np
+
+from wbc.sim.walks import Spread, WalkResult, WalkSpec
+
+REASONS = {
+    "height": "it dropped",
+    "tilt": "it tilted",
+    "dcm": "the DCM was out of reach",
+    "solver": "the quadratic program failed",
+}
+"""Reason of a fall → words."""
+
+
+def walk_text(result: WalkResult, spec: WalkSpec) -> str:
+    """Return the text of a result."""
+    fixed = result.sole_stiffness is not None and result.stiffness is None
+    foot = f"{result.foot} feet" + (f" of {result.sole_stiffness:g} Nm/rad" if fixed else "")
+    ground = result.terrain + (f", {1e3 * result.amplitude:.0f} mm" if result.amplitude else "")
+    steps = f"{result.steps_done} of {result.steps_planned} steps"
+    lines = [
+        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {spec.mode} control, noise {spec.noise}"
+    ]
+    lines += [f"  note      {note}" for note in result.notes]
+    if result.diverged is not None:
+        lines.append(f"  DIVERGED  after {steps}: {result.diverged}")
+        return "\n".join(lines)
+    if result.fall is not None:
+        fall = result.fall
+        lines.append(
+            f"  FELL      after {steps} and {result.seconds:.1f} s ({REASONS[fall.reason]}); it began "
+            f"{fall.direction} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the stance sole "
+            f"tilted by {math.degrees(fall.sole_roll):.1f}° roll, {math.degrees(fall.sole_pitch):.1f}° pitch"
+        )
+    else:
+        verb = "walked" if result.outcome == "completed" else "NOT DONE: "
+        lines.append(f"  {verb}    {steps} in {result.seconds:.1f} s")
+    down = result.touchdowns
+    lines += [
+        f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
+        f"{math.degrees(result.yaw_error):+.1f}°",
+        f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm"
+        + ("" if result.dcm_error_max is None else f", at most {1e3 * result.dcm_error_max:.0f} mm"),
+        f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
+        + ("" if result.impact is None else f"; at most {result.impact:.2f} x weight"),
+        f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
+    ]
+    lines += _soles_lines(result)
+    if result.clock is not None:
+        tick = result.clock.tick_us
+        lines.append(
+            f"  speed     {result.clock.real_time_factor:.2f} x real time; a tick takes {tick['median']:.0f} us, 99 % "
+            f"less than {tick['p99']:.0f} us; {result.failures} failed"
+        )
+    return "\n".join(lines)
+
+
+def _soles_lines(result: WalkResult) -> list[str]:
+    """Return lines on the soles of variable stiffness; none for other soles."""
+    steps = result.stiffness
+    if not steps:
+        return []
+    decided = [step["commanded_nm_per_rad"] for step in steps if step["fallback"] is None]
+    reached = sum(step["reached"] for step in steps)
+    text = f"  soles     set by the policy '{result.policy}' in {len(decided)} of {len(steps)} swings"
+    if decided:
+        low, middle, high = (f"{k:.3g}" for k in np.percentile(decided, (0, 50, 100)))
+        text += f" to {low} … {high} Nm/rad, median {middle}"
+    lines = [f"{text}; {reached} there before they landed"]
+    reasons = Counter(re.split("[:,]", step["fallback"])[0] for step in steps if step["fallback"] is not None)
+    if reasons:
+        counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
+        lines.append(f"            the others fell back ({counts})")
+    errors = [step["profile_error_m"] for step in steps if step["profile_error_m"] is not None]
+    if errors:
+        mean, most = (1e3 * float(np.mean([error[part] for error in errors])) for part in ("mean", "p95"))
+        clock = result.clock.decision_us if result.clock is not None else None
+        time = "" if clock is None else f"; decided in {clock['median']:.0f} us, {clock['max']:.0f} at most"
+        lines.append(
+            f"  scan      {mean:.1f} mm from the true ground, 95 % of a scan within {most:.1f} mm{time}"
+        )
+    return lines
+
+
+def _mm(spread: Spread) -> str:
+    if spread.mean is None or spread.std is None:
+        return "–"
+    return f"{1e3 * spread.mean:.1f} ± {1e3 * spread.std:.1f}"

@@ -1,0 +1,380 @@
+"""Assembly of the QP: tasks, contacts and limits become rows of fixed places, filled at every tick.
+
+Variables are the generalised accelerations a (base, joints) and the contact wrenches f, each in its contact frame.
+Torques are eliminated: τ = M_j a + h_j − J_jᵀ f, so that their limits are rows of the QP.
+
+    minimise   ½ Σ weight · (J a − reference)²  +  ½ Σ wrench weight · f²  +  ½ regularisation · a²
+    subject to M_b a − J_bᵀ f = −h_b                      the floating base has no motor
+               J_c a = −J̇_c v − damping · J_c v + …       a contact stays where it is (or f = 0)
+               hard tasks
+               τ, joint accelerations, wrench cones, collisions … within their bounds
+
+The layout is fixed between ticks: a contact that is switched changes values, not sizes, so nothing is allocated.
+
+    equalities    floating base | hard tasks that are no motion | contacts | hard motion tasks
+    soft rows     motion tasks | tasks on all variables
+    inequalities  torques | joint limits | cone and normal force of each contact | other limits
+
+From the contacts to the last soft row, rows share their arithmetic: one product with v, one chain of vector operations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
+from wbc.core.qp.contact import Contact
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solution import Layout
+from wbc.core.qp.task import MotionTask, Rows, SelectionTask, Task, VariableTask
+from wbc.core.robot import BASE_DOF, Robot
+
+Limit = JointLimits | TorqueLimits | RowLimit
+
+
+@dataclass(slots=True)
+class _ContactSlot:
+    """Place of one contact in the QP, views of its values there, and the state that they are written for."""
+
+    contact: Contact
+    rows: slice  # its motion rows among the equalities
+    columns: slice  # its force variables among all contact forces
+    jacobian: Array
+    error: Array
+    drift: Array
+    force: Array  # the motion rows over the contact's own force
+    cone: Array  # the cone rows over the contact's own force
+    cone_upper: Array
+    normal_lower: Array
+    normal_upper: Array
+    partly_free: bool
+    full: Array | None  # Jacobian with the free axes in it, where those keep their force
+    revision: int = -1
+    engaged: bool | None = None
+
+
+class Assembly:
+    """The QP of some tasks, contacts and limits; made anew when one is added or removed.
+
+    Attributes:
+        problem: The QP.
+        layout: Names and places of everything in a solution.
+        torque_rows: Rows of the problem that are the joint torques, less the bias.
+        listening: Tasks that read the sensors.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Sequence[Task],
+        contacts: Sequence[Contact],
+        limits: Sequence[Limit],
+        regularisation: float,
+    ) -> None:
+        """Allocate the problem and give each of these items, which are bound to the robot, its views."""
+        self._robot, self._regularisation = robot, regularisation
+        self._joint_limits = next((limit for limit in limits if isinstance(limit, JointLimits)), None)
+        self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
+        row_limits = [limit for limit in limits if isinstance(limit, RowLimit)]
+        for task in tasks:
+            task.detach()
+        self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
+        motion = [t for t in tasks if isinstance(t, MotionTask)]
+        selection = [t for t in tasks if isinstance(t, SelectionTask)]
+        variable = [t for t in tasks if isinstance(t, VariableTask)]
+        hard_first = [t for t in (*selection, *variable) if t.hard]
+        hard_motion = [t for t in motion if t.hard]
+        soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
+
+        nv, na = robot.nv, robot.na
+        n_force = sum(c.dim for c in contacts)
+        n_first = BASE_DOF + sum(t.dim for t in hard_first)
+        n_eq = n_first + n_force + sum(t.dim for t in hard_motion)
+        n_joint = na if self._joint_limits is not None else 0
+        n_in = na + n_joint + sum(c.cone.shape[0] + 1 for c in contacts) + sum(r.dim for r in row_limits)
+        self.problem = p = Problem(nv, na, nv + n_force, n_eq, sum(t.dim for t in soft), n_in)
+        p.n_physics = BASE_DOF
+        p.equality_groups["floating-base dynamics"] = slice(0, BASE_DOF)
+        p.inequality_groups["torque limits"] = slice(0, na)
+        self._places: dict[str, slice] = {}  # of tasks, among the residuals
+        self._limit_names = [f"torque of {joint}" for joint in robot.joint_names]
+
+        # Rows of contacts, motion tasks and soft tasks.
+        self._start = n_first
+        block = slice(n_first, n_eq + p.n_soft)
+        self._block_matrix, self._block_target = p.rows[block, :nv], p.target[block]
+        self._rows, self._scratch = Rows.zeros(self._block_target.size), np.zeros(self._block_target.size)
+        p.soft_weight = self._rows.weight[n_eq - n_first :]
+        # Selections, which are no rows but entries of the diagonal.
+        n_selected = sum(t.dim for t in selection)
+        self._selected, self._selected_target = Rows.zeros(n_selected), np.zeros(n_selected)
+        self._selected_velocity = np.zeros(n_selected)
+
+        self._slots: list[_ContactSlot] = []
+        self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
+        self._variable: list[tuple[VariableTask, Array, Array]] = []
+        self._selection: list[tuple[SelectionTask, Array, slice, Array | None]] = []
+        self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
+
+        self._place_hard_first(hard_first)
+        if n_joint:
+            self._place_joint_limits()
+        contacts_end, cones_end = self._place_contacts(contacts, n_first, na + n_joint)
+        self._place_tasks((*hard_motion, *soft), contacts_end)
+        for task in hard_first:
+            if isinstance(task, VariableTask):
+                rows = self._places[task.name]
+                self._variable.append((task, p.rows[rows], p.target[rows]))
+        for variable_task, _, _ in self._variable:
+            variable_task.bind_problem(p)
+        self._place_selections(selection)
+        self._place_row_limits(row_limits, cones_end)
+
+        # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
+        self._yielding = [slot for slot in self._slots if slot.full is not None]
+        self._base_mass, self._base_force = p.equality[:BASE_DOF, :nv], p.equality[:BASE_DOF, nv:]
+        self._joint_mass, self._joint_force = p.inequality[:na, :nv], p.inequality[:na, nv:]
+        contact_rows = slice(n_first, contacts_end)
+        self._contact_base_t = p.equality[contact_rows, :BASE_DOF].T
+        self._contact_joint_t = p.equality[contact_rows, BASE_DOF:nv].T
+        self._base_target = p.target[:BASE_DOF]
+        self._torque_lower, self._torque_upper = p.lower[:na], p.upper[:na]
+        self._torque_bounds = (np.zeros(na), np.zeros(na))
+        self._joint_bounds = (p.lower[na : na + n_joint], p.upper[na : na + n_joint])
+        self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
+        self.torque_rows = slice(n_eq + p.n_soft, n_eq + p.n_soft + na)
+        units = {task.name: task.unit for task in tasks}
+        self.layout = Layout(nv, p.contacts, self._places, units, tuple(self._limit_names))
+
+    # ---- layout -------------------------------------------------------------------------------------------------
+
+    def _place_hard_first(self, tasks: Sequence[Task]) -> None:
+        """Place the hard tasks that are no motion, after the floating base."""
+        at = BASE_DOF
+        for task in tasks:
+            rows = self._places[task.name] = slice(at, at + task.dim)
+            self.problem.equality_groups[f"hard task '{task.name}'"] = rows
+            at = rows.stop
+
+    def _place_joint_limits(self) -> None:
+        """Place one row for each joint, after the torques."""
+        p, na = self.problem, self._robot.na
+        rows = slice(na, 2 * na)
+        p.inequality[rows, BASE_DOF : self._robot.nv] = np.eye(na)
+        p.inequality_groups["joint limits"] = rows
+        self._limit_names += [f"limits of {joint}" for joint in self._robot.joint_names]
+
+    def _place_contacts(self, contacts: Sequence[Contact], at: int, cone_at: int) -> tuple[int, int]:
+        """Place the contacts, from an equality and an inequality on; return the next free ones."""
+        p, nv = self.problem, self._robot.nv
+        column = nv
+        for contact in contacts:
+            rows, columns = slice(at, at + contact.dim), slice(column, column + contact.dim)
+            cone = slice(cone_at, cone_at + contact.cone.shape[0])
+            normal = slice(cone.stop, cone.stop + 1)
+            view = self._view(rows)
+            view.stiffness[:], view.damping[:] = contact.stiffness, contact.damping
+            contact.attach(view.velocity)
+            p.inequality[normal, column + contact.force_axis] = 1.0
+            p.diagonal[columns] = contact.wrench_weight
+            p.contacts[contact.name] = columns
+            p.equality_groups[f"motion of contact '{contact.name}'"] = rows
+            p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
+            self._limit_names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
+            self._limit_names += [f"normal force of {contact.name}"]
+            partly_free = bool(contact.free.any())
+            self._slots.append(
+                _ContactSlot(
+                    contact=contact,
+                    rows=rows,
+                    columns=slice(columns.start - nv, columns.stop - nv),
+                    jacobian=p.equality[rows, :nv],
+                    error=view.error,
+                    drift=view.drift,
+                    force=p.equality[rows, columns],
+                    cone=p.inequality[cone, columns],
+                    cone_upper=p.upper[cone],
+                    normal_lower=p.lower[normal],
+                    normal_upper=p.upper[normal],
+                    partly_free=partly_free,
+                    full=np.zeros((contact.dim, nv)) if contact.free_force and partly_free else None,
+                )
+            )
+            at, column, cone_at = rows.stop, columns.stop, normal.stop
+        return at, cone_at
+
+    def _place_tasks(self, tasks: Sequence[Task], at: int) -> None:
+        """Place hard motion tasks and all soft tasks but selections, from a row on."""
+        p, nv = self.problem, self._robot.nv
+        for task in tasks:
+            rows = self._places[task.name] = slice(at, at + task.dim)
+            view = self._view(rows)
+            task.attach(view)
+            if isinstance(task, MotionTask):
+                self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
+            elif isinstance(task, VariableTask):
+                self._variable.append((task, p.rows[rows], p.target[rows]))
+            if task.hard:
+                p.equality_groups[f"hard task '{task.name}'"] = rows
+            at = rows.stop
+
+    def _place_selections(self, tasks: Sequence[SelectionTask]) -> None:
+        """Place the selections: soft ones on the diagonal, their residuals after all rows; hard ones as equalities."""
+        p, at = self.problem, 0
+        for task in tasks:
+            block = slice(at, at + task.dim)
+            view = self._selected.view(block)
+            task.attach(view)
+            hard_target = None
+            if task.hard:
+                rows = self._places[task.name]
+                p.equality[rows, np.arange(self._robot.nv)[task.columns]] = np.eye(task.dim)
+                hard_target = p.target[rows]
+            else:
+                self._places[task.name] = slice(p.rows.shape[0] + at, p.rows.shape[0] + block.stop)
+            self._selection.append((task, view.error, block, hard_target))
+            at = block.stop
+
+    def _place_row_limits(self, limits: Sequence[RowLimit], at: int) -> None:
+        """Place the limits that are neither of torques nor of single joints, from an inequality on."""
+        p, nv = self.problem, self._robot.nv
+        for limit in limits:
+            rows = slice(at, at + limit.dim)
+            p.inequality_groups[limit.name] = rows
+            self._row_blocks.append((limit, p.inequality[rows, :nv], p.lower[rows], p.upper[rows]))
+            self._limit_names += [limit.name] * limit.dim
+            at = rows.stop
+
+    def _view(self, rows: slice) -> Rows:
+        """Values of some rows of the problem that share their arithmetic."""
+        return self._rows.view(slice(rows.start - self._start, rows.stop - self._start))
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def write(self, dt: float, torques: Array | None) -> None:
+        """Write the present state of robot, tasks, contacts and limits into the problem.
+
+        Args:
+            dt: Control period, s.
+            torques: Torques of the last tick, shape (na,), Nm; None at the first one.
+        """
+        robot = self._robot
+        v, bias = robot.v, robot.bias
+        mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
+        self._base_mass[:] = mass[:BASE_DOF]
+        self._joint_mass[:] = mass[BASE_DOF:]
+        np.negative(bias[:BASE_DOF], out=self._base_target)
+        for slot in self._slots:
+            self._write_contact(slot, dt)
+        np.negative(self._contact_base_t, out=self._base_force)
+        np.negative(self._contact_joint_t, out=self._joint_force)
+        for slot in self._yielding:
+            assert slot.full is not None
+            np.negative(slot.full[:, :BASE_DOF].T, out=self._base_force[:, slot.columns])
+            np.negative(slot.full[:, BASE_DOF:].T, out=self._joint_force[:, slot.columns])
+
+        for motion, jacobian, error, drift in self._motion:
+            if not motion.idle:
+                motion.evaluate(jacobian, error, drift)
+        reference(self._rows, np.dot(self._block_matrix, v, out=self._scratch), self._block_target)
+        for task, matrix, row_target in self._variable:
+            task.evaluate(matrix, row_target)
+
+        self._acceleration_diagonal[:] = self._regularisation
+        self._linear[:] = 0.0
+        velocity, target = self._selected_velocity, self._selected_target
+        for selection, error, block, _ in self._selection:
+            selection.evaluate(error)
+            velocity[block] = v[selection.columns]
+        reference(self._selected, velocity, target)
+        for selection, _, block, hard_target in self._selection:
+            if hard_target is not None:
+                hard_target[:] = target[block]
+                continue
+            weight = self._selected.weight[block]
+            self._acceleration_diagonal[selection.columns] += weight
+            self._linear[selection.columns] += weight * target[block]
+
+        if self._torque_limits is not None:
+            lower, upper = self._torque_bounds
+            self._torque_limits.write(dt, torques, lower, upper)
+            np.subtract(lower, bias[BASE_DOF:], out=self._torque_lower)
+            np.subtract(upper, bias[BASE_DOF:], out=self._torque_upper)
+        if self._joint_limits is not None:
+            self._joint_limits.write(dt, *self._joint_bounds)
+        for limit, matrix, lower, upper in self._row_blocks:
+            limit.write(dt, matrix, lower, upper)
+
+    def _write_contact(self, slot: _ContactSlot, dt: float) -> None:
+        contact = slot.contact
+        contact.advance(dt)
+        engaged = contact.engaged
+        if engaged:
+            contact.evaluate(slot.jacobian, slot.error, slot.drift)
+            if slot.partly_free:
+                if slot.full is not None:
+                    slot.full[:] = slot.jacobian
+                slot.jacobian[contact.free] = 0.0
+                slot.error[contact.free] = 0.0
+                slot.drift[contact.free] = 0.0
+                contact.velocity[contact.free] = 0.0
+        if engaged != slot.engaged:
+            slot.engaged = engaged
+            slot.revision = -1
+            zero_force = contact.free & (not contact.free_force)
+            slot.force[:] = np.diag(zero_force.astype(float)) if engaged else np.eye(contact.dim)
+            # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
+            # active at once.
+            slot.cone_upper[:] = 0.0 if engaged else 1.0
+            self.problem.set_empty(slot.rows, engaged & contact.free & contact.free_force)
+            if not engaged:
+                if slot.full is not None:
+                    slot.full[:] = 0.0
+                slot.jacobian[:], slot.error[:], slot.drift[:], contact.velocity[:] = 0.0, 0.0, 0.0, 0.0
+        if slot.revision != contact.revision:
+            slot.revision = contact.revision
+            slot.cone[:] = contact.cone
+            low, high = contact.normal_force_range if engaged else (-1.0, 1.0)
+            slot.normal_lower[:], slot.normal_upper[:] = low, high
+
+    @property
+    def n_residuals(self) -> int:
+        """Number of residuals: rows of the problem, then selections."""
+        return self.problem.rows.shape[0] + self._selected_target.size
+
+    def residuals(self, x: Array, values: Array) -> Array:
+        """Return achieved minus reference, for all rows of the problem, then for all selections; a new array.
+
+        Args:
+            x: Solution.
+            values: All rows times x.
+        """
+        p = self.problem
+        residual = np.empty(values.size + self._selected_target.size)
+        residual[: values.size] = values
+        residual[: p.target.size] -= p.target
+        for selection, _, block, _ in self._selection:
+            at = values.size + block.start
+            np.subtract(
+                x[selection.columns], self._selected_target[block], out=residual[at : at + selection.dim]
+            )
+        return residual
+
+
+def reference(rows: Rows, velocity: Array, out: Array) -> None:
+    """Reference acceleration of tasks: feed-forward, PD on error and velocity, minus drift.
+
+    Args:
+        rows: Values of the tasks.
+        velocity: Velocities of the tasks, overwritten.
+        out: To fill.
+    """
+    np.subtract(rows.velocity, velocity, out=out)
+    out *= rows.damping
+    out += np.multiply(rows.stiffness, rows.error, out=velocity)
+    out += rows.acceleration
+    out -= rows.drift

@@ -1,0 +1,201 @@
+"""Motion of the pendulum over a broken line of ZMPs, in closed form; and the analytic plan.
+
+The DCM is known backwards from the point of rest at the end of the walk, the CoM follows it forwards:
+
+    ξ(t) = z + ż/ω + e^{ω(t − T)} (ξ_T − z_T − ż/ω)      on each piece, ending at T.
+
+Source: Englsberger et al., IEEE T-RO 31(2), 2015 (backward recursion of the DCM).
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, positive
+from wbc.walking.pattern.height import HeightProfile
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
+
+
+def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Array:
+    """Return the DCM at the knots of a broken line of ZMPs, from that at the end.
+
+    Args:
+        times: Knots, increasing, shape (k,), s.
+        zmp: ZMP at the knots, shape (k, 2), m.
+        dcm_end: DCM at the last knot, shape (2,), m.
+        omega: Natural frequency, 1/s.
+
+    Returns:
+        DCM at the knots, shape (k, 2), m.
+    """
+    knots: list[float] = np.asarray(times, dtype=float).tolist()
+    points: list[list[float]] = np.asarray(zmp, dtype=float).tolist()
+    x, y = np.asarray(dcm_end, dtype=float).tolist()
+    dcm = [(x, y)]
+    for i in range(len(knots) - 2, -1, -1):
+        span = knots[i + 1] - knots[i]
+        decay = math.exp(-omega * span)
+        (x0, y0), (x1, y1) = points[i], points[i + 1]
+        lead_x, lead_y = (x1 - x0) / span / omega, (y1 - y0) / span / omega
+        x = x0 + lead_x + decay * (x - x1 - lead_x)
+        y = y0 + lead_y + decay * (y - y1 - lead_y)
+        dcm.append((x, y))
+    return np.array(dcm[::-1])
+
+
+class Pattern:
+    """Motion of the pendulum from a start on, without end.
+
+    Attributes:
+        times: Knots, from the start of the pattern, shape (k,), s.
+        zmp: ZMP at the knots, shape (k, 2), m; at rest after the last one.
+        dcm: DCM at the knots, shape (k, 2), m.
+        omega: Natural frequency, 1/s.
+        height: Height of the CoM over the support, m.
+    """
+
+    def __init__(
+        self,
+        times: Array,
+        zmp: Array,
+        com: Array,
+        com_velocity: Array,
+        height: float,
+        profile: HeightProfile,
+        dcm_end: Array | None = None,
+    ) -> None:
+        """Follow a broken line of ZMPs.
+
+        Args:
+            times: Knots, increasing from 0, shape (k,), s.
+            zmp: ZMP at the knots, shape (k, 2), m.
+            com: CoM at the start, horizontal, shape (2,), m; only its convergent part is used, since the DCM is the one
+                that leads to `dcm_end`.
+            com_velocity: Velocity of the CoM, shape (2,), m/s.
+            height: Height of the CoM over the support, m.
+            profile: Height of the support.
+            dcm_end: DCM at the last knot, shape (2,), m; the last ZMP, over which the CoM comes to rest, when None.
+
+        Raises:
+            InputError: Times that do not increase, or a height not above zero.
+        """
+        self.times, self.zmp = np.asarray(times, dtype=float), np.asarray(zmp, dtype=float)
+        if self.times[0] != 0.0 or (np.diff(self.times) <= 0.0).any():
+            raise InputError(f"times of a pattern must increase from 0, got {self.times}")
+        self.height = positive("height of the CoM over the support (m)", height)
+        self.omega = omega = natural_frequency(self.height)
+        self._profile = profile
+        self._knots: list[float] = self.times.tolist()
+        span = np.diff(self.times)
+        self._rate = np.vstack([np.diff(self.zmp, axis=0) / span[:, None], np.zeros((1, 2))])
+        self.dcm = dcm_backwards(self.times, self.zmp, self.zmp[-1] if dcm_end is None else dcm_end, omega)
+        convergent = [(np.asarray(com) - np.asarray(com_velocity) / omega).tolist()]
+        for dt, (x, y), (rate_x, rate_y) in zip(
+            span.tolist(), self.zmp.tolist(), self._rate.tolist(), strict=False
+        ):
+            decay = math.exp(-omega * dt)
+            lag_x, lag_y = x - rate_x / omega, y - rate_y / omega
+            u, v = convergent[-1]
+            convergent.append(
+                [lag_x + dt * rate_x + decay * (u - lag_x), lag_y + dt * rate_y + decay * (v - lag_y)]
+            )
+        # ZMP, its rate, DCM and convergent part at each knot, as plain numbers for `at`.
+        self._pieces: list[list[float]] = np.hstack([self.zmp, self._rate, self.dcm, convergent]).tolist()
+
+    @property
+    def duration(self) -> float:
+        """Time of the last knot, s."""
+        return float(self.times[-1])
+
+    def at(self, time: float) -> Pendulum:
+        """Return the pendulum at a time from the start of the pattern (s, not negative)."""
+        com, velocity, zmp, zmp_velocity = self._horizontal(time)
+        level, climb, push = self._profile.at(time)
+        square = self.omega * self.omega
+        acceleration = (square * (com[0] - zmp[0]), square * (com[1] - zmp[1]), push)
+        return Pendulum(
+            np.array((*com, level + self.height)),
+            np.array((*velocity, climb)),
+            np.array(acceleration),
+            np.array((*zmp, level)),
+            np.array((*zmp_velocity, climb)),
+            self.omega,
+        )
+
+    def dcm_at(self, time: float) -> Array:
+        """Return the DCM at a time from the start of the pattern (s, not negative), shape (2,), m."""
+        (x, y), (speed_x, speed_y), _, _ = self._horizontal(time)
+        return np.array((x + speed_x / self.omega, y + speed_y / self.omega))
+
+    def _horizontal(self, time: float) -> tuple[tuple[float, float], ...]:
+        """Return CoM (m) and its velocity (m/s), ZMP (m) and its velocity (m/s)."""
+        i = max(0, bisect_right(self._knots, time) - 1)
+        omega, dt = self.omega, max(0.0, time - self._knots[i])
+        x0, y0, rate_x, rate_y, dcm_x, dcm_y, convergent_x, convergent_y = self._pieces[i]
+        x, y = x0 + dt * rate_x, y0 + dt * rate_y
+        grow = math.exp(omega * dt)
+        lead_x, lead_y = rate_x / omega, rate_y / omega
+        if i < len(self._knots) - 1:  # at rest nothing may grow out of rounding
+            dcm_x = x + lead_x + grow * (dcm_x - x0 - lead_x)
+            dcm_y = y + lead_y + grow * (dcm_y - y0 - lead_y)
+        convergent_x = x - lead_x + (convergent_x - x0 + lead_x) / grow
+        convergent_y = y - lead_y + (convergent_y - y0 + lead_y) / grow
+        half = 0.5 * omega
+        return (
+            (0.5 * (dcm_x + convergent_x), 0.5 * (dcm_y + convergent_y)),
+            (half * (dcm_x - convergent_x), half * (dcm_y - convergent_y)),
+            (x, y),
+            (rate_x, rate_y),
+        )
+
+
+def height_profile(supports: Sequence[SupportPhase], height: float, start: Pendulum) -> HeightProfile:
+    """Return the height of the support from now on such that the CoM goes on without a jump in acceleration."""
+    return HeightProfile(
+        supports,
+        (float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])),
+    )
+
+
+def analytic_pattern(
+    supports: Sequence[SupportPhase],
+    height: float,
+    start: Pendulum,
+    *,
+    target: ZmpTarget | None = None,
+) -> Pattern:
+    """Return the plan whose ZMP rests under the stance feet, from any state of the pendulum.
+
+    One more knot in the middle of the first support gives the DCM its present value; unlike in the preview controller
+    (`wbc.walking.pattern.preview`), it may lie outside the support.
+
+    Args:
+        supports: Schedule from now on; its first support has time left.
+        height: Height of the CoM over the support, m.
+        start: State of the pendulum now.
+        target: Reference of the ZMP under a stance foot; the sole centre when None.
+
+    Raises:
+        InputError: A first support without time left.
+    """
+    times, points = zmp_reference(supports, target or ZmpTarget(), start.zmp[:2])
+    if times[1] <= 0.0:
+        raise InputError("the first support of a schedule must have time left")
+    keep = np.concatenate([[True], np.diff(times) > 1e-9])
+    times, points = times[keep], points[keep]
+    times = np.insert(times, 1, 0.5 * times[1])
+    points = np.insert(points, 1, 0.5 * (points[0] + points[1]), axis=0)
+    profile = height_profile(supports, height, start)
+    omega = natural_frequency(height)
+    com, velocity = start.com[:2], start.com_velocity[:2]
+    free = Pattern(times, points, com, velocity, height, profile)
+    nudged = points.copy()
+    nudged[1] += 1.0
+    gain = (Pattern(times, nudged, com, velocity, height, profile).dcm[0] - free.dcm[0])[0]
+    points[1] += (com + velocity / omega - free.dcm[0]) / gain
+    return Pattern(times, points, com, velocity, height, profile)

@@ -1,0 +1,116 @@
+"""Points of contact wrenches: the centre of pressure under a sole, the ZMP of all soles together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, WbcError
+from wbc.core.vectors import add_cross, turned
+
+MIN_FORCE = 1.0
+"""Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`)."""
+
+
+class NoContactForceError(WbcError):
+    """A normal force too small to have a centre of pressure."""
+
+
+def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
+    """Return the centre of pressure of a contact in its sole plane.
+
+    Args:
+        wrench: [force; moment] in the sole frame at the sole centre, shape (6,), N and Nm.
+        min_force: Normal force below which there is none, N.
+
+    Returns:
+        Point in the sole frame, shape (2,), m.
+
+    Raises:
+        NoContactForceError: The normal force is below `min_force`.
+    """
+    force = wrench[2]
+    if not force >= min_force:
+        raise NoContactForceError(
+            f"no centre of pressure: normal force {force:.3g} N is below {min_force:g} N"
+        )
+    return np.array([-wrench[4] / force, wrench[3] / force])
+
+
+def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
+    """Return the zero-tilting moment point of a wrench in a plane.
+
+    Args:
+        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+        plane: Frame of the plane; its z axis is the normal.
+        min_force: Force along the normal below which there is none, N.
+
+    Returns:
+        Point in the world, shape (3,), m.
+
+    Raises:
+        NoContactForceError: The force along the normal is below `min_force`.
+
+    Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
+    """
+    fx, fy, fz, mx, my, mz = wrench.tolist()
+    x, y, z = plane.translation.tolist()
+    nx, ny, nz = plane.rotation[:, 2].tolist()
+    force = nx * fx + ny * fy + nz * fz
+    if not force >= min_force:
+        raise NoContactForceError(f"no ZMP: force along the normal {force:.3g} N is below {min_force:g} N")
+    # origin + normal × (moment about the origin) / force
+    mx -= y * fz - z * fy
+    my -= z * fx - x * fz
+    mz -= x * fy - y * fx
+    return np.array(
+        (
+            x + (ny * mz - nz * my) / force,
+            y + (nz * mx - nx * mz) / force,
+            z + (nx * my - ny * mx) / force,
+        )
+    )
+
+
+def level_zmp(wrench: Array, point: Array) -> Array:
+    """Return the zero-tilting moment point of a wrench on the level of a point: `zmp` in a level plane.
+
+    Args:
+        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+        point: A point of the plane, shape (3,), m.
+
+    Returns:
+        Point in the world, shape (3,), m.
+
+    Raises:
+        NoContactForceError: The vertical force is below `MIN_FORCE`.
+    """
+    fx, fy, fz, mx, my, _ = wrench.tolist()
+    if not fz >= MIN_FORCE:
+        raise NoContactForceError(f"no ZMP: vertical force {fz:.3g} N is below {MIN_FORCE:g} N")
+    x, y, z = point.tolist()
+    # Moment about the point; it vanishes at the ZMP.
+    mx -= y * fz - z * fy
+    my -= z * fx - x * fz
+    return np.array((x - my / fz, y + mx / fz, z))
+
+
+def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
+    """Return the sum of contact wrenches at the world origin in world axes.
+
+    Args:
+        wrenches: [force; moment] of each contact in its sole frame, n of shape (6,), N and Nm.
+        soles: Placement of each sole in the world, n of them.
+
+    Returns:
+        [force; moment], shape (6,), N and Nm.
+    """
+    total = [0.0] * 6
+    for wrench, sole in zip(wrenches, soles, strict=True):
+        rotation, (fx, fy, fz, mx, my, mz) = sole.rotation.tolist(), wrench.tolist()
+        force = turned(rotation, (fx, fy, fz))
+        moment = add_cross(turned(rotation, (mx, my, mz)), sole.translation.tolist(), force)
+        total = [a + b for a, b in zip(total, (*force, *moment), strict=True)]
+    return np.array(total)

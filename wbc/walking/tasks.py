@@ -1,0 +1,190 @@
+"""Tasks and contacts of a walk in the whole-body controller, and the targets that a tick gives them."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
+from wbc.core.settings import Positive, settings
+from wbc.tasks.force.wrench import WrenchTask
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.frame import OrientationTask, PoseTask
+from wbc.tasks.motion.posture import PostureTask
+from wbc.walking.planning.footsteps import heading
+from wbc.walking.stabilizer.lean import UPRIGHT, LeanMotion
+from wbc.walking.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.walk import WalkReference
+
+FREE_FRICTION = 2.0
+"""Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
+
+
+@settings
+class TaskGains:
+    """Weights and gains of the tasks of a walk; damping is critical.
+
+    Attributes:
+        com_weight: Cost per (m/s²)².
+        com_stiffness: 1/s².
+        swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
+        swing_stiffness: 1/s².
+        orientation_weight: Pelvis and torso, cost per (rad/s²)².
+        orientation_stiffness: 1/s².
+        posture_weight: All joints, cost per (rad/s²)².
+        posture_stiffness: 1/s².
+        contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
+        contact_return: Stiffness of a standing foot towards its place in torque control, 1/s².
+        wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
+    """
+
+    com_weight: Positive = 100.0
+    com_stiffness: Annotated[Positive, "1/s²"] = 100.0
+    swing_weight: Positive = 1000.0
+    swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
+    orientation_weight: Positive = 10.0
+    orientation_stiffness: Annotated[Positive, "1/s²"] = 100.0
+    posture_weight: Positive = 0.1
+    posture_stiffness: Annotated[Positive, "1/s²"] = 20.0
+    contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
+    contact_return: Annotated[Positive, "1/s²"] = 100.0
+    wrench_weight: Positive = 1e-3
+
+
+class WalkTasks:
+    """CoM, swing feet, pelvis and torso, posture, contacts and, in torque control, wrenches of one walk.
+
+    Attributes:
+        contacts: Contacts of the left and of the right sole.
+    """
+
+    def __init__(self, controller: Controller, gains: TaskGains, friction: float, *, torque: bool) -> None:
+        """Add all tasks, contacts and limits to a controller.
+
+        Args:
+            controller: Controller of a robot that stands at the start.
+            gains: Weights and gains.
+            friction: Coulomb coefficient of the contacts in torque control.
+            torque: Torque control; position control when False.
+        """
+        robot = controller.robot
+        self._torque, self._swing_weight = torque, gains.swing_weight
+        self._com = controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
+        if torque:  # horizontally the stabilizer gives the acceleration; the task holds the height
+            self._com.stiffness = (0.0, 0.0, gains.com_stiffness)
+            self._com.damping = (0.0, 0.0, 2.0 * math.sqrt(gains.com_stiffness))
+        self._swings = [
+            controller.add(
+                PoseTask(sole.frame, name=f"{sole.name} swing", weight=0.0, stiffness=gains.swing_stiffness)
+            )
+            for sole in robot.soles
+        ]
+        trunk = {"pelvis": robot.base_frame}
+        if robot.torso_frame != robot.base_frame:
+            trunk["torso"] = robot.torso_frame
+        self._trunk = [
+            controller.add(
+                OrientationTask(
+                    frame, name=name, weight=gains.orientation_weight, stiffness=gains.orientation_stiffness
+                )
+            )
+            for name, frame in trunk.items()
+        ]
+        forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
+        self._trunk_tilts = [forward @ task.target for task in self._trunk]
+        self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
+        controller.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness))
+        controller.add(JointLimits())
+        self.contacts = [
+            controller.add(
+                SoleContact(
+                    sole.name,
+                    min_force=0.0,
+                    margin=0.0,
+                    ramp=0.0,
+                    stiffness=gains.contact_return if torque else gains.contact_stiffness,
+                    friction=friction if torque else FREE_FRICTION,
+                )
+            )
+            for sole in robot.soles
+        ]
+        self._wrenches: list[WrenchTask] = []
+        if torque:
+            controller.add(TorqueLimits())
+            self._wrenches = [
+                controller.add(WrenchTask(contact, weight=gains.wrench_weight)) for contact in self.contacts
+            ]
+
+    def switch(self, side: int, contact: bool) -> None:
+        """Put a foot (0 left, 1 right) on the ground, or take it off.
+
+        Args:
+            side: Which foot.
+            contact: True if it stands from now on.
+        """
+        self.contacts[side].active = contact
+        self._swings[side].weight = 0.0 if contact else self._swing_weight
+
+    def move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
+        """Follow the swing foot's reference; hold standing feet at their corrections, or to their wrenches.
+
+        Args:
+            reference: References of the walk.
+            output: Corrections and desired wrenches of the stabilizer.
+        """
+        for side, contact in enumerate(self.contacts):
+            motion = reference.feet[side]
+            if not reference.contact[side]:
+                self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
+            elif self._torque:
+                self._wrenches[side].target = output.feet.wrenches[side]
+            else:
+                motion = output.corrections[side].apply(motion)
+                to_sole = motion.placement.rotation.T
+                velocity = to_sole.dot(motion.velocity.reshape(2, 3).T).T.reshape(6)
+                contact.follow(motion.placement, velocity)
+
+    def move_com(self, reference: WalkReference, output: StabilizerOutput, *, shifted: bool) -> None:
+        """Follow the pendulum: with the stabilizer's shift in position control, its acceleration in torque control.
+
+        Args:
+            reference: References of the walk.
+            output: Shift and desired acceleration of the CoM.
+            shifted: The CoM admittance may shift the target.
+        """
+        pendulum = reference.pendulum
+        com, velocity, acceleration = pendulum.com, pendulum.com_velocity, pendulum.com_acceleration
+        if self._torque:
+            acceleration = acceleration.copy()
+            acceleration[:2] = output.com_acceleration[:2]
+        elif shifted:
+            com, velocity, acceleration = com.copy(), velocity.copy(), acceleration.copy()
+            com[:2] += output.com_offset
+            velocity[:2] += output.com_velocity_offset
+            acceleration[:2] += output.com_acceleration_offset
+        self._com.follow(com, velocity, acceleration)
+
+    def turn_trunk(self, yaw: float, lean: LeanMotion) -> None:
+        """Turn pelvis and torso to a heading and let them lean.
+
+        Args:
+            yaw: Heading, rad.
+            lean: Lean; `UPRIGHT` itself for none.
+        """
+        if yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
+            return
+        self._trunk_target = yaw, lean
+        turn = lean.rotation.dot(_yaw_rotation(yaw))
+        for task, tilt in zip(self._trunk, self._trunk_tilts, strict=True):
+            task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
+
+
+def _yaw_rotation(yaw: float) -> Array:
+    """Rotation about the vertical, shape (3, 3)."""
+    return np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, yaw))
