@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import field
 from time import perf_counter
 from typing import Annotated, Literal
 
@@ -16,7 +17,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
+from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.observer import Observer
+from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
+from wbc.core.gate import CommandGate, GateSettings
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
@@ -51,8 +55,25 @@ class FailurePolicy:
     stop_after: Annotated[NonNegative, "s"] = 0.1
 
 
+@settings
+class SafetySettings:
+    """Ranges of what comes into a control and of what leaves it.
+
+    Attributes:
+        plausibility: Ranges that measurements must keep.
+        consistency: Bounds beyond which sensors contradict each other.
+        gate: Limits of commands, beside those of the robot.
+    """
+
+    plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
+    consistency: ConsistencySettings = field(default_factory=ConsistencySettings)
+    gate: GateSettings = field(default_factory=GateSettings)
+
+
 class _Control:
-    """Base of both modes: the observer, failures and the last solution."""
+    """Base of both modes: plausibility, observer, failures, the last solution and the gate."""
+
+    _follows_estimate = True
 
     def __init__(
         self,
@@ -60,6 +81,7 @@ class _Control:
         observer: Observer | None,
         policy: FailurePolicy | None,
         prepare: Prepare | None,
+        safety: SafetySettings | None,
     ) -> None:
         self.controller = controller
         self.prepare = prepare
@@ -67,7 +89,12 @@ class _Control:
         if self.observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
         self.policy = policy or FailurePolicy()
+        robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
+        self.plausibility = Plausibility(robot, dt, safety.plausibility)
+        self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.consistency)
+        self.gate = CommandGate(robot, dt, safety.gate)
         self.failures = 0
+        self.reason = ""
         self.solution: Solution | None = None
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
@@ -83,30 +110,76 @@ class _Control:
         self.solution = None
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
+        self.reason = ""
+        self.plausibility.reset()
+        self.monitor.reset()
+        self.gate.reset(self.controller.robot.q[7:])
 
-    def _measure(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> bool:
-        """Update the estimate; return False if the measurement had to be refused."""
+    def status(self) -> str:
+        """Return in one line how the control is: "ok", or what is refused, failing or stopped, and why."""
+        parts = []
+        if self.stopped:
+            parts.append(f"stopped: {self.reason}")
+        elif self._failing:
+            parts.append(f"failing: {self.reason}")
+        if self.plausibility.faults:
+            parts.append(f"refused: {', '.join(self.plausibility.faults)}")
+        if self.monitor.doubts:
+            parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
+        if self.gate.faults:
+            parts.append(f"command clipped: {', '.join(self.gate.faults)}")
+        return "; ".join(parts) or "ok"
+
+    def _think(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> bool:
+        """Estimate, prepare and solve; True if there is a solution, otherwise `reason` says why not."""
+        controller, robot = self.controller, self.controller.robot
+        start = perf_counter()
         try:
-            self.observer.update(measurement, soles)
+            self._measurement = measurement = self._estimate(measurement, soles)
+            estimate = self.observer.robot
+            if self._follows_estimate and estimate is not robot:
+                robot.update(estimate.q, estimate.v)
+            controller.model_time = perf_counter() - start
+            if self.prepare is not None:
+                self.prepare(estimate, measurement)
+            self.solution = solution = controller.solve(measurement)
+            if solution.ok and not self.stopped:
+                self._use(solution)
         except MeasurementError as error:
-            logger.error("measurement refused: %s", error)
-            return False
+            return self._fail(f"measurement refused: {error}")
+        except Exception as error:  # of tasks and callbacks of the user: a robot gets a command in every tick
+            return self._fail(f"{type(error).__name__} in the tick: {error}", error)
+        if not self.solution.ok:
+            return self._fail(self.solution.status.value)
+        if self.stopped:
+            return self._fail("failed for too long")
+        self._failing = 0
         return True
 
-    def _count(self, good: bool, measured: bool) -> bool:
-        """Count failures; return True if the tick can be used."""
-        if good and not self.stopped:
-            self._failing = 0
-            return True
+    def _use(self, solution: Solution) -> None:
+        """Take over the torques of a solution."""
+        self._torques = solution.torques
+
+    def _estimate(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None) -> Measurement:
+        """Update the estimate from what is plausible of a measurement, and return that."""
+        measurement, renewed = self.plausibility.check(measurement)
+        if renewed:
+            self.observer.resume(measurement.time - self.controller.dt)
+        self.observer.update(measurement, soles)
+        observer = self.observer
+        vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
+        self.monitor.update(self.plausibility.values, measurement, vertical, observer.foot_rotation)
+        return measurement
+
+    def _fail(self, reason: str, error: Exception | None = None) -> bool:
+        """Count a failed tick and log the first of a row and the stop."""
+        stopped = self.stopped
         self.failures += 1
         self._failing += 1
-        if self._failing == 1 or (
-            self.stopped and (self._failing - 1) * self.controller.dt <= self.policy.stop_after
-        ):
-            reason = "measurement refused"
-            if measured and self.solution is not None:
-                reason = "failed for too long" if self.solution.ok else self.solution.status.value
-            logger.error("tick failed (%s)%s", reason, "; stopped" if self.stopped else "; command held")
+        if self._failing == 1 or self.stopped != stopped:
+            self.reason = reason
+            state = "; stopped" if self.stopped else "; command held"
+            logger.error("tick failed (%s)%s", reason, state, exc_info=error)
         return False
 
 
@@ -127,6 +200,7 @@ class TorqueControl(_Control):
         policy: FailurePolicy | None = None,
         *,
         prepare: Prepare | None = None,
+        safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
 
@@ -136,13 +210,14 @@ class TorqueControl(_Control):
                 robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
             policy: Reaction to failures.
             prepare: Function called once a tick before the QP is solved.
+            safety: Ranges of measurements and commands.
 
         Raises:
             InputError: An observer of another robot model.
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
-        super().__init__(controller, observer, policy, prepare)
+        super().__init__(controller, observer, policy, prepare, safety)
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest.
@@ -164,26 +239,11 @@ class TorqueControl(_Control):
         Returns:
             Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
         """
-        controller = self.controller
-        start = perf_counter()
-        good = measured = self._measure(measurement)
-        if measured:
-            if self.observer.robot is not controller.robot:
-                controller.robot.update(self.observer.robot.q, self.observer.robot.v)
-            controller.model_time = perf_counter() - start
-            if self.prepare is not None:
-                self.prepare(self.observer.robot, measurement)
-            self.solution = controller.solve(measurement)
-            good = self.solution.ok
-        if self._count(good, measured):
-            assert self.solution is not None
-            self._torques = self.solution.torques
-            return Command(self._torques)
-        damping = np.zeros_like(self._torques)
-        if np.isfinite(measurement.joint_velocity).all():
-            limit = np.minimum(controller.robot.torque_limit, 1e6)
-            damping = -self.policy.joint_damping * limit * measurement.joint_velocity
-        return Command(damping if self.stopped else self._torques + damping)
+        if self._think(measurement):
+            return self.gate.pass_on(self._torques)
+        velocity = self.plausibility.joint_velocity(measurement)
+        damping = -self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6) * velocity
+        return self.gate.pass_on(damping if self.stopped else self._torques + damping)
 
 
 class PositionControl(_Control):
@@ -211,6 +271,7 @@ class PositionControl(_Control):
         feedforward: bool | Feedforward = True,
         reference_time: float = 0.1,
         prepare: Prepare | None = None,
+        safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
 
@@ -224,6 +285,7 @@ class PositionControl(_Control):
                 replaces them by torques of its own.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
             prepare: Function called once a tick before the QP is solved.
+            safety: Ranges of measurements and commands.
 
         Raises:
             InputError: An observer of another robot model, or an unknown feedback.
@@ -234,8 +296,9 @@ class PositionControl(_Control):
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
             )
-        super().__init__(controller, observer, policy, prepare)
+        super().__init__(controller, observer, policy, prepare, safety)
         self.feedback = feedback
+        self._follows_estimate = feedback == "closed"
         self.feedforward = feedforward
         self._pull = lag_gain(controller.dt, positive("reference time (s)", reference_time))
         self.q = np.array(controller.robot.q)
@@ -267,42 +330,34 @@ class PositionControl(_Control):
             References that the servos should reach at the next tick, and feed-forward torques. Nothing is raised: a
             failed tick follows the policy.
         """
-        controller, dt = self.controller, self.controller.dt
-        robot = controller.robot
-        start = perf_counter()
-        soles = None
+        dt, robot, soles = self.controller.dt, self.controller.robot, None
         if self.feedback == "open":
             # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
             robot.update(self.q, self.v)
             soles = self._soles
-        good = measured = self._measure(measurement, soles)
-        if measured:
-            if self.feedback != "open":
-                robot.update(self.observer.robot.q, self.observer.robot.v)
-            controller.model_time = perf_counter() - start
-            if self.prepare is not None:
-                self.prepare(self.observer.robot, measurement)
-            self.solution = controller.solve(measurement)
-            good = self.solution.ok
-        if self._count(good, measured):
+        if self._think(measurement, soles):
             assert self.solution is not None
             acceleration = self.solution.accelerations
-            if callable(self.feedforward):
-                self._torques = self.feedforward(self.solution)
-            elif self.feedforward:
-                self._torques = self.solution.torques
-            if self.feedback == "closed":
-                self._draw_to_estimate()
-        elif self.stopped:
-            acceleration = -self.v / dt
         else:
-            acceleration = -self.v / max(self.policy.damping_time, dt)
+            acceleration = -self.v / (dt if self.stopped else max(self.policy.damping_time, dt))
         # Constant acceleration over the period, for which the braking law of the joint limits is made.
         step = np.multiply(acceleration, self._half_square, out=self._step)
         step += self.v * self._dt
         self.q[:] = pin.integrate(robot.model, self.q, step)
         self.v += np.multiply(acceleration, self._dt, out=step)
-        return Command(self._torques, self.q[7:].copy(), self.v[6:].copy())
+        command = self.gate.pass_on(self._torques, self.q[7:].copy(), self.v[6:].copy())
+        if self.gate.faults:  # the commanded robot is where the command says
+            assert command.joint_position is not None and command.joint_velocity is not None
+            self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
+        return command
+
+    def _use(self, solution: Solution) -> None:
+        if callable(self.feedforward):
+            self._torques = self.feedforward(solution)
+        elif self.feedforward:
+            self._torques = solution.torques
+        if self.feedback == "closed":
+            self._draw_to_estimate()
 
     def _draw_to_estimate(self) -> None:
         estimate = self.observer.robot

@@ -28,6 +28,9 @@ from wbc.core.settings import NonNegative, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned
 
+SHARED = 0.15
+"""Part of the load from which a foot counts for the rotation that both feet have in common."""
+
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 """Fields of `Measurement` that the estimate uses."""
 
@@ -62,6 +65,8 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
+        foot_rotation: Angular speed with which both feet on the ground turn alike, by encoders and gyroscope, rad/s;
+            zero if they turn differently, as on stones, or if one carries everything.
     """
 
     def __init__(
@@ -108,6 +113,7 @@ class Observer:
         self._wrenches = np.zeros((n, 6))
         self._position: Vector = (0.0, 0.0, 0.0)
         self._time: float | None = None
+        self.foot_rotation = 0.0
         self.reset(q)
 
     @property
@@ -174,6 +180,14 @@ class Observer:
             self._anchors[i] = tuple(placement.translation.tolist())
             self._anchor_yaw[i] = _yaw(placement.rotation[:, 0].tolist())
 
+    def resume(self, time: float) -> None:
+        """Take up at another time stamp, without integrating over the gap.
+
+        Args:
+            time: Stamp from which the next measurement counts, s.
+        """
+        self._time = time
+
     def update(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> Robot:
         """Update the estimate with one measurement.
 
@@ -215,6 +229,7 @@ class Observer:
         ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
         yaw_error = 0.0
         velocity = None
+        rotations: list[Vector] = []
         if not self.in_flight:
             vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
             for i, sole in enumerate(self._soles):
@@ -222,11 +237,16 @@ class Observer:
                 if share == 0.0:
                     continue
                 rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
-                sliding = turned(turn, add_cross(rate.linear.tolist(), rate.angular.tolist(), arms[i]))
+                rotating = rate.angular.tolist()
+                sliding = turned(turn, add_cross(rate.linear.tolist(), rotating, arms[i]))
+                if share > SHARED:
+                    rx, ry, rz = turned(turn, rotating)
+                    rotations.append((rx + turning[0], ry + turning[1], rz + turning[2]))
                 x, y, z = add_cross(sliding, turning, turned(turn, points[i]))
                 vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
                 yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(turned(turn, ahead[i])))
             velocity = np.array((vx, vy, vz))
+        self.foot_rotation = _common(rotations)
         at_imu = turned(turn, self._imu_position.tolist())
         imu_arm = np.array(add_cross(turned(turn, imu_rate.linear.tolist()), turning, at_imu))
         if velocity is not None:
@@ -363,6 +383,15 @@ class Observer:
             gain = 1.0 if shares[i] == 0.0 else slip
             anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
+
+
+def _common(rotations: Sequence[Vector]) -> float:
+    """Return the angular speed that two feet have in common; zero for one foot, or feet that turn differently."""
+    if len(rotations) != 2:
+        return 0.0
+    (a, b, c), (d, e, f) = rotations
+    mean = 0.5 * math.hypot(a + d, b + e, c + f)
+    return mean if math.hypot(a - d, b - e, c - f) < mean else 0.0
 
 
 def _yaw(axis: Vector) -> float:

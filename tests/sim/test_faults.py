@@ -1,0 +1,171 @@
+"""Whatever the sensors say: a command in every tick, within all limits, and lasting faults are named."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from faults import faults, run
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import wbc
+from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
+from wbc.robots import load
+
+QUICK = (
+    "joint_position nan",
+    "joint_velocity 1e9",
+    "angular_velocity 1e200",
+    "sole_wrench 1e9",
+    "encoder lost a turn",
+    "gyroscope saturated",
+    "clock +0.2 s",
+    "clock at nan",
+    "measurement None",
+    "sole_wrench transposed",
+)
+"""Faults that the default run tries; the slow one tries all."""
+
+SILENT = {
+    ("gyroscope off by 0.1 rad/s", "stand", "position"),
+    ("angular_velocity opposite sign", "stand", "torque"),
+}
+"""Faults that make the robot fall before they can be told from a possible motion."""
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("name", QUICK)
+def test_one_faulty_tick_does_no_harm(name: str, mode: str) -> None:
+    check_single("stand", mode, name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("task", ["stand", "walk"])
+@pytest.mark.parametrize("name", faults())
+def test_one_faulty_tick_of_any_kind_does_no_harm(name: str, task: str, mode: str) -> None:
+    check_single(task, mode, name)
+
+
+def check_single(task: str, mode: str, name: str) -> None:
+    report = run(task, mode, name, lasting=False)
+    assert report.raised is None and report.wild is None
+    assert not report.stopped, "one tick must not stop a robot for good"
+    assert report.upright
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("task", ["stand", "walk"])
+@pytest.mark.parametrize("name", faults())
+def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: str, mode: str) -> None:
+    report = run(task, mode, name, lasting=True)
+    assert report.raised is None and report.wild is None
+    if faults()[name][1]:
+        assert report.named <= 0.2, f"named after {report.named} s: {report.status}"
+    elif (name, task, mode) not in SILENT:
+        assert report.upright or math.isfinite(report.named), "fell without a word"
+
+
+@cache
+def controls() -> tuple[Any, Measurement]:
+    description = load("hrp4_class")
+    plant = Plant(description)
+    position = PositionControl(balance_controller(description.robot(), plant.control_period))
+    torque = TorqueControl(balance_controller(description.robot(), plant.control_period))
+    return (position, torque), plant.measure()
+
+
+NUMBERS = st.one_of(st.floats(width=64), st.sampled_from([0.0, 1e3, -1e9, 1e200, math.nan, -math.inf]))
+GARBAGE = st.one_of(
+    st.none(), st.text(max_size=5), st.lists(NUMBERS, max_size=40), st.integers(), st.floats()
+)
+NAMES = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.DataObject) -> None:
+    logging.disable(logging.CRITICAL)
+    (position, torque), measurement = controls()
+    given: Any = measurement
+    if data.draw(st.booleans()):
+        changes: dict[str, Any] = {}
+        for name in data.draw(st.sets(st.sampled_from(NAMES))):
+            array = np.array(getattr(measurement, name))
+            if data.draw(st.booleans()):
+                changes[name] = data.draw(GARBAGE)
+            else:
+                array.flat[data.draw(st.integers(0, array.size - 1))] = data.draw(NUMBERS)
+                changes[name] = array
+        given = replace(measurement, time=data.draw(NUMBERS), **changes)
+    else:
+        given = data.draw(GARBAGE)
+    robot = torque.controller.robot
+    for control in (position, torque):
+        control.reset()
+        control.command(measurement)
+        command = control.command(given)
+        assert (np.abs(command.joint_torque) <= robot.torque_limit).all()
+        if command.joint_position is not None:
+            assert (command.joint_position >= robot.position_lower).all()
+            assert (command.joint_position <= robot.position_upper).all()
+            step = np.abs(command.joint_position - robot.half_sitting[7:])
+            assert (step <= 4.0 * robot.velocity_limit * control.controller.dt + 1e-12).all()
+    logging.disable(logging.NOTSET)
+
+
+@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
+def test_what_the_user_adds_may_fail(kind: Any) -> None:
+    """An exception in `prepare` fails the tick, and its text is the reason."""
+    description = load("hrp4_class")
+    plant = Plant(description)
+
+    def prepare(robot: wbc.Robot, measurement: Measurement) -> None:
+        raise RuntimeError("no such table")
+
+    control = kind(balance_controller(description.robot(), plant.control_period), prepare=prepare)
+    for _ in range(3):
+        plant.step(control.command(plant.measure()))
+    assert control.failures == 3 and "no such table" in control.status()
+
+
+def test_a_clock_that_jumps_for_good_is_adopted_again() -> None:
+    description = load("hrp4_class")
+    plant = Plant(description)
+    control = PositionControl(balance_controller(description.robot(), plant.control_period))
+    states = []
+    for i in range(60):
+        measurement = plant.measure()
+        if i >= 20:
+            measurement = replace(measurement, time=measurement.time + 1000.0)
+        plant.step(control.command(measurement))
+        states.append(control.status())
+    assert "time stamp" in states[20] and states[-1] == "ok" and not control.stopped
+    assert np.abs(control.observer.robot.v).max() < 0.1  # no gravity of a thousand seconds
+
+
+def test_an_encoder_is_predicted_over_a_gap_while_the_joint_moves() -> None:
+    """A glitch of a joint that moves at constant speed is bridged by its velocity."""
+    robot = load("hrp4_class").robot()
+    plausibility = PositionControl(balance_controller(robot, 0.005)).plausibility
+    base = Plant(load("hrp4_class")).measure()
+    speed = 0.5
+    for i in range(30):
+        position, velocity = np.array(base.joint_position), np.array(base.joint_velocity)
+        position[3] += speed * 0.005 * i
+        velocity[3] = speed
+        truth = position[3]
+        if 20 <= i < 25:
+            position[3] = 1e3
+        used, _ = plausibility.check(
+            replace(base, time=0.005 * i, joint_position=position, joint_velocity=velocity)
+        )
+        assert used.joint_position[3] == pytest.approx(truth, abs=1e-9)
+    assert plausibility.refused == 5 and not plausibility.faults

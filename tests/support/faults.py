@@ -1,0 +1,269 @@
+"""Sensor, clock and shape faults, injected into the loop of a robot that stands or walks.
+
+`python tests/support/faults.py` runs all of them and prints the table of docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from wbc.core.errors import Array, MeasurementError
+from wbc.core.signals import Command, Measurement
+from wbc.sim import PelvisLimits, StandSpec, StandTrial, TrueFallDetector, WalkPlan, WalkSpec, WalkTrial
+
+Fault = Callable[[Measurement, "Memory"], Any]
+"""Makes a faulty measurement out of a good one; None for a dropped tick."""
+
+
+@dataclass
+class Memory:
+    """State of a fault while it lasts: the measurements before it, and its random generator."""
+
+    before: list[Measurement]
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+
+def _changed(name: str, change: Callable[[Array], Array]) -> Fault:
+    return lambda m, _: replace(m, **{name: change(np.array(getattr(m, name)))})
+
+
+def _element(name: str, index: Any, value: Callable[[float], float]) -> Fault:
+    def change(array: Array) -> Array:
+        array[index] = value(array[index])
+        return array
+
+    return _changed(name, change)
+
+
+def _stuck(name: str, index: Any = ...) -> Fault:
+    def fault(m: Measurement, memory: Memory) -> Measurement:
+        array = np.array(getattr(m, name))
+        array[index] = getattr(memory.before[-1], name)[index]
+        return replace(m, **{name: array})
+
+    return fault
+
+
+def _delayed(ticks: int) -> Fault:
+    def fault(m: Measurement, memory: Memory) -> Measurement:
+        memory.before.append(m)
+        return memory.before[-1 - ticks]
+
+    return fault
+
+
+def _dropped(share: float) -> Fault:
+    return lambda m, memory: None if memory.random.random() < share else m
+
+
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+INDEX: dict[str, Any] = {"joint_position": 3, "joint_velocity": 3, "sole_wrench": (0, 2)}
+
+
+def faults() -> dict[str, tuple[Fault, bool]]:
+    """Return all faults by name, each with True if it can be noticed by the measurements alone when it lasts."""
+    found: dict[str, tuple[Fault, bool]] = {}
+    for name in SIGNALS:
+        i = INDEX.get(name, 0)
+        for text, value in (
+            ("nan", math.nan),
+            ("inf", math.inf),
+            ("1e200", 1e200),
+            ("1e9", 1e9),
+            ("1e3", 1e3),
+        ):
+            noticed = not (name == "sole_wrench" and text == "1e3")
+            found[f"{name} {text}"] = (_element(name, i, lambda _, v=value: v), noticed)
+        found[f"{name} -1e6"] = (_element(name, i, lambda _: -1e6), True)
+        found[f"{name} all zero"] = (_changed(name, np.zeros_like), name != "joint_velocity")
+        found[f"{name} all frozen"] = (_stuck(name), True)
+        found[f"{name} one frozen"] = (_stuck(name, i), True)
+        found[f"{name} opposite sign"] = (_changed(name, np.negative), False)
+    found["encoder lost a turn"] = (_element("joint_position", 3, lambda x: x + 2.0 * math.pi), True)
+    found["encoder off by 0.1 rad"] = (_element("joint_position", 3, lambda x: x + 0.1), False)
+    found["encoder off by 0.3 rad"] = (_element("joint_position", 3, lambda x: x + 0.3), False)
+    found["velocities twice as large"] = (_changed("joint_velocity", lambda v: 2.0 * v), False)
+    found["gyroscope off by 0.1 rad/s"] = (_element("angular_velocity", 0, lambda x: x + 0.1), False)
+    found["accelerometer off by 1 m/s²"] = (_element("specific_force", 0, lambda x: x + 1.0), False)
+    found["gyroscope saturated"] = (_changed("angular_velocity", lambda w: np.full(3, 34.9)), True)
+    found["left force sensor dead"] = (_element("sole_wrench", 0, lambda _: 0.0), True)
+    found["right force sensor dead"] = (_element("sole_wrench", 1, lambda _: 0.0), True)
+    found["force sensors swapped"] = (_changed("sole_wrench", lambda w: w[::-1].copy()), False)
+    found["force sensor off by 100 N"] = (_element("sole_wrench", (0, 2), lambda f: f + 100.0), False)
+    for step in (0.2, 1000.0, -1.0, -1e9):
+        found[f"clock {step:+g} s"] = (lambda m, _, step=step: replace(m, time=m.time + step), True)
+    for text, time in (("nan", math.nan), ("inf", math.inf), ("1e300", 1e300), ("0", 0.0)):
+        found[f"clock at {text}"] = (lambda m, _, time=time: replace(m, time=time), True)
+    found["clock as text"] = (lambda m, _: replace(m, time="now"), True)
+    found["same measurement again"] = (lambda m, memory: memory.before[-1], True)
+    found["same signals, clock runs"] = (lambda m, memory: replace(memory.before[-1], time=m.time), True)
+    found["measurement None"] = (lambda m, _: None.__class__, True)
+    found["measurement a text"] = (lambda m, _: "measurement", True)
+    for name in SIGNALS:
+        found[f"{name} None"] = (lambda m, _, name=name: replace(m, **{name: None}), True)
+        found[f"{name} too short"] = (_changed(name, lambda a: a[:-1]), True)
+    found["joint_position a list"] = (
+        lambda m, _: replace(m, joint_position=m.joint_position.tolist()),
+        False,
+    )
+    found["joint_position in float32"] = (_changed("joint_position", lambda q: q.astype(np.float32)), False)
+    found["joint_position as texts"] = (_changed("joint_position", lambda q: q.astype(str)), True)
+    found["sole_wrench transposed"] = (_changed("sole_wrench", lambda w: w.T.copy()), True)
+    for ticks in range(1, 6):
+        found[f"delay of {ticks} ticks"] = (_delayed(ticks), False)
+    for share in (0.1, 0.3, 0.5):
+        found[f"{share:.0%} of ticks dropped"] = (_dropped(share), False)
+    return found
+
+
+@dataclass
+class Report:
+    """What a run with a fault came to.
+
+    Attributes:
+        raised: Text of the first exception out of `command`, None if none came.
+        wild: Description of the first command beyond a limit, None if there was none.
+        named: Time from the fault to the first tick whose status says that something is refused, doubtful, failing or
+            stopped, s; infinite if none did.
+        stopped: True if the control had stopped the robot at the end.
+        upright: True if the robot had not fallen at the end.
+        status: That status.
+    """
+
+    raised: str | None = None
+    wild: str | None = None
+    named: float = math.inf
+    stopped: bool = False
+    upright: bool = True
+    status: str = ""
+
+
+class Injector:
+    """Feeds a control with a fault from a certain time on, and looks at its commands."""
+
+    def __init__(
+        self, control: Any, robot: Any, fault: Fault, start: float, lasting: bool, dt: float
+    ) -> None:
+        self.control, self.robot, self.fault, self.start = control, robot, fault, start
+        self.lasting, self.dt = lasting, dt
+        self.report = Report()
+        self._memory = Memory([])
+        self._last: Array | None = None
+        self._done = False
+        self._command: Command | None = None
+        limit = robot.torque_limit
+        self._torque = np.where(np.isfinite(limit), limit, 1e6) * (1.0 + 1e-9)
+        self._step = np.minimum(2.0 * robot.velocity_limit, 1e6) * dt + 1e-9
+
+    def command(
+        self, measurement: Measurement, command: Callable[[Measurement], Command], status: Any
+    ) -> Any:
+        """Return the command for a tick; the last one where the tick is dropped."""
+        now = measurement.time
+        given: Any = measurement
+        if now >= self.start and (self.lasting or not self._done):
+            self._done = True
+            given = self.fault(measurement, self._memory)
+            if given is None and self._command is not None:
+                return self._command
+            if given is type(None):
+                given = None
+        else:
+            self._memory.before = [*self._memory.before[-9:], measurement]
+        try:
+            sent = command(given)
+        except Exception as error:
+            self.report.raised = self.report.raised or f"{type(error).__name__}: {error}"
+            return self._command
+        self._look(sent, now)
+        said = status()
+        told = any(word in said for word in ("refused", "doubtful", "failing", "stopped"))
+        if now >= self.start - 1e-9 and told and not self.report.status:
+            self.report.named, self.report.status = now - self.start, said
+        self._command = sent
+        return sent
+
+    def _look(self, sent: Command, now: float) -> None:
+        if self.report.wild is None:
+            self.report.wild = next(self._exceeded(sent, now), None)
+        if sent.joint_position is not None:
+            self._last = sent.joint_position
+
+    def _exceeded(self, sent: Command, now: float) -> Iterator[str]:
+        if not (np.abs(sent.joint_torque) <= self._torque).all():
+            yield f"{now:.3f} s: torque {np.nanmax(np.abs(sent.joint_torque) / self._torque):.3g} x its limit"
+        if sent.joint_position is None:
+            return
+        low, high = self.robot.position_lower - 1e-9, self.robot.position_upper + 1e-9
+        if not ((sent.joint_position >= low) & (sent.joint_position <= high)).all():
+            yield f"{now:.3f} s: position reference out of range"
+        if self._last is not None and not (np.abs(sent.joint_position - self._last) <= self._step).all():
+            yield f"{now:.3f} s: position reference jumps by {np.abs(sent.joint_position - self._last).max():.3g}"
+
+
+def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
+    """Return what a run with a fault came to.
+
+    Args:
+        task: "stand" or "walk".
+        mode: "position" or "torque".
+        name: One of `faults()`.
+        lasting: From its start to the end of the run; a single tick otherwise.
+    """
+    if task == "stand":
+        stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=2.0, noise="realistic"))
+        plant, control, command = stand.plant, stand.control, stand.control.command
+        start, end = 0.8, 2.0
+    else:
+        plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
+        trial = WalkTrial(WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan))
+        plant, control, command = trial.plant, trial.walking.control, trial.walking.command
+        start, end = 2.2, 5.0
+    robot = control.controller.robot
+    injector = Injector(control, robot, faults()[name][0], start, lasting, plant.control_period)
+    report = injector.report
+    falls = TrueFallDetector(plant.robot, PelvisLimits.standing(plant.robot))
+    while plant.time < end and report.upright:
+        try:
+            measurement = plant.measure()
+        except MeasurementError:  # the simulation has diverged
+            report.upright = False
+            break
+        sent = injector.command(measurement, command, control.status)
+        if sent is None:
+            break
+        plant.step(sent)
+        report.upright = not falls.fallen(plant.truth().q)
+    report.stopped = control.stopped
+    return report
+
+
+def main() -> None:
+    """Run everything and print a table in Markdown."""
+    logging.disable(logging.CRITICAL)
+    print("| | runs | exceptions | wild commands | stopped for good | fell | not named in 0.2 s |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for task, mode, lasting in itertools.product(("stand", "walk"), ("position", "torque"), (False, True)):
+        reports = {name: run(task, mode, name, lasting=lasting) for name in faults()}
+        late = [n for n, r in reports.items() if lasting and faults()[n][1] and r.named > 0.2]
+        cells = [
+            len(reports),
+            sum(r.raised is not None for r in reports.values()),
+            sum(r.wild is not None for r in reports.values()),
+            sum(r.stopped for r in reports.values()),
+            sum(not r.upright for r in reports.values()),
+            f"{len(late)}{': ' if late else ''}{', '.join(late)}" if lasting else "",
+        ]
+        kind = "lasting" if lasting else "one tick"
+        print(f"| {task}, {mode}, {kind} | {' | '.join(map(str, cells))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""Consistency of sensors with each other: what lasts and is possible, but cannot all be true.
+
+The monitor refuses nothing; it names what it doubts, for the log and for `status()` of a control.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Annotated
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.lag import lag_gain
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import Count, Positive, settings
+from wbc.core.signals import Measurement
+
+logger = logging.getLogger(__name__)
+
+
+@settings
+class ConsistencySettings:
+    """Bounds of the doubts.
+
+    Attributes:
+        frozen_after: Number of ticks for which a reading must stay the same, bit for bit, to count as frozen; readings
+            that have been constant before need four times as long as then.
+        time_constant: Low-pass of the compared signals.
+        weight_share: The soles must carry at least this part of the weight.
+        weight_excess: The soles may carry at most this multiple of the weight.
+        gravity_share: The accelerometer must show at least this part of gravity, upwards as estimated.
+        velocity_difference: A joint velocity may differ by this from the speed of its encoder.
+        foot_rotation: Both feet on the ground may turn alike, by encoders and gyroscope, at most so fast.
+        lasting: Time that a contradiction must last before it is named.
+    """
+
+    frozen_after: Count = 20
+    time_constant: Annotated[Positive, "s"] = 0.05
+    weight_share: Annotated[Positive, ""] = 0.6
+    weight_excess: Annotated[Positive, ""] = 2.0
+    gravity_share: Annotated[Positive, ""] = 0.6
+    velocity_difference: Annotated[Positive, "rad/s"] = 1.0
+    foot_rotation: Annotated[Positive, "rad/s"] = 0.5
+    lasting: Annotated[Positive, "s"] = 0.08
+
+
+class ConsistencyMonitor:
+    """Compares sensors with each other, tick by tick.
+
+    Attributes:
+        doubts: What is doubted at present, such as "encoder of left_knee frozen"; empty when all agrees.
+    """
+
+    def __init__(
+        self, robot: Robot, dt: float, channels: tuple[str, ...], settings: ConsistencySettings | None = None
+    ) -> None:
+        """Prepare for a robot.
+
+        Args:
+            robot: The robot: its weight and soles.
+            dt: Control period, s.
+            channels: Name of every number of a measurement, in the order in which `update` gets them.
+            settings: Settings; the defaults when None.
+        """
+        self.settings = s = settings or ConsistencySettings()
+        self._channels, self._dt = channels, dt
+        self._weight = robot.mass * GRAVITY
+        self._names = [sole.name for sole in robot.soles]
+        self._na = robot.na
+        self._wrenches = len(channels) - 6 * len(self._names)
+        self._gain = lag_gain(dt, s.time_constant)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.doubts: tuple[str, ...] = ()
+        n = len(self._channels)
+        self._last: Array | None = None
+        self._run, self._longest = np.zeros(n), np.ones(n)
+        self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
+        self._share, self._gravity, self._rotation = 1.0, 1.0, 0.0
+        self._since = [0.0, 0.0, 0.0, 0.0]
+
+    def update(
+        self, values: Array, measurement: Measurement, vertical_force: float, foot_rotation: float
+    ) -> None:
+        """Compare the sensors of one tick.
+
+        Args:
+            values: All numbers of the measurement, in the order of the channels.
+            measurement: The measurement.
+            vertical_force: Specific force upwards in the world, by the estimated attitude, m/s².
+            foot_rotation: Angular speed with which both feet on the ground turn alike, rad/s.
+        """
+        gain, s = self._gain, self.settings
+        doubts = self._compare_velocities(values, gain) + self._frozen(values)
+        loads = [row[2] for row in measurement.sole_wrench.tolist()]
+        self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
+        self._share += gain * (sum(loads) / self._weight - self._share)
+        self._rotation += gain * (foot_rotation - self._rotation)
+        wrong = (
+            self._gravity > s.gravity_share > self._share,
+            self._share > s.weight_excess * max(self._gravity, 1.0),
+            self._gravity < s.gravity_share,
+            self._rotation > s.foot_rotation,
+        )
+        if not (doubts or any(wrong) or self.doubts):
+            self._since = [0.0, 0.0, 0.0, 0.0]
+            return
+        for i, is_wrong in enumerate(wrong):
+            self._since[i] = self._since[i] + self._dt if is_wrong else 0.0
+            if self._since[i] >= s.lasting:
+                doubts.append(self._contradiction(i, loads))
+        found = tuple(doubts)
+        if found and found != self.doubts:
+            logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
+        self.doubts = found
+
+    def _compare_velocities(self, values: Array, gain: float) -> list[str]:
+        """Compare joint velocities with the speeds of the encoders."""
+        na, last = self._na, self._last
+        if last is None:
+            return []
+        speed = values[:na] - last[:na]
+        speed /= self._dt
+        speed -= values[na : 2 * na]
+        speed -= self._difference
+        speed *= gain
+        self._difference += speed
+        largest = np.abs(self._difference)
+        if largest.max() <= self.settings.velocity_difference:
+            self._contradicts[:] = 0.0
+            return []
+        wrong = largest > self.settings.velocity_difference
+        self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
+        named = (self._contradicts >= self.settings.lasting).nonzero()[0]
+        return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
+
+    def _frozen(self, values: Array) -> list[str]:
+        """Names of the channels whose reading has stayed the same for too long."""
+        last, self._last = self._last, values
+        if last is None:
+            return []
+        same = values == last
+        self._run += 1.0
+        if self._run.max() < self.settings.frozen_after:
+            np.maximum(self._longest, self._run, out=self._longest, where=~same)
+            self._run[~same] = 0.0
+            return []
+        # A reading of exactly zero force is that of a foot in the air.
+        same[self._wrenches :] &= values[self._wrenches :] != 0.0
+        frozen = same & (self._run >= np.maximum(self.settings.frozen_after, 4.0 * self._longest))
+        np.maximum(self._longest, self._run, out=self._longest, where=~same)
+        self._run[~same] = 0.0
+        return [f"{name} frozen" for name in dict.fromkeys(self._channels[i] for i in frozen.nonzero()[0])]
+
+    def _contradiction(self, which: int, loads: list[float]) -> str:
+        if which == 0:
+            silent = [
+                name for name, load in zip(self._names, loads, strict=True) if load < 0.02 * self._weight
+            ]
+            return f"force sensor of {' or '.join(silent or self._names)} too low for the weight"
+        if which == 1:
+            return "force sensors too high for the weight"
+        return "accelerometer without gravity" if which == 2 else "encoders and gyroscope disagree"

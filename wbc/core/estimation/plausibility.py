@@ -1,0 +1,274 @@
+"""Plausibility of measurements: impossible readings are refused signal by signal, before the observer sees them.
+
+A reading that the robot cannot produce (an encoder beyond its range or faster than its joint, a gyro beyond its range,
+a foot that carries ten times the weight) is replaced by a prediction for a short time. If it lasts, the tick fails and
+the control follows its failure policy. Time stamps that jump are refused without being adopted.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from wbc.core.errors import Array, MeasurementError
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import Count, NonNegative, Positive, settings
+from wbc.core.signals import Measurement
+
+logger = logging.getLogger(__name__)
+
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+"""Signals that an estimate is made of, as `Measurement` calls them."""
+
+
+@settings
+class PlausibilitySettings:
+    """Ranges that a measurement must keep, and how long a refused signal is predicted over.
+
+    Attributes:
+        velocity_margin: A joint velocity is refused above this multiple of the joint's limit, and an encoder that moves
+            faster.
+        position_margin: An encoder is refused this far beyond the joint's range.
+        position_jump: An encoder may jump by this on top of what its joint can travel in a period.
+        gyro_range: Largest angular rate of the gyroscope; 35 rad/s are 2,000 °/s, the range of common units.
+        gyro_jump: Largest change of an angular rate in a period.
+        accelerometer_range: Largest specific force; 160 m/s² are 16 g, the range of common units.
+        force_ratio: A sole's force is refused above this multiple of the robot's weight; its moment above that force
+            times the length of the sole.
+        hold: Time for which a refused signal is replaced by a prediction before the tick fails.
+        frozen_after: Number of identical measurements in a row after which ticks fail.
+        max_gap: Largest step of the time stamp, in control periods.
+        resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted.
+    """
+
+    velocity_margin: Annotated[float, Field(ge=1.0)] = 2.0
+    position_margin: Annotated[NonNegative, "rad"] = 0.2
+    position_jump: Annotated[Positive, "rad"] = 0.05
+    gyro_range: Annotated[Positive, "rad/s"] = 35.0
+    gyro_jump: Annotated[Positive, "rad/s"] = 15.0
+    accelerometer_range: Annotated[Positive, "m/s²"] = 160.0
+    force_ratio: Annotated[Positive, ""] = 10.0
+    hold: Annotated[NonNegative, "s"] = 0.05
+    frozen_after: Count = 20
+    max_gap: Count = 20
+    resync: Annotated[Positive, "s"] = 0.03
+
+
+class Plausibility:
+    """Checks every measurement of a control and repairs what it can.
+
+    Attributes:
+        settings: Settings.
+        faults: Descriptions of what is refused at present, such as "encoder of left_knee"; empty when all is well.
+        refused: Number of ticks in which something was refused.
+        names: Name of the sensor of every number of a measurement, in the order of `values`.
+    """
+
+    def __init__(self, robot: Robot, dt: float, settings: PlausibilitySettings | None = None) -> None:
+        """Take the ranges from a robot.
+
+        Args:
+            robot: The robot: joint limits, weight, soles.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+        """
+        self.settings = s = settings or PlausibilitySettings()
+        self._dt = dt
+        n, na = len(robot.soles), robot.na
+        self._na = na
+        self._shapes = ((na,), (na,), (3,), (3,), (n, 6))
+        lower, upper = robot.position_lower, robot.position_upper
+        known = np.isfinite(lower) & np.isfinite(upper)
+        self._middle = np.zeros(2 * na + 6 + 6 * n)
+        self._bound = np.full(self._middle.size, np.finfo(float).max)
+        self._middle[:na][known] = 0.5 * (lower + upper)[known]
+        self._bound[:na][known] = 0.5 * (upper - lower)[known] + s.position_margin
+        speed = s.velocity_margin * robot.velocity_limit
+        self._speed = np.where(np.isfinite(speed), speed, 1e3)
+        self._bound[na : 2 * na] = self._speed
+        self._bound[2 * na : 2 * na + 3] = s.gyro_range
+        self._bound[2 * na + 3 : 2 * na + 6] = s.accelerometer_range
+        force = s.force_ratio * robot.mass * GRAVITY
+        for i, sole in enumerate(robot.soles):
+            at = 2 * na + 6 + 6 * i
+            self._bound[at : at + 3], self._bound[at + 3 : at + 6] = force, force * sole.length
+        self._step = self._speed * dt + s.position_jump
+        self._gyro = slice(2 * na, 2 * na + 3)
+        self._channels = (
+            *(f"encoder of {joint}" for joint in robot.joint_names),
+            *(f"velocity of {joint}" for joint in robot.joint_names),
+            "gyroscope",
+            "accelerometer",
+            *(f"force sensor of {sole.name}" for sole in robot.soles),
+        )
+        self._groups = np.concatenate(
+            [np.arange(2 * na), np.repeat([2 * na, 2 * na + 1], 3), np.repeat(2 * na + 2 + np.arange(n), 6)]
+        )
+        """Channel of each number of a measurement."""
+        self.names = tuple(self._channels[group] for group in self._groups)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past; the next measurement is taken as the first one."""
+        self.faults: tuple[str, ...] = ()
+        self.refused = 0
+        self._values: Array | None = None
+        self._time, self._other_time = math.nan, math.nan
+        self._consistent = 0.0
+        self._identical = 0
+        self._lasting = np.zeros(len(self._channels))
+
+    def check(self, measurement: Measurement) -> tuple[Measurement, bool]:
+        """Return a measurement that can be used.
+
+        Args:
+            measurement: As it came.
+
+        Returns:
+            The measurement, with refused readings replaced by predictions; and True where its clock was adopted anew,
+            so that no time must be integrated over.
+
+        Raises:
+            MeasurementError: It cannot be used: of the wrong kind or shape, a time stamp that jumped, readings refused
+                for longer than `hold`, or the same measurement again and again.
+        """
+        m = self._formed(measurement)
+        values = np.concatenate(
+            (
+                m.joint_position,
+                m.joint_velocity,
+                m.angular_velocity,
+                m.specific_force,
+                m.sole_wrench.reshape(-1),
+            )
+        )
+        renewed = self._check_time(m.time)
+        last = self._values
+        if last is not None and values[0] == last[0] and values[2 * self._na] == last[2 * self._na]:
+            self._check_frozen(values, last)
+        else:
+            self._identical = 0
+        distance = np.abs(values - self._middle)
+        good = bool((distance <= self._bound).all())
+        if good and last is not None:
+            moved = np.abs(values - last)
+            good = bool(
+                (moved[: self._na] <= self._step).all() and moved[self._gyro].max() <= self.settings.gyro_jump
+            )
+        if good and not self.faults:
+            self._values = values
+            return m, renewed
+        return self._repair(m, values, distance), renewed
+
+    @property
+    def values(self) -> Array:
+        """All numbers of the last measurement that was let through, shape (2 na + 6 + 6 · number of soles,)."""
+        assert self._values is not None
+        return self._values
+
+    def joint_velocity(self, measurement: Any) -> Array:
+        """Return joint velocities for damping, shape (na,), rad/s (or m/s): zero where a reading is impossible.
+
+        Args:
+            measurement: As it came.
+        """
+        try:
+            velocity = self._formed(measurement).joint_velocity
+        except MeasurementError:
+            return np.zeros(self._na)
+        return np.where(np.abs(velocity) <= self._speed, velocity, 0.0)
+
+    def _formed(self, m: Any) -> Measurement:
+        """Return the measurement with arrays of the right type and shape."""
+        try:
+            got = (
+                m.joint_position.shape,
+                m.joint_velocity.shape,
+                m.angular_velocity.shape,
+                m.specific_force.shape,
+                m.sole_wrench.shape,
+            )
+            if got == self._shapes and m.joint_position.dtype == m.sole_wrench.dtype == np.float64:
+                return m  # type: ignore[no-any-return]
+        except AttributeError:
+            pass
+        if not isinstance(m, Measurement):
+            raise MeasurementError(f"a measurement must be a Measurement, got {type(m).__name__}")
+        arrays: dict[str, Any] = {}
+        for name, shape in zip(SIGNALS, self._shapes, strict=True):
+            array = np.asarray(getattr(m, name))
+            if array.dtype.kind not in "iuf":
+                raise MeasurementError(f"{name} must be numbers of shape {shape}, got {getattr(m, name)!r}")
+            if array.shape != shape:
+                raise MeasurementError(f"{name} must have shape {shape}, got {array.shape}")
+            arrays[name] = array.astype(np.float64)
+        return replace(m, **arrays)
+
+    def _check_time(self, time: Any) -> bool:
+        """Adopt a stamp, refuse it, or adopt a clock that has jumped and moves on; True for the last."""
+        if not isinstance(time, (int, float)) or not math.isfinite(time):
+            raise MeasurementError(f"time of a measurement must be a finite number, got {time!r}")
+        largest = self.settings.max_gap * self._dt
+        if self._values is None or 0.0 <= time - self._time <= largest:
+            self._time, self._consistent, self._other_time = time, 0.0, math.nan
+            return False
+        step = time - self._other_time  # NaN for the first stamp of another clock
+        self._consistent = self._consistent + step if 0.0 < step <= largest else 0.0
+        self._other_time = time
+        if self._consistent >= self.settings.resync:
+            logger.warning("the clock of measurements has jumped by %+.3f s; adopted", time - self._time)
+            self._time, self._consistent, self._other_time = time, 0.0, math.nan
+            return True
+        raise MeasurementError(
+            f"time stamp {time:.4f} s does not follow {self._time:.4f} s: steps must lie in [0, {largest:g}] s"
+        )
+
+    def _check_frozen(self, values: Array, last: Array) -> None:
+        self._identical = self._identical + 1 if np.array_equal(values, last) else 0
+        if self._identical >= self.settings.frozen_after:
+            self.faults = ("the same measurement again",)
+            raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
+
+    def _repair(self, m: Measurement, values: Array, distance: Array) -> Measurement:
+        """Replace impossible readings by predictions, or give up if they last."""
+        na, last, dt = self._na, self._values, self._dt
+        wrong = ~(distance <= self._bound)  # NaN is wrong
+        if last is not None:  # an encoder may have travelled while it was refused
+            travel = self._step + self._speed * self._lasting[:na]
+            wrong[:na] |= ~(np.abs(values[:na] - last[:na]) <= travel)
+            wrong[self._gyro] |= ~(np.abs(values[self._gyro] - last[self._gyro]) <= self.settings.gyro_jump)
+        bad = np.zeros(len(self._channels), dtype=bool)
+        bad[self._groups[wrong]] = True
+        names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
+        if names and names != self.faults:
+            logger.error("measurement at %.4f s: %s refused", m.time, ", ".join(names))
+        self._lasting = np.where(bad, self._lasting + dt, 0.0)
+        self.faults = names
+        if not names:
+            self._values = values
+            return m
+        self.refused += 1
+        lasting = float(self._lasting.max())
+        if last is None or lasting > self.settings.hold + 1e-9:
+            raise MeasurementError(f"{', '.join(names[:4])} refused for {lasting:.3f} s")
+        repaired = values.copy()
+        replaced = bad[self._groups]
+        repaired[replaced] = last[replaced]
+        encoders, rates = bad[:na], bad[na : 2 * na]
+        repaired[na : 2 * na][rates & ~encoders] = ((values[:na] - last[:na]) / dt)[rates & ~encoders]
+        np.clip(repaired[na : 2 * na], -self._speed, self._speed, out=repaired[na : 2 * na])
+        repaired[:na][encoders] += dt * repaired[na : 2 * na][encoders]
+        self._values = repaired
+        return replace(
+            m,
+            joint_position=repaired[:na],
+            joint_velocity=repaired[na : 2 * na],
+            angular_velocity=repaired[2 * na : 2 * na + 3],
+            specific_force=repaired[2 * na + 3 : 2 * na + 6],
+            sole_wrench=repaired[2 * na + 6 :].reshape(-1, 6),
+        )

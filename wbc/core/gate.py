@@ -1,0 +1,110 @@
+"""Gate at the way out of a control: no command leaves that exceeds a torque limit, a joint's range or its speed."""
+
+from __future__ import annotations
+
+import logging
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.core.settings import settings
+from wbc.core.signals import Command
+
+logger = logging.getLogger(__name__)
+
+UNLIMITED = 1e6
+"""Torque and speed that stand for "no limit" where a model gives none, Nm and rad/s."""
+
+
+@settings
+class GateSettings:
+    """Settings of the gate.
+
+    Attributes:
+        speed_margin: A position reference may change by this multiple of the joint's speed limit; a velocity
+            reference is clipped at the same multiple.
+    """
+
+    speed_margin: Annotated[float, Field(ge=1.0)] = 2.0
+
+
+class CommandGate:
+    """Checks every command and clips what exceeds a limit.
+
+    Attributes:
+        clipped: Number of commands of which something was clipped.
+        faults: Names of the joints whose command was clipped last, empty if the last command passed as it was.
+    """
+
+    def __init__(self, robot: Robot, dt: float, settings: GateSettings | None = None) -> None:
+        """Take the limits from a robot.
+
+        Args:
+            robot: The robot.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+        """
+        s = settings or GateSettings()
+        self._names = robot.joint_names
+        self._torque = np.minimum(robot.torque_limit, UNLIMITED)
+        self._lower, self._upper = robot.position_lower, robot.position_upper
+        self._speed = np.minimum(s.speed_margin * robot.velocity_limit, UNLIMITED)
+        self._step = self._speed * dt
+        self.reset(robot.q[7:])
+
+    def reset(self, position: Array) -> None:
+        """Start from a posture.
+
+        Args:
+            position: Joint positions from which the first references move, shape (na,), rad (or m).
+        """
+        self._position = np.array(position)
+        self.clipped = 0
+        self.faults: tuple[str, ...] = ()
+
+    def pass_on(self, torque: Array, position: Array | None = None, velocity: Array | None = None) -> Command:
+        """Return a command within all limits.
+
+        What is not finite becomes a torque or velocity of zero, or the last position reference.
+
+        Args:
+            torque: Joint torques, shape (na,), Nm (or N).
+            position: Position references, shape (na,), rad (or m); None in torque control.
+            velocity: Velocity references, shape (na,), rad/s (or m/s); None in torque control.
+        """
+        good = (np.abs(torque) <= self._torque).all()
+        if position is not None and velocity is not None:
+            good = (
+                good
+                and (np.abs(position - self._position) <= self._step).all()
+                and (np.abs(velocity) <= self._speed).all()
+                and (position >= self._lower).all()
+                and (position <= self._upper).all()
+            )
+        if not good:
+            return self._clip(torque, position, velocity)
+        self.faults = ()
+        if position is not None:
+            self._position = position
+        return Command(torque, position, velocity)
+
+    def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
+        wrong = ~(np.abs(torque) <= self._torque)
+        torque = np.clip(np.nan_to_num(torque, nan=0.0), -self._torque, self._torque)
+        if position is not None and velocity is not None:
+            last = self._position
+            # The reference that was sent last may itself be out of range, at the start of a run.
+            near = np.clip(np.where(np.isnan(position), last, position), last - self._step, last + self._step)
+            sent = np.clip(near, np.minimum(self._lower, last), np.maximum(self._upper, last))
+            wrong |= (sent != position) | ~(np.abs(velocity) <= self._speed)
+            velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
+            self._position = position = sent
+        self.faults = tuple(self._names[i] for i in wrong.nonzero()[0])
+        if self.faults:
+            if self.clipped == 0:
+                logger.info("command clipped at its limits: %s", ", ".join(self.faults))
+            self.clipped += 1
+        return Command(torque, position, velocity)
