@@ -21,6 +21,7 @@ from rich.progress import (
 from wbc.app.files import check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
+from wbc.core.files import replacing
 from wbc.core.settings import Count, Positive, settings, to_json
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, Journal, Sync, check_journal_path, read_journal
@@ -219,7 +220,7 @@ def plot(
     from wbc.app.plot.output import check_output, save  # noqa: PLC0415 - slow to import
     from wbc.app.plot.study import study_figure  # noqa: PLC0415
 
-    target = check_output(options.out)
+    target = check_output(options.out, [options.journal, study])
     made = options.table(study, part)
     save({made.study.name: study_figure(made)}, target)
     return output.report({"figure": str(target), **made.to_json()}, str(target))
@@ -235,9 +236,9 @@ def export(
     output: OutputOptions = Output(),
 ) -> Report:
     """Write all results of a study to a table, for a spreadsheet or a data frame."""
-    target = check_target("a table", options.out, (".csv",))
+    target = check_target("a table", options.out, (".csv",), [options.journal, study])
     columns, rows = study_rows(part.part(study), options.entries(), any_code=part.any_code)
-    with target.open("w", newline="", encoding="utf-8") as file:
+    with replacing(target) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(rows)

@@ -81,7 +81,7 @@ def dataset(
     6,000 walks (50 evaluations, 2 seeds). `wbc stiffness train` makes a model of the table.
     """
     study = dataset_study(size)
-    target = check_target("a stiffness table", size.output, (".csv",))
+    target = check_target("a stiffness table", size.output, (".csv",), [options.journal])
     summary = run_trials(study, options, any_code=size.any_code)
     entries = read_journal(options.journal)
     found = labels(study, entries, pooled=not size.separate, any_code=size.any_code)
