@@ -116,7 +116,7 @@ def describe_terrain(options: TerrainOptions) -> dict[str, Any]:
         ClearanceWarning: The ground is higher than the clearance.
     """
     ground = options.terrain()
-    target = check_picture(options.plot)
+    target = check_picture(options.plot, options.param)
     clears = check_clearance(ground, options.clearance)
     facts = ground.describe() | {"roughness": _named_roughness(ground), "clears": clears}
     if target is not None:

@@ -14,6 +14,7 @@ from rich.progress import Progress
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
+from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
 
 FILMS = (".mp4", ".gif")
@@ -67,9 +68,9 @@ def view(
     if out is None:
         server = PageServer(options.host, options.port)
     elif film:
-        check_film(out)
+        check_film(out, [log])
     else:
-        check_page(out)
+        check_page(out, [log])
     replay = Replay(opened)
     with _bar("filming" if film else "preparing") as progress:
         if out is not None and film:
@@ -82,7 +83,7 @@ def view(
     if server is not None:
         server.serve(page)
     elif out is not None and not film:
-        out.write_text(page, encoding="utf-8")
+        write_text(out, page)
     facts = {
         "log": str(log),
         "seconds": float(opened.time[-1]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from string import Template
 
@@ -66,13 +66,17 @@ def replay_page(
     return head + controls + end + tail
 
 
-def check_page(path: str | Path) -> Path:
+def check_page(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of a page to be written.
 
+    Args:
+        path: File to write.
+        inputs: Files that it is made from.
+
     Raises:
-        InputError: Another file type, no such folder, or not writable.
+        InputError: Another file type, no such folder, not writable, or one of the inputs.
     """
-    return check_target("a page", path, PAGES)
+    return check_target("a page", path, PAGES, inputs)
 
 
 def _first_picture(replay: Replay, tick: int) -> list[bytes]:
