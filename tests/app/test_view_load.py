@@ -10,9 +10,11 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import FrameType
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -24,7 +26,8 @@ import wbc
 from wbc.app.address import Address, listen
 from wbc.app.scene.sources import RobotSource
 from wbc.app.view import MeshcatView, guard, server
-from wbc.app.view.channel import MAX_ANNOTATIONS, Channel
+from wbc.app.view import channel as channel_module
+from wbc.app.view.channel import MAX_ANNOTATIONS, Channel, _Newest, _slot
 from wbc.app.view.process import ServerSetup
 from wbc.app.view.server import Broadcast, page_routes
 from wbc.app.view.user_input import MAX_MESSAGE
@@ -87,7 +90,63 @@ def test_entries_do_not_tear_under_two_processes(count: int) -> None:
         channel.close()
 
 
-@pytest.mark.parametrize("part", ["begun", "ended", "check", "data"])
+def at_every_line(function: Callable[..., Any], then: Callable[[], None], *args: Any, **values: Any) -> Any:
+    """Call a function; before each of its lines, and at its end, do something."""
+
+    def line(frame: FrameType, event: str, _: Any) -> Any:
+        then()
+        return line
+
+    before = sys.gettrace()
+    sys.settrace(lambda frame, *_: line if frame.f_code is function.__code__ else None)
+    try:
+        return function(*args, **values)
+    finally:
+        sys.settrace(before)
+
+
+@pytest.mark.parametrize("checksum", [True, False], ids=["as it is", "sequence numbers alone"])
+def test_no_order_of_reading_and_writing_gives_parts_of_two_entries(
+    checksum: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The writer's memory after every store, and a reader that is overtaken by any number of stores at every line."""
+    if not checksum:
+        monkeypatch.setattr(channel_module, "_checksum", lambda *_: 0)
+    number, slots = np.zeros(1, np.int64), np.zeros(2, _slot(8, ("time", "f8"), ("twice", "f8")))
+    newest = _Newest(number, slots)
+    moments: list[tuple[int, bytes]] = []
+
+    def record() -> None:
+        if not moments or moments[-1] != (number[0], slots.tobytes()):
+            moments.append((int(number[0]), slots.tobytes()))
+
+    for value in range(1, 7):
+        at_every_line(_Newest.write, record, newest, b"%d" % value * 8, time=float(value), twice=2.0 * value)
+    assert len(moments) > 6 * 5
+    rng = np.random.default_rng(0)
+    place = read = overtaken = 0
+
+    def overtake() -> None:
+        nonlocal place
+        place = min(place + int(rng.choice((0, 0, 1, 3, 9))), len(moments) - 1)
+        number[0], slots.view(np.uint8)[:] = moments[place][0], np.frombuffer(moments[place][1], np.uint8)
+
+    for start in [*range(len(moments))] * 60:
+        place = start
+        overtake()
+        first = int(number[0])
+        found = at_every_line(_Newest.read, overtake, newest, 0)
+        if found is None:
+            overtaken += 1
+            continue
+        value, data, text = found
+        assert first <= value <= moments[place][0] and (data["time"], data["twice"]) == (value, 2.0 * value)
+        assert text == b"%d" % value * 8
+        read += 1
+    assert read > 1500 and overtaken < 200
+
+
+@pytest.mark.parametrize("part", ["begun", "check", "data"])
 def test_a_half_written_entry_is_not_read(part: str) -> None:
     channel = Channel(3)
     channel.write(1.0, np.ones((3, 4, 4)), b"{}")

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pages import PAUSE, Answer, close_code, facts, get, page_url
 from tornado.websocket import websocket_connect
@@ -269,6 +269,7 @@ def trial() -> WalkTrial:
     return WalkTrial(WalkSpec(foot="variable", timestep=0.0025))
 
 
+@settings(max_examples=60, deadline=None)
 @given(order=ORDERS | JSON_VALUES)
 def test_no_order_raises_in_the_control_loop(trial: WalkTrial, order: Any) -> None:
     controls = LiveControls(trial.plant, trial.walking)
@@ -277,7 +278,7 @@ def test_no_order_raises_in_the_control_loop(trial: WalkTrial, order: Any) -> No
     waiting.take(json.dumps({"order": order}))
     packed = unpack(waiting.pack())
     assert packed is not None
-    for _, request in packed["orders"]:
+    for _, request in packed.orders:
         controls.apply(request)
     assert controls.message
 

@@ -375,8 +375,8 @@ def test_pages_ask_for_pause_speed_and_changes() -> None:
         wanted.take(json.dumps({"order": {"do": "push", "number": i}}))
     wanted.take('{"speed": null}')
     said = unpack(wanted.pack())
-    assert said is not None and said["paused"] is True and said["speed"] is None
-    assert [number for number, _ in said["orders"]] == list(range(15, 31))
+    assert said is not None and said.paused is True and said.speed is None
+    assert [number for number, _ in said.orders] == list(range(15, 31))
     for _ in range(16):
         wanted.take(json.dumps({"order": dict.fromkeys("abcdefgh", "\u20ac" * 100)}))
     assert len(wanted.pack()) < MAX_BYTES and unpack(wanted.pack()) is not None

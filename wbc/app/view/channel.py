@@ -139,15 +139,15 @@ class Channel:
 def _slot(size: int, *fields: Any) -> list[Any]:
     """Return the layout of a slot with a text."""
     data = [*fields, ("length", "i8"), ("text", "u1", (size,))]
-    return [("begun", "i8"), ("ended", "i8"), ("check", "u4"), ("data", data)]
+    return [("begun", "i8"), ("check", "u4"), ("data", data)]
 
 
 class _Newest:
     """Two slots of which one holds the newest entry. A slow reader misses entries, and never gets parts of two.
 
-    The writer never waits: it fills the slot that does not hold the newest entry. A slot has the number of the entry
-    that is being written into it (`begun`) and of the one that is complete (`ended`); the copy of a slot is good if
-    they are equal before and after (a sequence lock). The checksum does the same on processors that reorder writes.
+    The writer never waits: it fills the slot that does not hold the newest entry, and says first which entry it begins
+    there. A copy is of one entry if the slot still says so afterwards (a sequence lock). The checksum finds the rest on
+    processors that reorder stores.
     """
 
     def __init__(self, number: Any, slots: Any) -> None:
@@ -162,7 +162,6 @@ class _Newest:
         slot["data"]["length"] = len(text)
         slot["data"]["text"][: len(text)] = np.frombuffer(text, np.uint8)
         slot["check"] = _checksum(number, slot["data"])
-        slot["ended"] = number
         self._number[0] = number
 
     def read(self, after: int) -> tuple[int, Any, bytes] | None:
@@ -175,9 +174,8 @@ class _Newest:
             if number <= after:
                 return None
             slot = self._slots[number % 2]
-            complete = int(slot["ended"]) == number
             check, data = int(slot["check"]), slot["data"].copy()
-            if complete and int(slot["begun"]) == number and _checksum(number, data) == check:
+            if int(slot["begun"]) == number and _checksum(number, data) == check:
                 return number, data, data["text"][: data["length"]].tobytes()
         return None
 

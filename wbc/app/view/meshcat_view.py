@@ -220,10 +220,10 @@ class MeshcatView:
         data = unpack(text)
         if data is None:
             return
-        self._paused = data["paused"]
-        if data["speed"] != self._pace.speed:
-            self._pace.speed = data["speed"]
-        for number, request in data["orders"]:
+        self._paused = data.paused
+        if data.speed != self._pace.speed:
+            self._pace.speed = data.speed
+        for number, request in data.orders:
             if number > self._request_number:
                 self._request_number = number
                 self.controls.apply(request)

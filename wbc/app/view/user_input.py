@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
-from typing_extensions import TypedDict
+from pydantic import BaseModel, Field, ValidationError
+
+from wbc.core.settings import CONFIG
 
 MAX_MESSAGE = 1 << 12
 """Largest message of a page, bytes."""
@@ -28,30 +29,25 @@ Text = Annotated[str, Field(max_length=100)]
 Request = Annotated[dict[Text, Text | float], Field(max_length=8)]
 """Request to change a run: {"do": name, …}; `wbc.app.view.controls` checks the rest."""
 
-_STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+class PageMessage(BaseModel):
+    """Message of a page; what it leaves out stays as it is."""
+
+    model_config = CONFIG
+
+    paused: bool = False
+    speed: Speed = None
+    order: Request | None = None
 
 
-class PageMessage(TypedDict, total=False):
-    """Message of a page."""
-
-    __pydantic_config__ = _STRICT  # type: ignore[misc]
-
-    paused: bool
-    speed: Speed
-    order: Request
-
-
-class RunInput(TypedDict):
+class RunInput(BaseModel):
     """Input of all pages, as the run takes it; requests with consecutive numbers."""
 
-    __pydantic_config__ = _STRICT  # type: ignore[misc]
+    model_config = CONFIG
 
     paused: bool
     speed: Speed
     orders: list[tuple[int, Request]]
-
-
-_MESSAGE, _INPUT = TypeAdapter(PageMessage), TypeAdapter(RunInput)
 
 
 class UserInput:
@@ -80,15 +76,19 @@ class UserInput:
         Args:
             message: JSON of a `PageMessage`.
         """
+        if len(message) > MAX_MESSAGE:
+            return
         try:
-            said = _MESSAGE.validate_json(message) if len(message) <= MAX_MESSAGE else {}
+            said = PageMessage.model_validate_json(message)
         except ValidationError:
             return
-        self.paused = said.get("paused", self.paused)
-        self.speed = said.get("speed", self.speed)
-        if "order" in said:
+        if "paused" in said.model_fields_set:
+            self.paused = said.paused
+        if "speed" in said.model_fields_set:
+            self.speed = said.speed
+        if said.order is not None:
             self._count += 1
-            self.requests = [*self.requests, (self._count, said["order"])][-MAX_REQUESTS:]
+            self.requests = [*self.requests, (self._count, said.order)][-MAX_REQUESTS:]
 
     def pack(self) -> bytes:
         """Return the input as JSON, without the oldest requests if it is too long."""
@@ -103,6 +103,6 @@ class UserInput:
 def unpack(text: bytes) -> RunInput | None:
     """Return an input that was packed; None if it is malformed."""
     try:
-        return _INPUT.validate_json(text)
+        return RunInput.model_validate_json(text)
     except ValidationError:
         return None
