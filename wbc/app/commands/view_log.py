@@ -11,6 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.progress import Progress
 
+from wbc.app.address import Host, Port
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
@@ -35,8 +36,8 @@ class ViewOptions:
     """
 
     out: Annotated[Path | None, Parameter(alias="-o")] = None
-    host: str = "127.0.0.1"
-    port: int | None = None
+    host: Host = "127.0.0.1"
+    port: Port | None = None
     rate: Annotated[Positive, "pictures a second"] = 30.0
     speed: Positive = 1.0
     size: tuple[Count, Count] = (960, 720)
@@ -79,7 +80,8 @@ def view(
             )
         else:
             pictures = len(replay.ticks(options.rate))
-            page = replay_page(replay, rate=options.rate, progress=progress)
+            nonce = "" if server is None else server.nonce
+            page = replay_page(replay, rate=options.rate, progress=progress, nonce=nonce)
     if server is not None:
         server.serve(page)
     elif out is not None and not film:
