@@ -252,23 +252,26 @@ def test_the_control_period_does_not_matter() -> None:
 
 
 @cache
-def rolling(radius: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
-    """On one foot rolling sideways: a cylinder (radius, m) or, for 0, a flat sole on its edge 50 mm out."""
+def rolling(radius: float, axis: int = 0) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
+    """On one foot rolling: a cylinder (radius, m) or, for 0, a flat sole on its edge 50 mm out.
+
+    Sideways, outwards, about the x axis of the sole (axis 0); or forwards, over the toes, about its y axis (axis 1).
+    """
+    turn = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])[axis]
+    side = np.cross(turn, UP)  # where it rolls to
     robot = biped()
     dt, times = 0.005, 0.005 * np.arange(402)
     qs, cop = np.zeros((len(times), robot.nq)), np.zeros((len(times), 2))
     for k, t in enumerate(times):
-        roll = -0.06 * (1 - np.cos(np.pi * t))
-        if radius > 0.0:  # contact under the axis of the cylinder, which travels −radius · roll
-            axis = np.array([0.0, -radius * roll, radius])
-            sole = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.zeros(3))
-            sole.translation = axis - sole.rotation @ np.array([0.0, 0.0, radius])
-            cop[k, 1] = -radius * np.sin(roll)
+        angle = 0.06 * (1 - np.cos(np.pi * t))
+        sole = pin.SE3(pin.exp3(angle * turn), np.zeros(3))
+        if radius > 0.0:  # contact under the axis of the cylinder, which travels radius · angle
+            sole.translation = radius * (angle * side + UP - sole.rotation @ UP)
+            cop[k] = radius * np.sin(angle) * side[:2]
         else:
-            edge = np.array([0.0, -0.05, 0.0])
-            sole = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.zeros(3))
+            edge = 0.05 * side
             sole.translation = edge - sole.rotation @ edge
-            cop[k, 1] = -0.05
+            cop[k] = edge[:2]
         q = np.array(robot.half_sitting)
         q[7 + robot.joint_index("left_ankle_roll")] = 0.05 * np.sin(2 * t)
         q[7 + robot.joint_index("left_knee")] += 0.05 * np.sin(3 * t)
@@ -280,9 +283,10 @@ def rolling(radius: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
     return sensors, qs[1:-1], vs
 
 
+@pytest.mark.parametrize("axis", [0, 1], ids=["sideways", "forwards"])
 @pytest.mark.parametrize("radius", [0.0, 0.3])
-def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radius: float) -> None:
-    sensors, qs, vs = rolling(radius)
+def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radius: float, axis: int) -> None:
+    sensors, qs, vs = rolling(radius, axis)
     worst = {}
     for at_cop in (True, False):
         observer = Observer(biped(), ObserverSettings(anchor_at_cop=at_cop, cop_time_constant=0.0))
