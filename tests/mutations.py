@@ -13,23 +13,33 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib
 import importlib.util
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = Path(__file__).with_suffix(".txt")
 RESULTS = ROOT / "build" / "mutations.jsonl"
 SLOWEST = 300.0
 """Time after which the tests hang, s: that is noticed, too."""
+
+OUTPUT = "output.txt"
+"""What the last tests printed, in the copy of the tree."""
+
+PRELOADED = ("numpy", "pinocchio", "coal", "proxsuite", "mujoco", "scipy.signal", "pydantic")
 
 
 @dataclass(frozen=True)
@@ -92,19 +102,45 @@ def copy_of_tree(to: Path) -> None:
             shutil.copy2(ROOT / name, to / name, follow_symlinks=False)
 
 
+def preload() -> None:
+    """Import what does not change, so that the forks of `passes` need not."""
+    os.environ["OMP_NUM_THREADS"] = "1"
+    for name in PRELOADED:
+        importlib.import_module(name)
+
+
 def passes(tests: str, tree: Path) -> bool:
-    """Run tests in a tree until the first that fails."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *tests.split()]
-    environment = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
-    try:
-        done = subprocess.run(
-            command, cwd=tree, env=environment, capture_output=True, text=True, timeout=SLOWEST, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    if done.returncode not in (0, 1, 2):  # 2: it does not even import
-        raise SystemExit(f"pytest {tests} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
-    return done.returncode == 0
+    """Run tests in a tree, in a fork of this process, until the first that fails."""
+    output = tree / OUTPUT
+    child = os.fork()
+    if child == 0:
+        os.chdir(tree)
+        sys.path.insert(0, str(tree))
+        written = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(written, 1)
+        os.dup2(written, 2)
+        code = 3
+        try:
+            code = int(pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", *tests.split()]))
+        except BaseException:
+            traceback.print_exc()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    end = time.monotonic() + SLOWEST
+    while True:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            break
+        if time.monotonic() > end:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return False
+        time.sleep(0.05)
+    code = os.waitstatus_to_exitcode(status)
+    if code in (3, 4, 5):
+        raise SystemExit(f"pytest {tests} ended with {code}:\n{output.read_text()}")
+    return code == 0  # 1: a test failed; 2: no import; below 0: a crash
 
 
 def write(path: Path, text: str) -> None:
@@ -159,12 +195,15 @@ def main() -> None:
         options.results.parent.mkdir(parents=True, exist_ok=True)
         sound: set[str] = set()
         with tempfile.TemporaryDirectory() as folder, options.results.open("a", encoding="utf-8") as log:
+            preload()
             copy_of_tree(Path(folder))
             for mutation in mutations:
                 if mutation in known:
                     continue
                 if mutation.tests not in sound and not passes(mutation.tests, Path(folder)):
-                    raise SystemExit(f"{mutation.tests} fail without any mutation")
+                    raise SystemExit(
+                        f"{mutation.tests} fail without any mutation:\n{(Path(folder) / OUTPUT).read_text()}"
+                    )
                 sound.add(mutation.tests)
                 start = time.monotonic()
                 known[mutation] = result = run(mutation, Path(folder))
