@@ -10,12 +10,13 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PlainValidator
 
 from wbc.core.changes import Changes, as_changes, changed, normal_changes
+from wbc.core.control import Mode
 from wbc.core.errors import InputError, choose
 from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, to_json
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
-from wbc.sim.balance.standing import CONTROL_PERIOD, Mode
+from wbc.sim.balance.standing import CONTROL_PERIOD
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import steps_per_tick

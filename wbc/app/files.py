@@ -9,6 +9,9 @@ from typing import Any
 from wbc.core.errors import InputError
 from wbc.core.files import read_text
 
+FILMS = (".mp4", ".gif")
+"""Endings of films."""
+
 
 def check_target(what: str, path: str | Path, endings: tuple[str, ...]) -> Path:
     """Return the path of a file to write after a check; an existing file stays unchanged.

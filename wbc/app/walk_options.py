@@ -11,9 +11,9 @@ from cyclopts import Parameter
 
 from wbc.app.files import read_object
 from wbc.core.changes import read_changes
+from wbc.core.control import Mode
 from wbc.core.errors import finite_scalar
 from wbc.core.settings import from_json, settings
-from wbc.sim.balance.standing import Mode
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 from wbc.walking.planning.gait import Gait
 

@@ -11,12 +11,12 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.progress import Progress
 
+from wbc.app.files import FILMS
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 
-FILMS = (".mp4", ".gif")
 EXPORTS = (".html", *FILMS)
 
 
