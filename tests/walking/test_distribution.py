@@ -1,4 +1,4 @@
-"""Wrench distribution: conventions, limits, invariance, and the closed form beside the program."""
+"""Wrench distribution: conventions, limits, invariance, and the closed form beside the QP."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_a_wrench_within_reach_is_met() -> None:
         assert np.abs(result.shortfall).max() < 0.2
 
 
-def test_the_program_is_solved_as_another_solver_solves_it() -> None:
+def test_the_qp_is_solved_as_another_solver_solves_it() -> None:
     distribution = WrenchDistribution(SIZES)
     for case in random_cases(40, seed=2):
         result = distribution.solve(*case)
@@ -175,7 +175,7 @@ def test_a_zmp_beyond_the_toe_costs_moment_but_no_weight() -> None:
         assert result.wrenches[0, 2] == pytest.approx(WEIGHT, abs=1.0)
 
 
-def test_switching_contacts_needs_no_new_program() -> None:
+def test_switching_contacts_needs_no_new_qp() -> None:
     distribution = WrenchDistribution(SIZES)
     fresh = [WrenchDistribution(SIZES) for _ in range(60)]
     for again, (net, soles, zmp, ratio, contact) in zip(fresh, random_cases(60, seed=5), strict=True):

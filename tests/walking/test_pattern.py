@@ -280,7 +280,7 @@ def test_a_dcm_out_of_reach_shows_as_slack() -> None:
     assert np.isfinite(pattern.at(1.0).com).all()
 
 
-def test_the_program_is_solved_as_another_solver_solves_it() -> None:
+def test_the_qp_is_solved_as_another_solver_solves_it() -> None:
     plan = analytic_pattern(WALK, HEIGHT, REST)
     preview = PreviewController(SIZES, HEIGHT)
     rng = np.random.default_rng(4)
