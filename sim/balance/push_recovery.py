@@ -28,7 +28,7 @@ class StandPushSpec(StandSpec):
     """A stand with one push: a constant horizontal force on the torso's centre of mass.
 
     Attributes:
-        mode: What the drives are given.
+        mode: Command of the drives.
         impulse: Force times duration over the robot's mass, Ns/kg: the change of the speed of its centre of mass.
         direction: Direction of the force, rad; 0 is forward, π/2 to the left.
         duration: Duration of the push, s.
@@ -149,7 +149,7 @@ class PushTableSpec:
 
     Attributes:
         robot: Robots, of those that `wbc robots` lists.
-        mode: What the drives are given: position, torque or both.
+        mode: Command of the drives: position, torque or both.
         directions: Number of directions, evenly spread, beginning with forward and going to the left.
         highest: Largest impulse tried, Ns/kg.
         resolution: Width of the last interval of the bisection, Ns/kg.

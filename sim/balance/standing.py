@@ -37,7 +37,7 @@ class StandSpec:
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
-        mode: What the drives are given: references of position and velocity, or torques.
+        mode: Command of the drives: references of position and velocity, or torques.
         seconds: Simulated time, s.
         foot: Foot under both ankles; flat is the robot's own sole.
         noise: Errors of the sensors, none or realistic.

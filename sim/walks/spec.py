@@ -64,7 +64,7 @@ class WalkSpec:
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
-        mode: What the drives are given: "position" or "torque".
+        mode: Command of the drives: "position" or "torque".
         control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when None.
         timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs or footsteps.

@@ -41,7 +41,7 @@ REGISTERS = (
     ("wbc.tasks.scheduling.policies", "_POLICIES"),
     ("wbc.sim.studies.trials", "_KINDS"),
 )
-"""What pages add something to, which other tests must not see."""
+"""Registries that pages add to, hidden from other tests."""
 
 
 def text_of(page: Path) -> str:
@@ -137,7 +137,7 @@ def test_names_in_the_text_exist(page: Path) -> None:
 
 
 def exists(name: str) -> bool:
-    """Whether a dotted name is that of a module, or of something in one."""
+    """Return True if a dotted name is that of a module, or of something in one."""
     parts = name.split(".")
     for cut in range(len(parts), 0, -1):
         try:

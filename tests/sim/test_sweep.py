@@ -34,7 +34,7 @@ SUPPORT = str(Path(__file__).parents[1] / "support")
 
 
 def marks_of(path: Path) -> Counter[int]:
-    """How often each trial was run."""
+    """Return seed → number of runs of each trial."""
     return (
         Counter(int(line.split()[0]) for line in path.read_text().splitlines())
         if path.exists()

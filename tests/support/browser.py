@@ -40,7 +40,7 @@ class Browser:
     """One page.
 
     Attributes:
-        errors: What went wrong in the page's scripts.
+        errors: Errors of the page's scripts.
         requests: Addresses that the page has asked for.
     """
 

@@ -52,7 +52,7 @@ def support_at(supports: tuple[SupportPhase, ...], time: float) -> SupportPhase:
 
 
 def inside(area: tuple[np.ndarray, np.ndarray], point: np.ndarray) -> float:
-    """How far a point lies outside an area, m; negative inside."""
+    """Return the distance of a point outside an area, m; negative inside."""
     return float((area[0] @ point - area[1])[np.abs(area[0]).sum(axis=1) > 0].max())
 
 

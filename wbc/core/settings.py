@@ -103,7 +103,7 @@ def check_inherited(value: Any) -> None:
     does not check at all.
 
     Args:
-        value: What is being made; its fields get their checked values.
+        value: Value that is being made; its fields get their checked values.
 
     Raises:
         InputError: As the settings themselves raise it.
