@@ -96,6 +96,14 @@ class _Control:
             return False
         return True
 
+    def _solve(self, measurement: Measurement, start: float) -> bool:
+        """Move the targets and solve the QP of a tick that began at `start`, s; return True if it has a solution."""
+        self.controller.model_time = perf_counter() - start
+        if self.prepare is not None:
+            self.prepare(self.observer.robot, measurement)
+        self.solution = self.controller.solve(measurement)
+        return self.solution.ok
+
     def _count(self, good: bool, measured: bool) -> bool:
         """Count failures; return True if the tick can be used."""
         if good and not self.stopped:
@@ -173,11 +181,7 @@ class TorqueControl(_Control):
         if measured:
             if self.observer.robot is not controller.robot:
                 controller.robot.update(self.observer.robot.q, self.observer.robot.v)
-            controller.model_time = perf_counter() - start
-            if self.prepare is not None:
-                self.prepare(self.observer.robot, measurement)
-            self.solution = controller.solve(measurement)
-            good = self.solution.ok
+            good = self._solve(measurement, start)
         if self._count(good, measured):
             assert self.solution is not None
             self._torques = self.solution.torques
@@ -282,11 +286,7 @@ class PositionControl(_Control):
         if measured:
             if self.feedback != "open":
                 robot.update(self.observer.robot.q, self.observer.robot.v)
-            controller.model_time = perf_counter() - start
-            if self.prepare is not None:
-                self.prepare(self.observer.robot, measurement)
-            self.solution = controller.solve(measurement)
-            good = self.solution.ok
+            good = self._solve(measurement, start)
         if self._count(good, measured):
             assert self.solution is not None
             acceleration = self.solution.accelerations
