@@ -208,4 +208,4 @@ def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFi
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:
     assert exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_p") and exists("wbc.Plant")
-    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.walk")
+    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.wlak")
