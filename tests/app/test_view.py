@@ -65,7 +65,7 @@ def new_plant() -> wbc.Plant:
 
 
 def fall_over(plant: wbc.Plant, commands: list[Command], view: MeshcatView | None = None) -> list[np.ndarray]:
-    """What happens to a robot with noisy sensors that is pushed over, and what its sensors say."""
+    """Push a robot over; return its true and measured states, with noisy sensors."""
     states = []
     for command in commands:
         if plant.ticks == 50:

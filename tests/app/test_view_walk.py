@@ -253,7 +253,7 @@ def test_annotations_say_everything_and_fit() -> None:
 
 
 class Commands(WalkHook):
-    """What was commanded."""
+    """Recorder of all commands."""
 
     def __init__(self) -> None:
         self.all: list[bytes] = []

@@ -30,6 +30,9 @@ from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
 
+Mode = Literal["position", "torque"]
+"""Control mode of the drives."""
+
 Prepare = Callable[[Robot, Measurement], None]
 """Function called once a tick with the estimated robot and the measurement, to move targets of tasks and contacts."""
 

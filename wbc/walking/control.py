@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import field, replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
-from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.control import Mode, PositionControl, TorqueControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -38,8 +38,6 @@ from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanMotion, LeanSettings
 from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.tasks import TaskGains, WalkTasks
 from wbc.walking.walk import Walk, WalkReference, WalkSettings
-
-Mode = Literal["position", "torque"]
 
 
 @settings
@@ -179,6 +177,11 @@ class WalkingControl:
     def steps_done(self) -> int:
         """Single supports that have ended; a foot that found no ground is taken to stand where it is."""
         return self.walk.steps_done
+
+    @property
+    def done(self) -> bool:
+        """True when the walk is over: finished, or ended by a fall."""
+        return self.finished or self.fallen is not None
 
     def stop(self) -> None:
         """Come to a stand safely."""

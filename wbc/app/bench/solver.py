@@ -15,7 +15,6 @@ import numpy as np
 import qpsolvers
 
 from wbc.app.bench.streams import ProblemStream, least_violation
-from wbc.app.bench.tick import solver_counts
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings, standard_form
@@ -162,7 +161,7 @@ def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tall
         tally.counts["streams"] += 1
         with _no_garbage_collection():
             tally.run(stream)
-        tally.solvers.update(solver_counts(stream.controller))
+        tally.solvers.update(stream.controller.solver_counts)
         tally.counts["switches"] += stream.switches
         progress(len(tally.wall))
     return tally

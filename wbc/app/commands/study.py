@@ -70,7 +70,7 @@ class RunOptions:
         cluster: Run through Dask instead: address of a scheduler, or "local" for a cluster of --workers processes.
         timeout: Wall time that a trial may take, s.
         retry: Run trials again that crashed or timed out.
-        sync: When a line is forced to the disk.
+        sync: Policy by which lines are forced to the disk.
     """
 
     journal: Path

@@ -12,13 +12,13 @@ from cyclopts import Parameter
 from rich.progress import Progress
 
 from wbc.app.address import Host, Port
+from wbc.app.files import FILMS
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
 from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
 
-FILMS = (".mp4", ".gif")
 EXPORTS = (".html", *FILMS)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.files import check_target
+from wbc.app.files import FILMS, check_target
 from wbc.app.replay.caption import caption
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.replay import Replay
@@ -28,7 +28,6 @@ from wbc.core.files import replacing
 
 Picture = NDArray[np.uint8]
 
-FILMS = (".mp4", ".gif")
 GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
     "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
