@@ -10,7 +10,7 @@ import pytest
 import qpsolvers
 
 from wbc.core.errors import InputError
-from wbc.core.qp.solver import standard_form
+from wbc.core.qp.other_solvers import standard_form
 from wbc.core.robot import GRAVITY
 from wbc.walking.stabilizer.distribution import (
     DistributionSettings,
