@@ -18,9 +18,9 @@ from wbc.feet.sensing.scan import (
     Profile,
     ScanSettings,
     resample,
-    toe_sensor,
     windows,
 )
+from wbc.feet.soles.soft import toe_sensor
 from wbc.sim.terrain import terrain
 
 DOWN = (0.0, 0.0, -1.0)
