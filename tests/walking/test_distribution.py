@@ -10,7 +10,8 @@ import pytest
 import qpsolvers
 
 from wbc.core.errors import InputError
-from wbc.core.qp.solver import standard_form
+from wbc.core.qp.other_solvers import standard_form
+from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.robot import GRAVITY
 from wbc.walking.stabilizer.distribution import (
     DistributionSettings,
@@ -211,6 +212,9 @@ def test_the_last_digits_of_proxqp_do_not_show() -> None:
     """They depend on where its memory lies; with mc_rtc's costs nothing else can solve many of these."""
     settings, shifts = DistributionSettings.legacy(), np.random.default_rng(5)
     one, other = (WrenchDistribution(SIZES, settings) for _ in range(2))
+    by_proxqp = SolverSettings(solver="proxqp", tolerance=1e-5, residual_tolerance=1e-3)
+    for each in (one, other):
+        each._solver = QpSolver(each._problem, by_proxqp)
     for net, soles, zmp, ratio, contact in random_cases(400, 11):
         if all(contact):
             continue

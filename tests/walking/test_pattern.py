@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
-from wbc.core.qp.solver import Status, standard_form
+from wbc.core.qp.other_solvers import standard_form
+from wbc.core.qp.solver import Status
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern

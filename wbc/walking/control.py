@@ -18,7 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.control import Mode, PositionControl, TorqueControl
+from wbc.core.control import Mode, PositionControl, SafetySettings, TorqueControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -57,6 +57,7 @@ class WalkingControlSettings:
         lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
+        safety: Ranges of measurements and commands.
     """
 
     mode: Mode = "position"
@@ -69,6 +70,7 @@ class WalkingControlSettings:
     falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
+    safety: SafetySettings = field(default_factory=SafetySettings)
 
 
 class WalkingControl:
@@ -140,11 +142,11 @@ class WalkingControl:
         self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
         self.control: PositionControl | TorqueControl
         if torque:
-            self.control = TorqueControl(self.controller, observer, prepare=self._prepare)
+            self.control = TorqueControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
         else:
             feedforward = self._feedforward if s.feedforward else False
             self.control = PositionControl(
-                self.controller, observer, prepare=self._prepare, feedforward=feedforward
+                self.controller, observer, prepare=self._prepare, feedforward=feedforward, safety=s.safety
             )
         self.reference: WalkReference | None = None
         self.output: StabilizerOutput | None = None
@@ -202,7 +204,10 @@ class WalkingControl:
         self._detect_fall()
         if self.stiffness is None:
             return command
-        return replace(command, sole_stiffness=self._schedule_stiffness(self.stiffness, measurement))
+        now = self.control.measurement
+        if self.control.failing or now is None:
+            return replace(command, sole_stiffness=self.stiffness.command)
+        return replace(command, sole_stiffness=self._schedule_stiffness(self.stiffness, now))
 
     # Steps of a tick
 
