@@ -40,7 +40,7 @@ def test_the_ladder_leaves_changing_limits_to_daqp_and_the_first_tick_to_proxqp(
     problems = stream()
     for _ in range(60):
         assert problems.step().ok
-    counts = problems.controller._solver.counts
+    counts = problems.controller.solver_counts
     assert counts["ProxQP"] == 1 and counts["DAQP"] > 5 and counts["active set"] > 5
 
 
