@@ -24,13 +24,22 @@ from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app.address import Address, listen
+from wbc.app.replay.page_server import PageServer
 from wbc.app.scene.sources import RobotSource
-from wbc.app.view import MeshcatView, guard, server
+from wbc.app.view import MeshcatView, PortError, guard, server
 from wbc.app.view import channel as channel_module
 from wbc.app.view.channel import MAX_ANNOTATIONS, Channel, _Newest, _slot
 from wbc.app.view.process import ServerSetup
 from wbc.app.view.server import Broadcast, page_routes
 from wbc.app.view.user_input import MAX_MESSAGE
+
+
+def has_ipv6() -> bool:
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        return False
+    return True
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +49,17 @@ def plant() -> wbc.Plant:
 
 @pytest.fixture(scope="module")
 def view(plant: wbc.Plant) -> Iterator[MeshcatView]:
-    with MeshcatView(plant, port=0, rate=1e6) as view:
+    with MeshcatView(plant, host="::1" if has_ipv6() else "127.0.0.1", port=0, rate=1e6) as view:
         yield view
+
+
+@pytest.mark.skipif(not has_ipv6(), reason="no IPv6 on this machine")
+def test_ipv6_addresses_open(view: MeshcatView) -> None:
+    assert re.match(r"http://\[::1\]:\d+/\?token=", view.url)
+    assert "hrp4_class" in view.html()
+    port = urlsplit(view.url).port
+    with pytest.raises(PortError, match=rf"\[::1\]:{port}.*another port"):
+        PageServer("::1", port)
 
 
 # ---- entries of the channel are whole -------------------------------------------------------------------------------
@@ -177,9 +195,9 @@ def upgrade(url: str) -> bytes:
 
 def deaf(url: str, request: bytes) -> socket.socket:
     """A client that asks and never reads."""
-    client = socket.socket()
-    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     place = urlsplit(url)
+    client = socket.socket(socket.AF_INET6 if ":" in str(place.hostname) else socket.AF_INET)
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     client.connect((place.hostname, place.port))
     client.sendall(request)
     return client

@@ -165,26 +165,6 @@ def test_an_unknown_host_is_asked_for_once(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(asked) == 1
 
 
-def has_ipv6() -> bool:
-    try:
-        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
-    except OSError:
-        return False
-    return True
-
-
-@pytest.mark.skipif(not has_ipv6(), reason="no IPv6 on this machine")
-def test_ipv6_addresses_open(view: MeshcatView) -> None:
-    token = urlsplit(view.url).query
-    with MeshcatView(wbc.load_robot("hrp4_class"), host="::1", port=0) as other:
-        assert re.match(r"http://\[::1\]:\d+/\?token=", other.url)
-        assert urlsplit(other.url).query != token
-        assert "hrp4_class" in other.html()
-        port = urlsplit(other.url).port
-        with pytest.raises(PortError, match=rf"\[::1\]:{port}.*another port"):
-            PageServer("::1", port)
-
-
 # ---- who is obeyed --------------------------------------------------------------------------------------------------
 
 

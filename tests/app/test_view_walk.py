@@ -566,5 +566,12 @@ def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) 
             tick(trial)
             view.update()
         browser.wait('document.getElementById("text").textContent.includes("pushed forward")')
-        assert not browser.errors
-        assert all(url.startswith((view.url, "data:")) for url in browser.requests)
+
+        browser.open(page_url(view, "scene.html", token=False))
+        browser.wait(f"typeof viewer !== 'undefined' && {TREE}.length > 100")
+        place = view.url.partition("?")[0]
+        browser.open(place)  # without the token
+        browser.wait("document.getElementById('pause')?.disabled")
+        assert "open the link" in browser.evaluate("document.getElementById('change').textContent")
+        assert not browser.errors  # nor has the content security policy blocked anything
+        assert all(url.startswith((place, "data:", "blob:")) for url in browser.requests)

@@ -20,7 +20,7 @@ from wbc.app.view.user_input import MAX_MESSAGE
 SEND_TIME = 60.0
 """Longest time for an answer to be taken, s; a client that is slower is dropped."""
 
-PING_TIME = 20.0
+PING_TIME = 60.0
 """Period of the pings of a WebSocket, and longest time for the answer, s; a client that does not read is dropped."""
 
 IDLE_TIME = 60.0

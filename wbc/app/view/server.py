@@ -42,7 +42,7 @@ from wbc.core.errors import Array
 MAX_POLL_TIME = 0.03
 """Longest time between two checks for a new frame, s."""
 
-MAX_PAGES = 64
+MAX_PAGES = 32
 """Largest number of open pages."""
 
 POLICY_VIOLATION, TRY_LATER = 1008, 1013
