@@ -107,7 +107,7 @@ def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     assert dict(os.environ) == before
 
 
-@pytest.mark.parametrize(("workers", "killed"), [(1, 1), (2, 3)])
+@pytest.mark.parametrize(("workers", "killed"), [(1, 1), pytest.param(2, 3, marks=pytest.mark.slow)])
 def test_workers_that_are_killed_while_they_start_end_no_sweep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int, killed: int
 ) -> None:
@@ -121,6 +121,7 @@ def test_workers_that_are_killed_while_they_start_end_no_sweep(
     assert killed < len(starts.read_text().splitlines()) <= killed + workers
 
 
+@pytest.mark.slow
 def test_workers_that_never_start_end_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_module, "_start_worker", killed_at_start)
     monkeypatch.setattr(sweep_module, "STARTS", 2)
