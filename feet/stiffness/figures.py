@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.core.files import replacing
+from wbc.core.files import save_figure
 from wbc.feet.stiffness.analysis import (
     LearningCurve,
     learning_curve,
@@ -48,8 +48,7 @@ def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings 
     grounds = cross_validate(table, given, "grounds")
     curve = learning_curve(table, given)
     figure = model_figure(table, given, grounds, curve)
-    with replacing(target) as new:
-        figure.savefig(new, dpi=130)
+    save_figure(figure, target, dpi=130)
 
 
 def model_figure(

@@ -30,6 +30,7 @@ ELSEWHERE = {
     "study list": "app/test_walks_command.py",
     "study show": "app/test_walks_command.py",
     "study run": "app/test_walks_command.py",
+    "study rerun": "app/test_files_written.py",
     "study table": "app/test_walks_command.py",
     "study plot": "app/test_walks_command.py",
     "study export": "app/test_walks_command.py",

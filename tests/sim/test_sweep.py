@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -17,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sweep_trials import MadeUpTrial
+from sweep_trials import MadeUpTrial, killed_at_start
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.studies import trials
@@ -28,9 +29,11 @@ from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.stiffness_studies import DATA
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_table
-from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
+from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
+
+sweep_module = sys.modules[sweep.__module__]  # the package has the function under the same name
 
 SUPPORT = str(Path(__file__).parents[1] / "support")
 
@@ -104,6 +107,69 @@ def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     result = entries[2].result
     assert result is not None and result["threads"] == "1"
     assert dict(os.environ) == before
+
+
+@pytest.mark.parametrize(("workers", "killed"), [(1, 1), pytest.param(2, 3, marks=pytest.mark.slow)])
+def test_workers_that_are_killed_while_they_start_end_no_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int, killed: int
+) -> None:
+    marks, path, starts = tmp_path / "marks", tmp_path / "journal.jsonl", tmp_path / "starts"
+    monkeypatch.setattr(sweep_module, "_start_worker", killed_at_start)
+    monkeypatch.setenv("WBC_TEST_STARTS", f"{killed} {starts}")
+    trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
+    with Journal(path) as journal:
+        assert sweep(trials, journal, workers=workers).counts == {"done": 3}
+    assert marks_of(marks) == {0: 1, 1: 1, 2: 1}
+    assert killed < len(starts.read_text().splitlines()) <= killed + workers
+
+
+@pytest.mark.slow
+def test_workers_that_never_start_end_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweep_module, "_start_worker", killed_at_start)
+    monkeypatch.setattr(sweep_module, "STARTS", 2)
+    monkeypatch.setenv("WBC_TEST_STARTS", f"99 {tmp_path / 'starts'}")
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        with pytest.raises(SweepError, match="ended 2 times before one began.*__main__"):
+            sweep([MadeUpTrial(0)], journal)
+        assert not journal.entries
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.2, 0.5, 0.8, 1.1])
+@pytest.mark.parametrize(("workers", "victim"), [(1, 1), (2, 1), (2, 2)])
+def test_a_worker_may_be_killed_at_any_moment_of_its_start(
+    tmp_path: Path, workers: int, victim: int, delay: float
+) -> None:
+    """A signal from outside, so many seconds after the process has appeared; it may have a trial by then."""
+    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
+    code = f"import sys; sys.path.insert(0, {SUPPORT!r}); import sweep_trials; sweep_trials.main()"
+    words = [str(path), str(marks), "6", "0.2", str(workers)]
+    process = subprocess.Popen([sys.executable, "-c", code, *words])
+    try:
+        seen: list[int] = []
+        while len(seen) < victim and process.poll() is None:
+            seen += [pid for pid in _workers_of(process.pid) if pid not in seen]
+            time.sleep(0.002)
+        time.sleep(delay)
+        os.kill(seen[victim - 1], signal.SIGKILL)
+        assert process.wait(timeout=120.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+    statuses = Counter(entry.status for entry in read_journal(path).values())
+    assert statuses["done"] + statuses["crashed"] == 6 and statuses["crashed"] <= 1
+    assert len(marks_of(marks)) == 6
+
+
+def _workers_of(pid: int) -> list[int]:
+    """Return the processes that a sweep has started to run trials."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == pid and "spawn_main" in (folder / "cmdline").read_text():
+                found.append(int(folder.name))
+    return found
 
 
 @pytest.mark.slow

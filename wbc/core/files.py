@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wbc.core.errors import InputError, WbcError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BESIDE = ".wbc-"
 """Beginning of the name of a file that is being written; one that is left over belongs to a killed program."""
@@ -75,6 +80,23 @@ def write_text(path: str | Path, text: str) -> None:
     """
     with replacing(path) as new:
         new.write_text(text, encoding="utf-8", newline="")
+
+
+def save_figure(figure: Figure, path: str | Path, *, dpi: float) -> None:
+    """Write a figure of Matplotlib in place of an old file; the ending of its name chooses the format.
+
+    Args:
+        figure: The figure.
+        path: File to write.
+        dpi: Resolution, pixels per inch.
+
+    Raises:
+        FileError: As `replacing` raises it.
+    """
+    picture = io.BytesIO()  # a figure that fails in the middle of a file would leave it open
+    figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=dpi)
+    with replacing(path) as new:
+        new.write_bytes(picture.getbuffer())
 
 
 def move_into_place(new: Path, target: Path) -> None:

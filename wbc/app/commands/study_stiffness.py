@@ -13,13 +13,11 @@ from pydantic import Field
 from wbc.app.commands.study import (
     JournalOptions,
     PartOptions,
-    RunOptions,
     StudyName,
     note_left_out,
     read_study,
-    run_trials,
-    summary_text,
 )
+from wbc.app.commands.study_run import RunOptions, run_trials, summary_text
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError

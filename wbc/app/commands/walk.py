@@ -25,6 +25,10 @@ def walk(
     output: OutputOptions = Output(),
 ) -> Report:
     """Walk in the simulator, and report how far the robot came and how well. A fall is a result like any other."""
+    target = None
+    if options.record is not None:
+        inputs = [options.spec, options.config, *options.param, *options.policy_param]
+        target = check_target("a log", options.record, (".arrow",), inputs)
     spec = options.walk()
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         check_clearance(spec.ground(), spec.gait.swing_height)
@@ -33,11 +37,9 @@ def walk(
     with ExitStack() as stack:
         trial = WalkTrial(spec)
         watch = stack.enter_context(live.watch(trial))
-        if options.record is not None:
+        if target is not None:
             from wbc.app.log import Recorder as LogFile  # noqa: PLC0415 - most walks are not recorded
 
-            inputs = [options.spec, options.config, *options.param, *options.policy_param]
-            target = check_target("a log", options.record, (".arrow",), inputs)
             record = stack.enter_context(LogFile(target, spec=spec))
             if watch is not None:
                 record.add("view/change", watch.news, about="changed from the page since the tick before")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from wbc.app.files import check_target
-from wbc.core.files import replacing
+from wbc.core.files import replacing, save_figure
 
 FORMATS = (".png", ".svg", ".pdf")
 DPI = 130
@@ -44,14 +45,16 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
     """
     target = check_output(path)
     if target.suffix.lower() == ".pdf":
-        with replacing(target) as new, PdfPages(new) as pages:
+        document = io.BytesIO()
+        with PdfPages(document) as pages:
             for figure in figures.values():
                 pages.savefig(figure)
+        with replacing(target) as new:
+            new.write_bytes(document.getbuffer())
         return [target]
     written = []
     for name, figure in figures.items():
         place = target if len(figures) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
-        with replacing(place) as new:
-            figure.savefig(new, dpi=DPI)
+        save_figure(figure, place, dpi=DPI)
         written.append(place)
     return written

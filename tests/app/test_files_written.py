@@ -1,0 +1,273 @@
+"""Files that commands write: a full disk leaves the old one, and none is written over a file that is read."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from full_disk import limited_file_size
+from log_writing import write
+
+from wbc.app.cli import BAD_INPUT, FAILED, RAN, main
+from wbc.app.log import Log
+from wbc.app.log.writer import ROWS, part_path
+from wbc.feet.stiffness.model import DEFAULT_TABLE
+from wbc.sim.studies.journal import Entry, Journal, read_journal
+from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.study import Study
+from wbc.sim.walks import WalkSpec
+
+Captured = pytest.CaptureFixture[str]
+
+STUDY = {
+    "name": "small",
+    "base": {"plan": {"distance": 0.05}, "noise": "none"},
+    "cells": {"level": {"terrain": "flat"}},
+    "arms": {"flat": {"foot": "flat"}, "soft": {"foot": "soft"}},
+    "seeds": [1, 2],
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a study, its journal, a log, a table and a picture."""
+    importlib.import_module("joblib")  # which tries the disk when it is imported
+    monkeypatch.chdir(tmp_path)
+    Path("study.json").write_text(json.dumps(STUDY))
+    with Journal("journal.jsonl") as journal:
+        for trial in Study.from_json(STUDY).trials():
+            result = {"outcome": "completed", "steps_done": 2 + trial.seed}
+            journal.add(Entry(trial.spec.to_json(), "done", result, None, None, provenance()))
+    write(Path("log.arrow"), 300).close()
+    shutil.copy(DEFAULT_TABLE, "grounds.csv")
+    np.savetxt("heights.csv", np.outer(np.arange(8.0), np.arange(8.0)), delimiter=",")
+    yield tmp_path
+
+
+STUDY_WORDS = ["study.json", "--journal", "journal.jsonl", "-o"]
+IMAGE = ["terrain", "image", "--param", "source=heights.csv", "--param", "metres_per_pixel=0.02", "--plot"]
+
+WRITERS: dict[str, list[str]] = {
+    "table.csv": ["study", "export", *STUDY_WORDS],
+    "study.png": ["study", "plot", *STUDY_WORDS],
+    "model.json": ["stiffness", "train", "grounds.csv", "-o"],
+    "signals.png": ["plot", "log.arrow", "com/estimated", "-o"],
+    "signals.pdf": ["plot", "log.arrow", "com/estimated", "-o"],
+    "ground.svg": IMAGE,
+    "spec.json": ["study", "rerun", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
+}
+"""File to write → command that writes it."""
+
+
+def words_for(name: str) -> list[str]:
+    return [next(iter(read_journal("journal.jsonl"))) if word == "KEY" else word for word in WRITERS[name]]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk_leaves_the_old_file_and_one_line(folder: Path, name: str, capsys: Captured) -> None:
+    Path(name).write_text("old")
+    before = sorted(os.listdir())
+    with limited_file_size(20):
+        assert main([*words_for(name), name]) == FAILED
+    captured = capsys.readouterr()
+    assert captured.err.splitlines()[-1] == f"wbc: cannot write {name}: File too large"
+    assert "Traceback" not in captured.err and not captured.out
+    assert Path(name).read_text() == "old" and sorted(os.listdir()) == before
+    if name != "spec.json":  # it walks
+        assert main([*words_for(name), name]) == RAN
+        assert Path(name).read_bytes() != b"old" and sorted(os.listdir()) == before
+
+
+INPUTS: list[tuple[list[str], str]] = [
+    (WRITERS["table.csv"], "journal.jsonl"),
+    (WRITERS["table.csv"], "study.json"),
+    (WRITERS["study.png"], "journal.jsonl"),
+    (WRITERS["model.json"], "grounds.csv"),
+    (["stiffness", "judge", "grounds.csv", "--plot"], "grounds.csv"),
+    (WRITERS["signals.png"], "log.arrow"),
+    (["view", "log.arrow", "-o"], "log.arrow"),
+    (IMAGE, "heights.csv"),
+    (["foot", "press", *["--terrain", *IMAGE[1:]]], "heights.csv"),
+    (["foot", "pitch", *["--terrain", *IMAGE[1:]]], "heights.csv"),
+    (WRITERS["spec.json"], "journal.jsonl"),
+    (["study", "dataset", "--journal", "journal.jsonl", "--output"], "journal.jsonl"),
+    (["walk", "--spec", "study.json", "--record"], "study.json"),
+    (["walk", "--distance", "0.05", "--param", "source=heights.csv", "--record"], "heights.csv"),
+]
+"""Command that ends in the option of a file to write, and a file that it reads."""
+
+ENDINGS = {
+    "export": ".csv",
+    "train": ".json",
+    "view": ".html",
+    "rerun": ".json",
+    "dataset": ".csv",
+    "walk": ".arrow",
+}
+
+
+@pytest.mark.parametrize("kind", ["hard", "symbolic"])
+@pytest.mark.parametrize(("words", "read"), INPUTS)
+def test_a_file_that_is_read_is_not_written(
+    folder: Path, words: list[str], read: str, kind: str, capsys: Captured
+) -> None:
+    """By another name, because the ending of the same name is refused already where it is not that of the output."""
+    ending = next((ENDINGS[word] for word in words if word in ENDINGS), ".png")
+    output = Path(f"output{ending}")
+    content = Path(read).read_bytes()
+    if kind == "hard":
+        output.hardlink_to(read)
+    else:
+        output.symlink_to(read)
+    assert main([*words, str(output)]) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert "it is read, too" in captured.err and captured.err.count("\n") == 1, captured.err
+    assert Path(read).read_bytes() == content
+
+
+def test_an_export_onto_its_own_journal_is_refused(folder: Path, capsys: Captured) -> None:
+    shutil.move("journal.jsonl", "journal.csv")
+    content = Path("journal.csv").read_bytes()
+    for name in ("journal.csv", f"../{folder.name}/journal.csv", str(folder / "journal.csv")):
+        words = ["study", "export", "study.json", "--journal", "journal.csv", "-o", name]
+        assert main(words) == BAD_INPUT
+        assert "choose another name" in capsys.readouterr().err
+        assert Path("journal.csv").read_bytes() == content
+
+
+def test_a_recording_that_lost_data_says_so(folder: Path, capsys: Captured) -> None:
+    old = Path("log.arrow").read_bytes()
+    words = ["walk", "--terrain", "flat", "--foot", "flat", "--distance", "0.05", "--record", "log.arrow"]
+    with limited_file_size(500_000):
+        assert main([*words, "--json"]) == FAILED
+    captured = capsys.readouterr()
+    last = captured.err.splitlines()[-1]
+    assert last.startswith("wbc: the recording log.arrow lost data: ") and "File too large" in last
+    result = json.loads(captured.out)
+    assert result["outcome"] == "completed" and f"wbc: {result['record_failure']}" == last
+    part = Log.open(part_path(Path("log.arrow")))
+    assert f" {len(part)} of " in last and len(part) % ROWS == 0 and Path("log.arrow").read_bytes() == old
+    assert main([*words, "--json"]) == RAN
+    assert json.loads(capsys.readouterr().out)["record_failure"] is None
+    assert Log.open("log.arrow").broken is None and not part_path(Path("log.arrow")).exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_result_that_cannot_be_printed_is_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "wbc", "robots"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (FAILED, "wbc: [Errno 28] No space left on device\n")
+
+
+def mounted(folder: Path, kilobytes: int) -> bool:
+    words = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)]
+    return subprocess.run(words, capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_disk_that_is_really_full(folder: Path, name: str, capsys: Captured) -> None:
+    disk = folder / "disk"
+    disk.mkdir()
+    if shutil.which("mount") is None or not mounted(disk, 16):
+        pytest.skip("a disk can only be mounted by root")
+    try:
+        target = disk / name
+        target.write_text("old")
+        (disk / "ballast").write_bytes(bytes(8192))
+        assert main([*words_for(name), str(target)]) in (FAILED, RAN)
+        err = capsys.readouterr().err
+        assert f"wbc: cannot write {target}: No space left on device" in err or target.stat().st_size > 3
+        assert sorted(os.listdir(disk)) == sorted([name, "ballast"])
+        if "No space" in err:
+            assert target.read_text() == "old"
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_entries_of_other_code_that_are_left_out_are_counted(folder: Path, capsys: Captured) -> None:
+    entries = list(read_journal("journal.jsonl").values())
+    Path("journal.jsonl").unlink()
+    older = {**provenance(), "code": "0123456789ab"}
+    with Journal("journal.jsonl") as journal:
+        journal.add(entries[0])
+        for entry in entries[1:]:
+            journal.add(replace(entry, version=older))
+        journal.add(replace(entries[0], version=older))
+        other = WalkSpec(seed=77).to_json()
+        journal.add(Entry(other, "done", {}, None, None, provenance()))
+        journal.add(Entry(other | {"nose": "long"}, "done", {}, None, None, older))
+    counts = {"entries": 7, "other_code": 4, "other_trials": 1, "unreadable": 1}
+    commands = {"table": [], "export": ["-o", "table.csv"], "plot": ["-o", "table.png"]}
+    for command, more in commands.items():
+        words = ["study", command, "study.json", "--journal", "journal.jsonl", *more, "--json"]
+        assert main(words) == RAN
+        captured = capsys.readouterr()
+        left_out = json.loads(captured.out)["left_out"]
+        assert {name: left_out[name] for name in counts} == counts
+        (reason,) = left_out["differences"]
+        assert reason == f"code 0123456789ab instead of {provenance()['code']}"
+        assert left_out["differences"][reason] == 4 and left_out["replaced"] == 0
+    assert main(["study", "table", "study.json", "--journal", "journal.jsonl", "--any-code", "--json"]) == RAN
+    left_out = json.loads(capsys.readouterr().out)["left_out"]
+    assert (left_out["other_code"], left_out["replaced"]) == (0, 1)
+
+
+def test_left_out_entries_are_said(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    entries = read_journal("journal.jsonl").values()
+    with Journal("older.jsonl") as journal:
+        for entry in entries:
+            journal.add(replace(entry, version={**provenance(), "wbc": "0.0.1"}))
+    words = ["study", "table", "study.json", "--journal", "older.jsonl"]
+    assert main(words) == RAN
+    (said,) = caplog.messages
+    assert said.startswith(
+        "4 of 4 entries are left out: 4 of another version of the code (4: wbc 0.0.1 instead of"
+    )
+    assert said.endswith("which --any-code takes")
+    caplog.clear()
+    assert main([*words, "--any-code"]) == RAN and not caplog.messages
+
+
+def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Path, capsys: Captured) -> None:
+    entries = list(read_journal("journal.jsonl").values())
+    with Journal("bad journal.jsonl") as journal:
+        for entry, status in zip(entries, ("done", "diverged", "crashed", "timeout"), strict=True):
+            result = entry.result if status == "done" else None
+            error = None if status == "done" else "the process that ran it died"
+            journal.add(replace(entry, status=status, result=result, error=error))
+    assert main(["study", "run", "study.json", "--journal", "bad journal.jsonl"]) == RAN
+    lines = [line for line in capsys.readouterr().out.splitlines() if "wbc study rerun" in line]
+    assert [line.partition("#")[2].strip() for line in lines] == [
+        "diverged: level, soft, seed 1",
+        "crashed: level, flat, seed 2",
+        "timeout: level, soft, seed 2",
+    ]
+    words = shlex.split(lines[1], comments=True)[1:]
+    assert main([*words, "-o", "walk.json", "--json"]) == RAN
+    again = json.loads(capsys.readouterr().out)
+    assert again["status"] == "done" and again["result"]["outcome"] == "completed" and not again["same"]
+    assert again["journal"]["status"] == "crashed" and "died" in again["journal"]["error"]
+    assert again["spec"] == json.loads(Path("walk.json").read_text()) == entries[2].spec
+    assert main(["walk", "--spec", "walk.json", "--json"]) == RAN
+    walked = json.loads(capsys.readouterr().out)
+    assert walked["spec"] == again["spec"] and walked["distance"] == again["result"]["distance"]
+    for key, message in (("zz", "no key of the journal 'zz'"), ("", "no key of the journal")):
+        assert main(["study", "rerun", "--journal", "bad journal.jsonl", "--key", key]) == BAD_INPUT
+        assert message in capsys.readouterr().err

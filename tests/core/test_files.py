@@ -1,0 +1,109 @@
+"""Files are replaced whole or not at all, whatever the disk and the program do meanwhile."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import stat
+from pathlib import Path
+
+import pytest
+from full_disk import limited_file_size
+
+import wbc
+from wbc.core.files import BESIDE, FileError, replacing, same_file, write_text
+
+OLD = "old\n"
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    path = tmp_path / "table.csv"
+    path.write_text(OLD)
+    return path
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_new_file_takes_the_place_of_the_old_one_when_it_is_complete(old: Path) -> None:
+    with replacing(old) as new:
+        new.write_text("half")
+        assert old.read_text() == OLD
+        assert new.parent == old.parent and new.suffix == old.suffix and new.name.startswith(BESIDE)
+        new.write_text("whole")
+    assert old.read_text() == "whole" and names(old.parent) == [old.name]
+
+
+@pytest.mark.parametrize(
+    "error",
+    [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), OSError("unknown"), ValueError(), KeyboardInterrupt()],
+)
+def test_after_an_error_the_old_file_is_as_it_was(old: Path, error: BaseException) -> None:
+    kind = FileError if isinstance(error, OSError) else type(error)
+    with pytest.raises(kind) as caught, replacing(old) as new:  # noqa: PT012 - the block is what is tested
+        new.write_text("half")
+        raise error
+    if isinstance(error, OSError):
+        assert str(caught.value) == f"cannot write {old}: {error.strerror or error}"
+    assert old.read_text() == OLD and names(old.parent) == [old.name]
+
+
+def test_a_full_disk_leaves_the_old_file(old: Path) -> None:
+    with limited_file_size(100), pytest.raises(FileError, match="cannot write .*table.csv: File too large"):
+        write_text(old, 1000 * "x")
+    assert old.read_text() == OLD and names(old.parent) == [old.name]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_device_is_not_replaced() -> None:
+    before = os.stat("/dev/full")
+    with pytest.raises(FileError, match="no regular file|Permission"):
+        write_text("/dev/full", "x")
+    assert os.stat("/dev/full").st_ino == before.st_ino and stat.S_ISCHR(os.stat("/dev/full").st_mode)
+
+
+def test_permissions_and_symbolic_links_stay(old: Path) -> None:
+    old.chmod(0o640)
+    link = old.with_name("link.csv")
+    link.symlink_to(old.name)
+    write_text(link, "new")
+    assert link.is_symlink() and old.read_text() == "new" and stat.S_IMODE(old.stat().st_mode) == 0o640
+    plain = old.with_name("plain.csv")
+    plain.touch()
+    write_text(old.with_name("fresh.csv"), "new")
+    assert old.with_name("fresh.csv").stat().st_mode == plain.stat().st_mode
+
+
+def test_the_same_file_is_known_by_all_its_names(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    symbolic, hard, other = (old.with_name(name) for name in ("symbolic", "hard", "other"))
+    symbolic.symlink_to(old)
+    hard.hardlink_to(old)
+    other.write_text(OLD)
+    monkeypatch.chdir(old.parent)
+    for path in (symbolic, hard, Path(old.name), Path("../") / old.parent.name / old.name):
+        assert same_file(old, path) and same_file(path, old)
+    assert not same_file(old, other) and not same_file(old, "missing") and not same_file(old, "a\0b")
+
+
+WRITES = re.compile(
+    r"\.savefig\(|\.write_text\(|\.write_bytes\(|open\([^)]*\"[wax]b?\"|\.save\(path|np\.save"
+)
+
+
+def test_nothing_is_written_in_another_way() -> None:
+    """Whatever writes a file does it to the `new` of `replacing`; a log and a journal have their own ways."""
+    root = Path(wbc.__file__).parent
+    linked = [folder for folder in root.iterdir() if folder.is_symlink()]  # these are not followed
+    paths = [path for folder in (root, *linked) for path in sorted(folder.rglob("*.py"))]
+    assert any("terrain" in path.parts for path in paths)
+    for path in paths:
+        if path.relative_to(root).as_posix() == "core/files.py":
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if WRITES.search(line) and not re.search(r"\(new\b|\bnew\.", line):
+                doc = line.strip().startswith(("Path(", "with", "log", "figure")) and '"walk' in line
+                paged = "pages.savefig(figure)" in line or "first.save(path" in line  # into `new`, too
+                assert doc or paged, f"{path}:{number}: {line.strip()}"
