@@ -33,7 +33,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = Path(__file__).with_suffix(".txt")
 RESULTS = ROOT / "build" / "mutations.jsonl"
-SLOWEST = 300.0
+SLOWEST = 120.0
 """Time after which the tests hang, s: that is noticed, too."""
 
 OUTPUT = "output.txt"

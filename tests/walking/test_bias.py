@@ -106,6 +106,19 @@ def test_it_never_believes_more_than_its_limit_and_recovers_at_once() -> None:
     np.testing.assert_allclose(history[-1], [0.02, -0.01], atol=1e-9)
 
 
+def test_the_limit_moves_what_it_cuts_off_the_bias_to_the_dcm() -> None:
+    """Both together explain the measurement as well as without a limit."""
+    bounded, free = (BiasEstimator(BiasSettings(limit=(limit, limit))) for limit in (0.004, np.inf))
+    for _ in range(200):
+        for estimator in (bounded, free):
+            estimator.update(np.array([0.01, -0.02]), np.array([0.012, -0.025]), 0.0, OMEGA, 0.005)
+        if np.abs(free.bias).max() > 0.004:
+            break
+        np.testing.assert_allclose(bounded.bias, free.bias, atol=1e-12)
+    assert np.abs(bounded.bias - free.bias).max() > 1e-6
+    np.testing.assert_allclose(bounded.dcm + bounded.bias, free.dcm + free.bias, atol=1e-12)
+
+
 def test_one_step_is_the_kalman_filters() -> None:
     settings = BiasSettings(limit=(np.inf, np.inf))
     estimator = BiasEstimator(settings)

@@ -235,10 +235,13 @@ def test_oracle_9_the_com_admittance_leaks_away_in_10_s() -> None:
 
 def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> None:
     c = ComAdmittance(replace(LEGACY, com_admittance=0.5))
+    speed = 0.0
     for k in range(400):
         before = c.offset.copy()
         c.update(np.array([-0.2, 0.01 * np.sin(0.1 * k)]), 0.0, DT)
         np.testing.assert_allclose(c.velocity, (c.offset - before) / DT, atol=1e-15)
+        assert c.acceleration[1] == pytest.approx((c.velocity[1] - speed) / DT, abs=1e-12)
+        speed = c.velocity[1]
     assert c.offset[0] == LEGACY.max_com_offset
     assert c.velocity[0] == c.acceleration[0] == 0.0
     assert c.velocity[1] != 0.0
@@ -437,7 +440,64 @@ def test_a_known_bias_changes_nothing_but_the_measurement() -> None:
     np.testing.assert_allclose(mended.feet.wrenches, truth.feet.wrenches, atol=1e-3)
 
 
+def test_the_rate_of_the_dcm_error_is_its_derivative() -> None:
+    """Over a ZMP that moves, but for the constant that the high-pass takes off."""
+    feedback = DcmFeedback(StabilizerGains(derivator_time=1e6))
+    omega, dt = REST.omega, 1e-4
+    com, velocity = np.array([0.02, -0.01, HEIGHT]), np.array([-0.05, 0.03, 0.0])
+    dcm, rate = [], []
+    for k in range(1000):
+        point = 0.03 * np.array([np.sin(30 * k * dt), np.cos(20 * k * dt)])
+        errors = feedback.errors(REST, com, velocity, point, dt)
+        dcm.append(errors.dcm)
+        rate.append(errors.rate)
+        velocity[:2] += dt * omega**2 * (com[:2] - point)
+        com[:2] += dt * velocity[:2]
+    slope = np.diff(dcm, axis=0) / dt
+    np.testing.assert_allclose(np.array(rate)[1:-1] - rate[1], slope[1:] - slope[1], atol=5e-3)
+    assert np.ptp(slope, axis=0).min() > 0.1
+
+
+def test_the_force_through_the_com_meets_the_ground_at_the_zmp_whatever_its_vertical_part() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        com, acceleration = rng.normal(size=3) + [0.0, 0.0, 2.0], rng.uniform(-4.0, 4.0, 3)
+        ground = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3]))
+        expected = zmp(wrench_through(com, acceleration, MASS), ground)
+        np.testing.assert_allclose(zmp_of_force(com, acceleration, 0.3), expected, atol=1e-9)
+
+
 # Corrections
+
+
+@pytest.mark.parametrize("wrench_time", [0.0, 0.05])
+def test_feet_turn_by_the_error_of_the_filtered_wrenches_to_the_desired_ones(wrench_time: float) -> None:
+    s = stabilizer(replace(LEGACY, cop_admittance=0.01, wrench_time=wrench_time, dcm_p=5.0))
+    filtered = None
+    for k in range(10):
+        wrenches = STANDING + np.array([[0, 0, 20.0, 3.0, -2.0, 0], [0, 0, -20.0, -1.0, 4.0, 0]]) * np.sin(k)
+        out = tick(s, com=[0.01, 0.005, HEIGHT], wrenches=wrenches)
+        share = 1.0 if filtered is None or not wrench_time else 1.0 - np.exp(-DT / wrench_time)
+        filtered = wrenches if filtered is None else filtered + share * (wrenches - filtered)
+        assert np.abs(out.feet.wrenches[:, 3:5]).max() > 1.0
+        for felt, wanted, correction in zip(filtered, out.feet.wrenches, out.corrections, strict=True):
+            expected = cop_rates(s.gains, felt, wanted)
+            np.testing.assert_allclose((correction.roll_rate, correction.pitch_rate), expected, atol=1e-9)
+
+
+def test_rotations_leak_at_their_rate_about_both_axes() -> None:
+    f = FootAdmittance(StabilizerGains(cop_admittance=0.05, rotation_leak=2.0, force_difference=0.0))
+    felt = feet(300.0, 300.0)
+    felt[:, 3:5] = 10.0, -6.0
+    for _ in range(100):
+        f.update(felt, feet(300.0, 300.0), (True, True), 1e-3)
+    start = f.correction(0)
+    assert start.roll > 0.01 and start.pitch < -0.01
+    for _ in range(500):
+        f.update(feet(300.0, 300.0), feet(300.0, 300.0), (True, True), 1e-3)
+    left = (1.0 - 1e-3 * 2.0) ** 500
+    end = f.correction(0)
+    np.testing.assert_allclose((end.roll, end.pitch), (left * start.roll, left * start.pitch), rtol=1e-6)
 
 
 def heights_after(gains: StabilizerGains, seconds: float) -> np.ndarray:
@@ -488,6 +548,13 @@ def test_foot_heights_settle_and_leak() -> None:
     assert f.correction(1).height == right.height and f.correction(1).height_rate == 0.0
     f.reset(1)
     assert f.correction(1) == FootCorrection() and f.correction(0) != FootCorrection()
+
+
+def test_a_correction_pitches_a_foot_as_its_pitch_rate_says() -> None:
+    flat = FootMotion.at_rest(pin.SE3.Identity())
+    moved = FootCorrection(pitch=0.1, pitch_rate=0.5).apply(flat)
+    np.testing.assert_allclose(pin.log3(moved.placement.rotation), [0.0, 0.1, 0.0], atol=1e-12)
+    np.testing.assert_allclose(moved.velocity, [0, 0, 0, 0, 0.5, 0], atol=1e-12)
 
 
 def test_corrections_stop_at_their_bounds_and_say_so_in_the_rate() -> None:

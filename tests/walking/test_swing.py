@@ -38,6 +38,20 @@ def check_smooth(motion: object, times: np.ndarray, h: float = 1e-5) -> None:
         assert np.abs(near[1] - near[0]).max() < 1e-3
 
 
+def test_a_foot_leaves_late_to_a_stair_above_and_arrives_early_over_one_below() -> None:
+    """So that it passes the edge of the stair with its height."""
+    times = np.linspace(0.0, 0.8, 801)
+
+    def travel(rise: float) -> tuple[float, float]:
+        foot = swing(replace(THERE, z=rise))
+        share = np.array([foot.at(t).placement.translation[0] for t in times]) / THERE.x
+        return float(times[np.argmax(share > 0.02)]), float(times[np.argmax(share > 0.98)])
+
+    (leave, arrive), (leave_up, arrive_up), (leave_down, arrive_down) = map(travel, (0.0, 0.05, -0.05))
+    assert leave_up > leave + 0.02 and arrive_down < arrive - 0.02
+    assert arrive_up >= arrive and leave_down <= leave
+
+
 tilts = st.floats(-0.3, 0.3)
 
 
