@@ -1,0 +1,184 @@
+"""Checks of the arguments of public functions and constructors against their annotations.
+
+    @checked
+    def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") -> FootstepPlan: ...
+
+    walk_distance(None, 1.0)  # InputError: start must be FootstepPlan, got None
+
+Settings check themselves (`wbc.core.settings`); `checked` does it for everything else that a user calls. Functions of
+the tick are `checked_on_failure`: a good call costs nothing.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import InstanceOf, PlainValidator, TypeAdapter, ValidationError
+
+from wbc.core.errors import InputError, finite_array, shown
+from wbc.core.settings import CONFIG, bounded, plain_value, rule_of
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+SIMPLE = (bool, int, float, str, type(None))
+
+WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, RecursionError)
+"""Exceptions that a wrong argument causes in code that does not expect it."""
+
+
+def checked(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a public function or constructor: its arguments are checked against its annotations before it runs.
+
+    Numbers are finite, arrays hold finite numbers, objects are instances of their class. Callables, protocols and
+    `**options` are not looked at.
+
+    Args:
+        function: The function; its annotations must be importable at run time.
+
+    Returns:
+        The function; it raises `InputError` naming the argument, the rule and the value.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        _check(function, signature, args, kwargs)
+        return function(*args, **kwargs)
+
+    return call
+
+
+def checked_on_failure(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a public function of the tick: its arguments are checked only when it raises.
+
+    Args:
+        function: As in `checked`.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return function(*args, **kwargs)
+        except InputError:
+            raise
+        except WRONG as error:
+            _check(function, signature, args, kwargs)
+            raise InputError(f"{function.__name__} cannot use its arguments: {error}") from error
+
+    return call
+
+
+def check_fields(value: Any) -> None:
+    """Check the fields of a dataclass that is not made with `@settings`, for its `__post_init__`.
+
+    Raises:
+        InputError: A field that does not agree with its annotation.
+    """
+    for name, (rule, hint) in _rules_of(type(value)).items():
+        _check_one(name, getattr(value, name), rule, hint)
+
+
+def _check(
+    function: Callable[..., Any],
+    signature: inspect.Signature,
+    args: Sequence[Any],
+    kwargs: Mapping[str, Any],
+) -> None:
+    rules = _rules_of(function)
+    for name, value in signature.bind(*args, **kwargs).arguments.items():
+        if name in rules:
+            _check_one(name, value, *rules[name])
+
+
+def _check_one(name: str, value: Any, rule: TypeAdapter[Any], hint: Any) -> None:
+    try:
+        rule.validate_python(plain_value(value))
+    except (ValidationError, RecursionError, OverflowError):
+        raise InputError(f"{name} must be {rule_of(hint)}, got {shown(value)}") from None
+
+
+@functools.cache
+def _rules_of(owner: Callable[..., Any]) -> dict[str, tuple[TypeAdapter[Any], Any]]:
+    """Rule and annotation of every parameter of a function, or field of a class, that can be checked."""
+    hints = typing.get_type_hints(owner, include_extras=True)
+    if isinstance(owner, type):
+        checkable = set(hints)
+    else:
+        parameters = inspect.signature(owner).parameters.values()
+        checkable = {each.name for each in parameters if each.kind not in (each.VAR_KEYWORD, each.VAR_POSITIONAL)}
+    rules = {}
+    for name, hint in hints.items():
+        if name in checkable and typing.get_origin(hint) is not typing.ClassVar:
+            rule = _rule(hint)
+            if rule is not Any:
+                rules[name] = (TypeAdapter(rule, config=None if _is_model(rule) else CONFIG), hint)
+    return rules
+
+
+def _is_model(rule: Any) -> bool:
+    return isinstance(rule, type) and hasattr(rule, "__pydantic_validator__")
+
+
+def _numbers(value: Any) -> Any:
+    return finite_array("values", value)
+
+
+Numbers = Annotated[Any, PlainValidator(_numbers)]
+
+
+def _rule(hint: Any) -> Any:
+    """Return an annotation as Pydantic checks it: classes by their instances, arrays by their numbers."""
+    origin, inside = typing.get_origin(hint), typing.get_args(hint)
+    if hint == ArrayLike or hint is np.ndarray or (origin is np.ndarray):
+        items = repr(inside)
+        return Numbers if "float64" in items or hint == ArrayLike else InstanceOf[np.ndarray]
+    if origin is Annotated:
+        return Annotated[(_rule(inside[0]), *inside[1:])] if inside[0] in SIMPLE else _rule(inside[0])
+    if origin in (typing.Union, types.UnionType):
+        rules = [_rule(each) for each in inside]
+        return Any if any(rule is Any for rule in rules) else typing.Union[tuple(rules)]  # noqa: UP007
+    if origin is tuple:
+        return tuple[tuple(each if each is ... else _rule(each) for each in inside)]  # type: ignore[misc]
+    if origin in (Sequence, list):
+        return tuple[_rule(inside[0]), ...]
+    if origin in (Mapping, dict):
+        return Annotated[Any, PlainValidator(_mapping_check(_rule(inside[0]), _rule(inside[1])))]
+    if origin is Literal:
+        return hint
+    if hint in SIMPLE:
+        return bounded(hint)
+    if isinstance(hint, type) and origin is None and not getattr(hint, "_is_protocol", False) and hint is not object:
+        return InstanceOf[hint]
+    return Any
+
+
+def _mapping_check(key: Any, value: Any) -> Callable[[Any], Any]:
+    items = TypeAdapter(tuple[tuple[key, value], ...], config=CONFIG)
+
+    def check(given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            raise ValueError("no mapping")
+        return items.validate_python(tuple((k, plain_value(v)) for k, v in given.items()))
+
+    return check
+
+
+def check_path(what: str, value: Any) -> Path:
+    """Return a path after a check that it can name a file.
+
+    Raises:
+        InputError: No text and no path, or one that no file system takes.
+    """
+    if not isinstance(value, (str, Path)) or "\0" in str(value):
+        raise InputError(f"{what} must be a path, got {shown(value)}")
+    return Path(value)
