@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array, positive
 from wbc.core.settings import Positive, settings
 
@@ -111,6 +112,7 @@ class GroundScan:
         outside: Hits beyond the capacity since the start; not used.
     """
 
+    @checked
     def __init__(self, settings: ScanSettings | None = None) -> None:
         """Start along the world's x axis."""
         self.settings = ScanSettings() if settings is None else settings
@@ -256,6 +258,7 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     )
 
 
+@checked
 def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
     """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
 
@@ -284,6 +287,7 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     return _broken_line(cell, mean, np.array([1.0, 0.0]), given)
 
 
+@checked
 def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
     """Return overlapping windows of a long profile, each as long as what a foot sees in one swing.
 

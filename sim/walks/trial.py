@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
@@ -118,6 +119,7 @@ class WalkTrial:
         walking: The controller.
     """
 
+    @checked
     def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None) -> None:
         """Build plant and controller.
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import OffsetOptions
@@ -42,6 +43,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
 
     _kind = "first-order impedance"
 
+    @checked
     def __init__(
         self,
         frame: str,
@@ -115,6 +117,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
 
     _kind = "impedance"
 
+    @checked
     def __init__(
         self,
         frame: str,

@@ -26,6 +26,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -39,7 +40,20 @@ LIMIT = 5.0
 """Longest time of a case, s."""
 
 WORDS = ("-1", "0", "1", "1e300", "1e-300", "nan", "inf", "-inf", "1e9", "0.5", "text", "", " ", "x" * 10_000)
-HARD_WORDS = ("\ud800", "a\0b", "1" * 5000, "none", "-5e-324", "1_000", "٣", "../..", "1,2,3", "=", "a=", "=1")
+HARD_WORDS = (
+    "\ud800",
+    "a\0b",
+    "1" * 5000,
+    "none",
+    "-5e-324",
+    "1_000",
+    "٣",
+    "../..",
+    "1,2,3",
+    "=",
+    "a=",
+    "=1",
+)
 PAIRS = ("nothing=1", "no_value", "seed=nan")
 
 PACKAGES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.sim")
@@ -120,7 +134,7 @@ def hostile_files(folder: Path) -> list[str]:
         "surrogate.json": b'{"name": "\\ud800", "robot": "\\ud800"}',
         "nan.json": b'{"seed": NaN, "amplitude": Infinity}',
         "study.json": b'{"name": "\\ud800", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": [1]}',
-        "seeds.json": b'{"name": "s", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": {"first": 1, "count": 1000000000000}}',
+        "seeds.json": b'{"name": "s", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": {"first": 1, "count": 999999999999}}',  # noqa: E501
         "fields.json": b'{"name": 1, "cells": {"a": 1}, "arms": [], "seeds": -1}',
         "robot.json": b'{"name": "s", "cells": {"a": {"robot": "nobody"}}, "arms": {"b": {}}, "seeds": [1]}',
         "deep.toml": b"a = " + deep.encode(),
@@ -181,12 +195,21 @@ def command_cases(folder: Path) -> list[list[str]]:
         for argument in command.assemble_argument_collection():
             name = argument.name
             kinds = (argument.hint, *get_args(argument.hint))
-            if name == "*" or not argument.parse or any(isinstance(k, type) and hasattr(k, "__settings__") for k in kinds):
+            if (
+                name == "*"
+                or not argument.parse
+                or any(isinstance(k, type) and hasattr(k, "__settings__") for k in kinds)
+            ):
                 continue
             if name in ("--json", "--verbose", "--view", "--host", "--cluster"):
                 continue
             values: list[str] = [*WORDS, *HARD_WORDS]
-            if Path in kinds or name in ("STUDY", "WORDS", "LOG", "--name") or "param" in name or name == "--set":
+            if (
+                Path in kinds
+                or name in ("STUDY", "WORDS", "LOG", "--name")
+                or "param" in name
+                or name == "--set"
+            ):
                 values += files
             if str in kinds and get_origin(argument.hint) is tuple:
                 values += PAIRS
@@ -247,7 +270,12 @@ def _set_cases(base: Sequence[str]) -> Iterator[list[str]]:
             yield ["walk", *base, "--set", f"{name}={value}"]
     for name in ("impulse", "direction", "duration", "body", "time", "step", "phase"):
         for value in WORDS[:12]:
-            yield ["walk", *base, "--push", f"impulse=0.1,{name}={value}" if name != "impulse" else f"impulse={value}"]
+            yield [
+                "walk",
+                *base,
+                "--push",
+                f"impulse=0.1,{name}={value}" if name != "impulse" else f"impulse={value}",
+            ]
 
 
 def run_command(words: list[str]) -> str | None:
@@ -322,7 +350,7 @@ HOSTILE: dict[str, Callable[[], Any]] = {
     "['a']": lambda: ["a"],
     "{}": lambda: {},
     "{1: 2}": lambda: {1: 2},
-    "object": lambda: Odd(),
+    "object": Odd,
     "class": lambda: Odd,
     "function": lambda: _wrong,
     "array 0": lambda: np.zeros(0),
@@ -335,8 +363,8 @@ HOSTILE: dict[str, Callable[[], Any]] = {
     "folder": lambda: Path("/"),
     "complex": lambda: 1j,
     "set": lambda: {1, 2},
-    "recursive": lambda: _recursive(),
-    "deep": lambda: _deep(),
+    "recursive": lambda: _recursive(),  # noqa: PLW0108 - defined below
+    "deep": lambda: _deep(),  # noqa: PLW0108
     "array float32": lambda: np.float32(1.0),
     "np.nan": lambda: np.float64(math.nan),
 }
@@ -367,10 +395,10 @@ def _description() -> Any:
 
 
 def _plan() -> Any:
-    import wbc.sim as sim  # noqa: PLC0415
+    from wbc import sim  # noqa: PLC0415
 
     del sim
-    from wbc.walking import FootstepPlan, Footstep, Gait  # noqa: PLC0415
+    from wbc.walking import Footstep, FootstepPlan, Gait  # noqa: PLC0415
 
     return FootstepPlan(Footstep("left", 0.0, 0.1), Footstep("right", 0.0, -0.1), (), Gait())
 
@@ -390,10 +418,14 @@ def valid(name: str, package: str) -> Any:
         "controller": lambda: wbc.balance_controller(_description().robot(), 0.005),
         "frame": lambda: "left_sole",
         "reference": lambda: "right_sole",
-        "sole": (lambda: "left_foot") if package != "wbc.feet" else (lambda: feet.SoleGeometry.under_ankle(0.1, 0.16, 0.08)),
+        "sole": (lambda: "left_foot")
+        if package != "wbc.feet"
+        else (lambda: feet.SoleGeometry.under_ankle(0.1, 0.16, 0.08)),
         "contact": lambda: "left_foot",
         "admittance": lambda: np.full(6, 1e-3),
-        "name": lambda: "soft" if package == "wbc.feet" else "stones" if package == "wbc.sim" else "hrp4_class",
+        "name": lambda: (
+            "soft" if package == "wbc.feet" else "stones" if package == "wbc.sim" else "hrp4_class"
+        ),
         "dim": lambda: 3,
         "axes": lambda: None,
         "start": _plan,
@@ -421,7 +453,7 @@ def valid(name: str, package: str) -> Any:
         "reach": lambda: walking.Reach(0.3, 0.1, 0.4, 0.5, 0.2, 0.2),
         "design": lambda: feet.foot("soft"),
         "foot": lambda: feet.foot("variable"),
-        "policy": lambda: wbc.tasks.FixedPolicy(),
+        "policy": wbc.tasks.FixedPolicy,
         "z": lambda: np.sin(np.arange(100.0)),
         "x": (lambda: np.arange(100.0) * 0.01) if package == "wbc.feet" else (lambda: 0.0),
         "step": lambda: 0.01,
@@ -437,7 +469,9 @@ def valid(name: str, package: str) -> Any:
         "clearance": lambda: 0.05,
         "test": lambda: sim.FootTest(foot=feet.foot("rigid"), settle=0.02, hold=0.02),
         "spec": lambda: None,
-        "table": lambda: sim.PushTableSpec(directions=1, resolution=0.9, after=0.1) if package == "wbc.sim" else None,
+        "table": lambda: (
+            sim.PushTableSpec(directions=1, resolution=0.9, after=0.1) if package == "wbc.sim" else None
+        ),
         "plant": lambda: sim.Plant(_description()),
         "distribution": lambda: walking.WrenchDistribution(((0.2, 0.1), (0.2, 0.1))),
         "link": lambda: "left_ankle_link",
@@ -448,7 +482,7 @@ def valid(name: str, package: str) -> Any:
         "cells": lambda: (sim.Cell("flat", {"terrain": "flat"}),),
         "arms": lambda: {"flat": {"foot": "flat"}},
         "seeds": lambda: (100,),
-        "gait": lambda: walking.Gait(),
+        "gait": walking.Gait,
         "left": lambda: walking.Footstep("left", 0.0, 0.1),
         "right": lambda: walking.Footstep("right", 0.0, -0.1),
         "landing": lambda: walking.Footstep("left", 0.2, 0.1),
@@ -488,7 +522,9 @@ def api_cases() -> list[ApiCase]:
             target = getattr(module, name)
             if not callable(target) or id(target) in seen or name in SKIP:
                 continue
-            if isinstance(target, type) and (issubclass(target, BaseException) or inspect.isabstract(target)):
+            if isinstance(target, type) and (
+                issubclass(target, (BaseException, Enum)) or inspect.isabstract(target)
+            ):
                 continue
             seen.add(id(target))
             try:
@@ -524,7 +560,10 @@ def run_api(case: ApiCase) -> str | None:
         target = getattr(target, part)
     arguments: dict[str, Any] = {}
     for parameter in inspect.signature(target).parameters.values():
-        if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD) or parameter.name == case.parameter:
+        if (
+            parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+            or parameter.name == case.parameter
+        ):
             continue
         if parameter.default is parameter.empty:
             value = valid(parameter.name, case.package)
@@ -533,7 +572,11 @@ def run_api(case: ApiCase) -> str | None:
     if case.function in ("push_standing", "largest_push", "push_table"):
         return None
     if case.function == "RobotDescription.from_urdf":
-        arguments = {"source": _description().urdf, "left_sole": _description().soles[0], "right_sole": _description().soles[1]} | arguments
+        arguments = {
+            "source": _description().urdf,
+            "left_sole": _description().soles[0],
+            "right_sole": _description().soles[1],
+        } | arguments
         arguments[case.parameter] = HOSTILE[case.value]()
     if case.function == "stand":
         arguments = {"seconds": 0.02} | arguments
@@ -557,7 +600,9 @@ def _use(result: Any) -> None:
     import wbc  # noqa: PLC0415
     from wbc.sim import Terrain  # noqa: PLC0415
 
-    if isinstance(result, wbc.MotionTask | wbc.SoleContact | wbc.PointContact | wbc.JointLimits | wbc.TorqueLimits):
+    if isinstance(
+        result, wbc.MotionTask | wbc.SoleContact | wbc.PointContact | wbc.JointLimits | wbc.TorqueLimits
+    ):
         if type(result).__name__ in ("MotionTask", "SelectionTask", "VariableTask", "FrameTask"):
             return
         controller = wbc.Controller(_description().robot(), 0.005)
@@ -593,7 +638,11 @@ def worker(kind: str, indices: Sequence[int]) -> None:
         if index >= len(cases):
             break
         case = cases[index]
-        text = str(case) if kind == "api" else " ".join(word[:80].encode("unicode_escape").decode() for word in case)
+        text = (
+            str(case)
+            if kind == "api"
+            else " ".join(word[:80].encode("unicode_escape").decode() for word in case)
+        )
         print(json.dumps({"begin": index, "case": text}), file=channel, flush=True)
         start = time.monotonic()
         try:
@@ -606,7 +655,9 @@ def worker(kind: str, indices: Sequence[int]) -> None:
         print(json.dumps({"end": index, "why": why, "took": took}), file=channel, flush=True)
 
 
-def fuzz(kind: str, indices: Sequence[int], report: Callable[[Failure], None] | None = None) -> tuple[int, list[Failure]]:
+def fuzz(
+    kind: str, indices: Sequence[int], report: Callable[[Failure], None] | None = None
+) -> tuple[int, list[Failure]]:
     """Run cases in workers.
 
     Args:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError
-from wbc.core.files import read_text
+from wbc.core.files import read_json
 
 
 def check_target(what: str, path: str | Path, endings: tuple[str, ...]) -> Path:
@@ -49,11 +48,7 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
     Raises:
         InputError: The file cannot be read, is not JSON or holds no object.
     """
-    text = read_text(path)
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+    data = read_json(path)
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")
     return data

@@ -16,15 +16,14 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import InstanceOf, PlainValidator, TypeAdapter, ValidationError
+from pydantic import PlainValidator, TypeAdapter, ValidationError
 
-from wbc.core.errors import InputError, finite_array, shown
-from wbc.core.settings import CONFIG, bounded, plain_value, rule_of
+from wbc.core.errors import Array, InputError, finite_array, shown, unknown_name
+from wbc.core.settings import CONFIG, bounded, choices_of, plain_value, rule_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -84,7 +83,8 @@ def check_fields(value: Any) -> None:
     Raises:
         InputError: A field that does not agree with its annotation.
     """
-    for name, (rule, hint) in _rules_of(type(value)).items():
+    kind: Any = type(value)
+    for name, (rule, hint) in _rules_of(kind).items():
         _check_one(name, getattr(value, name), rule, hint)
 
 
@@ -104,29 +104,34 @@ def _check_one(name: str, value: Any, rule: TypeAdapter[Any], hint: Any) -> None
     try:
         rule.validate_python(plain_value(value))
     except (ValidationError, RecursionError, OverflowError):
+        choices = choices_of(hint)
+        if choices and isinstance(value, str):
+            unknown_name(name.replace("_", " "), value, choices)
         raise InputError(f"{name} must be {rule_of(hint)}, got {shown(value)}") from None
 
 
 @functools.cache
-def _rules_of(owner: Callable[..., Any]) -> dict[str, tuple[TypeAdapter[Any], Any]]:
+def _rules_of(owner: Any) -> dict[str, tuple[TypeAdapter[Any], Any]]:
     """Rule and annotation of every parameter of a function, or field of a class, that can be checked."""
-    hints = typing.get_type_hints(owner, include_extras=True)
     if isinstance(owner, type):
-        checkable = set(hints)
+        hints = typing.get_type_hints(owner, include_extras=True)
     else:
+        several = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
         parameters = inspect.signature(owner).parameters.values()
-        checkable = {each.name for each in parameters if each.kind not in (each.VAR_KEYWORD, each.VAR_POSITIONAL)}
+        texts = {each.name: each.annotation for each in parameters if each.kind not in several}
+        texts = {name: text for name, text in texts.items() if text is not inspect.Parameter.empty}
+        alone = types.SimpleNamespace(
+            __annotations__=texts
+        )  # what it returns may be known to type checkers alone
+        names = getattr(inspect.unwrap(owner), "__globals__", {})
+        hints = typing.get_type_hints(alone, globalns=names, include_extras=True)
     rules = {}
     for name, hint in hints.items():
-        if name in checkable and typing.get_origin(hint) is not typing.ClassVar:
+        if typing.get_origin(hint) is not typing.ClassVar:
             rule = _rule(hint)
             if rule is not Any:
-                rules[name] = (TypeAdapter(rule, config=None if _is_model(rule) else CONFIG), hint)
+                rules[name] = (TypeAdapter(rule, config=CONFIG), hint)
     return rules
-
-
-def _is_model(rule: Any) -> bool:
-    return isinstance(rule, type) and hasattr(rule, "__pydantic_validator__")
 
 
 def _numbers(value: Any) -> Any:
@@ -139,9 +144,10 @@ Numbers = Annotated[Any, PlainValidator(_numbers)]
 def _rule(hint: Any) -> Any:
     """Return an annotation as Pydantic checks it: classes by their instances, arrays by their numbers."""
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
-    if hint == ArrayLike or hint is np.ndarray or (origin is np.ndarray):
-        items = repr(inside)
-        return Numbers if "float64" in items or hint == ArrayLike else InstanceOf[np.ndarray]
+    if hint == ArrayLike:
+        return Any  # `finite_array` checks it where its shape and unit are known
+    if origin is np.ndarray:
+        return Numbers if hint == Array else _instance(np.ndarray)
     if origin is Annotated:
         return Annotated[(_rule(inside[0]), *inside[1:])] if inside[0] in SIMPLE else _rule(inside[0])
     if origin in (typing.Union, types.UnionType):
@@ -150,16 +156,24 @@ def _rule(hint: Any) -> Any:
     if origin is tuple:
         return tuple[tuple(each if each is ... else _rule(each) for each in inside)]  # type: ignore[misc]
     if origin in (Sequence, list):
-        return tuple[_rule(inside[0]), ...]
+        return tuple.__class_getitem__((_rule(inside[0]), ...))
     if origin in (Mapping, dict):
         return Annotated[Any, PlainValidator(_mapping_check(_rule(inside[0]), _rule(inside[1])))]
     if origin is Literal:
         return hint
     if hint in SIMPLE:
         return bounded(hint)
-    if isinstance(hint, type) and origin is None and not getattr(hint, "_is_protocol", False) and hint is not object:
-        return InstanceOf[hint]
-    return Any
+    special = getattr(hint, "_is_protocol", False) or hasattr(hint, "__total__") or hint is object
+    return _instance(hint) if isinstance(hint, type) and origin is None and not special else Any
+
+
+def _instance(kind: type) -> Any:
+    def check(given: Any) -> Any:
+        if not isinstance(given, kind):
+            raise ValueError("another class")
+        return given
+
+    return Annotated[Any, PlainValidator(check)]
 
 
 def _mapping_check(key: Any, value: Any) -> Callable[[Any], Any]:
@@ -171,14 +185,3 @@ def _mapping_check(key: Any, value: Any) -> Callable[[Any], Any]:
         return items.validate_python(tuple((k, plain_value(v)) for k, v in given.items()))
 
     return check
-
-
-def check_path(what: str, value: Any) -> Path:
-    """Return a path after a check that it can name a file.
-
-    Raises:
-        InputError: No text and no path, or one that no file system takes.
-    """
-    if not isinstance(value, (str, Path)) or "\0" in str(value):
-        raise InputError(f"{what} must be a path, got {shown(value)}")
-    return Path(value)

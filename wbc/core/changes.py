@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import InputError, shown, unknown_name
 
 T = TypeVar("T")
 
@@ -36,10 +36,13 @@ def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes
         InputError: A name that is not text or is given twice, or a value that is not plain.
     """
     pairs = list(values.items() if isinstance(values, Mapping) else values)
+    for pair in pairs:
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise InputError(f"settings are given as names with values, got {shown(pair)}")
     names = [pair[0] for pair in pairs]
     for name in names:
         if not isinstance(name, str):
-            raise InputError(f"the name of a setting must be text, got {name!r}")
+            raise InputError(f"the name of a setting must be text, got {shown(name)}")
         if names.count(name) > 1:
             raise InputError(f"setting '{name}' is given twice")
     return tuple(sorted((name, _plain(name, value)) for name, value in pairs))
@@ -50,7 +53,7 @@ def _plain(name: str, value: Any) -> Value:
         return tuple(value)
     if not _is_scalar(value):
         raise InputError(
-            f"setting '{name}' must be a number, a truth value, text, null or a list of these, got {value!r}"
+            f"setting '{name}' must be a number, a truth value, text, null or a list of these, got {shown(value)}"
         )
     return typing.cast(Scalar, value)
 
@@ -226,11 +229,11 @@ def _checked(settings: Any, name: str, old: Any, value: Any, whole: str) -> Any:
     if inside is not None:
         raise InputError(f"setting '{whole}' has settings of its own; change those, or give true or none")
     if isinstance(old, bool) and not isinstance(value, bool):
-        raise InputError(f"setting '{whole}' must be true or false, got {value!r}")
+        raise InputError(f"setting '{whole}' must be true or false, got {shown(value)}")
     if isinstance(old, (int, float)) and not isinstance(old, bool) and isinstance(value, (bool, str, tuple)):
-        raise InputError(f"setting '{whole}' must be a number, got {value!r}")
+        raise InputError(f"setting '{whole}' must be a number, got {shown(value)}")
     if isinstance(old, str) and not isinstance(value, str):
-        raise InputError(f"setting '{whole}' must be text, got {value!r}")
+        raise InputError(f"setting '{whole}' must be text, got {shown(value)}")
     if isinstance(old, int) and not isinstance(old, bool) and isinstance(value, float):
         if not value.is_integer():
             raise InputError(f"setting '{whole}' must be an integer, got {value:g}")

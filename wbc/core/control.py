@@ -16,6 +16,7 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.observer import Observer
@@ -193,6 +194,7 @@ class TorqueControl(_Control):
         failures: Number of failed ticks so far.
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,
@@ -261,6 +263,7 @@ class PositionControl(_Control):
         v: Its velocity, shape (nv,).
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,

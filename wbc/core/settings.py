@@ -19,11 +19,12 @@ import json
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, dataclass_transform, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 from pydantic.fields import FieldInfo
 
@@ -40,14 +41,17 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 """A number from zero to one."""
 
-Count = Annotated[int, Field(ge=1)]
-"""An integer of at least one."""
+MOST = 10_000_000
+"""Largest count: what is counted is made or done."""
+
+Count = Annotated[int, Field(ge=1, le=MOST)]
+"""An integer of at least one, up to ten million."""
 
 Seed = Annotated[int, Field(ge=0)]
 """Seed of a random generator: an integer, zero or above."""
 
 LARGEST = 1e12
-"""Largest number that a setting takes unless its annotation allows infinity; nothing that is measured in SI comes near."""
+"""Largest number that a setting takes unless its annotation allows infinity; no quantity of a robot comes near."""
 
 SMALLEST = 1e-12
 """Smallest number above zero that a setting takes whose annotation asks for one above zero."""
@@ -96,7 +100,9 @@ def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
     @functools.wraps(checked)
     def init(self: Any, *args: Any, **values: Any) -> None:
         try:
-            checked(self, *map(plain_value, args), **{name: plain_value(value) for name, value in values.items()})
+            checked(
+                self, *map(plain_value, args), **{name: plain_value(value) for name, value in values.items()}
+            )
         except ValidationError as error:
             _refuse(type(self), error)
 
@@ -112,7 +118,9 @@ def _show_written(made: Any) -> None:
         written |= vars(base).get("__annotations__", {})
     for owner in (made.__init__, made):
         signature = inspect.signature(owner)
-        parameters = [p.replace(annotation=written.get(p.name, p.annotation)) for p in signature.parameters.values()]
+        parameters = [
+            p.replace(annotation=written.get(p.name, p.annotation)) for p in signature.parameters.values()
+        ]
         owner.__signature__ = signature.replace(parameters=parameters)
 
 
@@ -126,18 +134,35 @@ def bounded(hint: Any) -> Any:
         return Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
     if hint is int:
         return Annotated[int, Field(ge=-WIDEST, le=WIDEST)]
+    if hint is Path:
+        return Annotated[Path, AfterValidator(_usable)]
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
         parts = _constraints(inside[1:])
         if any(getattr(part, "allow_inf_nan", False) for part in parts):
             return hint
-        least = [Field(ge=SMALLEST)] if inside[0] is float and any(getattr(p, "gt", None) == 0 for p in parts) else []
+        least = (
+            [Field(ge=SMALLEST)]
+            if inside[0] is float and any(getattr(p, "gt", None) == 0 for p in parts)
+            else []
+        )
         return Annotated[(bounded(inside[0]), *inside[1:], *least)]
     if origin in (typing.Union, types.UnionType):
         return typing.Union[tuple(map(bounded, inside))]  # noqa: UP007 - of a tuple of types
     if origin is tuple:
         return tuple[tuple(each if each is ... else bounded(each) for each in inside)]  # type: ignore[misc]
     return hint
+
+
+def _usable(path: Path) -> Path:
+    """Return a path that can name a file."""
+    if (
+        not str(path).isprintable()
+        or any(len(part.encode()) > 255 for part in path.parts)
+        or len(str(path)) > 4000
+    ):
+        raise InputError(f"{shown(str(path))} cannot be the name of a file")
+    return path
 
 
 def plain_value(value: Any, depth: int = 0) -> Any:
@@ -258,7 +283,7 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
         raise InputError(f"{what} is missing: {rule_of(hint)}") from None
     if cause is not None:
         raise InputError(f"{what}: {cause}") from None
-    choices = _choices(hint)
+    choices = choices_of(hint)
     if choices and isinstance(value, str):
         unknown_name(what, value, choices)
     raise InputError(f"{what} must be {rule_of(hint)}{_bound_of(first, value)}, got {shown(value)}") from None
@@ -271,6 +296,8 @@ def _bound_of(refusal: Any, value: Any) -> str:
         return f" within ±{LARGEST:g}"
     if context.get("ge") == SMALLEST and value > 0.0:
         return f", at least {SMALLEST:g}"
+    if context.get("le") == MOST:
+        return f" and of at most {MOST}"
     return f" within ±{WIDEST}" if context.get("le") == WIDEST or context.get("ge") == -WIDEST else ""
 
 
@@ -334,7 +361,8 @@ def _unit(hint: Any) -> str:
     return next(filter(None, map(_unit, typing.get_args(inner))), "")
 
 
-def _choices(hint: Any) -> list[str]:
+def choices_of(hint: Any) -> list[str]:
+    """Return the texts that an annotation gives to choose from; empty without any."""
     return [
         choice
         for h in _alternatives(hint)
@@ -362,6 +390,8 @@ def rule_of(hint: Any) -> str:
         text = " or ".join(rule_of(arg) for arg in args)
     elif origin is Literal:
         text = " or ".join(repr(arg) for arg in args)
+    elif origin in (Mapping, dict):
+        text = f"a mapping of {rule_of(args[0])} to {rule_of(args[1])}"
     elif origin is tuple and len(args) == 2 and args[1] is ...:
         text = f"a list, each item {rule_of(args[0])}"
     elif origin is tuple:
@@ -374,7 +404,7 @@ def rule_of(hint: Any) -> str:
     parts = _constraints(metadata)
     if any(getattr(part, "allow_inf_nan", False) for part in parts):
         text = text.replace("a finite number", "a number")
-    limits = dict(bound for part in parts for bound in _bounds(part))
+    limits = {name: bound for part in parts for name, bound in _bounds(part) if bound != MOST}
     words = [words.format(limits[name]) for name, words in BOUNDS if name in limits]
     return f"{text} {' and '.join(words)}" if words else text
 
@@ -396,4 +426,4 @@ def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
         name: Name of the field.
     """
     hint = _hints(kind)[name]
-    return _unit(hint), _choices(hint)
+    return _unit(hint), choices_of(hint)

@@ -23,6 +23,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
@@ -117,6 +118,7 @@ class WrenchDistribution:
         rectangles: Part of each sole that carries, left then right; assign to shrink it to the part on the ground.
     """
 
+    @checked
     def __init__(
         self,
         sizes: Sequence[tuple[float, float]],
