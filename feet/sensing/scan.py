@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.errors import Array, InputError, finite_array, positive, shown
 from wbc.core.settings import Positive, settings
 
 PROFILE_STEP = 0.007
@@ -272,7 +272,10 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     """
     given = ScanSettings() if settings is None else settings
     places = finite_array("places of a profile (m)", x)
-    heights = np.asarray(z, dtype=np.float64)
+    try:
+        heights = np.asarray(z, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"heights of a profile (m) must be numbers, got {shown(z)}") from error
     if places.ndim != 1 or heights.shape != places.shape:
         raise InputError(f"x and z must have the same shape (n,), got {places.shape} and {heights.shape}")
     seen = np.isfinite(heights)

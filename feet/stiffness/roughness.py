@@ -242,7 +242,8 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
 
     Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
     """
-    if corner >= 0.5 / step:
+    positive("corner (cycles/m)", corner)
+    if corner >= 0.5 / positive("step (m)", step):
         return z
     bands = _bands(z.shape[-1], corner * step)
     padded = np.concatenate([z[..., :1], z, z[..., -1:]], axis=-1)

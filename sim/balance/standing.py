@@ -214,6 +214,7 @@ class StandTrial:
         )
 
 
+@checked
 def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
     """Simulate a standing robot.
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -338,6 +339,7 @@ def _jsonable(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
+@checked
 def terrain(
     name: str | Family,
     amplitude: float | None = None,

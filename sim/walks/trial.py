@@ -40,6 +40,7 @@ PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 
+@checked
 def walk(
     spec: WalkSpec | None = None,
     *,

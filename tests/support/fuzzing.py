@@ -56,6 +56,9 @@ HARD_WORDS = (
 )
 PAIRS = ("nothing=1", "no_value", "seed=nan")
 
+LEAST = {"commands": 10_000, "api": 40_000}
+"""Number of cases that there are at least."""
+
 PACKAGES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.sim")
 
 BASE: dict[str, list[str]] = {
@@ -98,6 +101,9 @@ STUBS = (
     "wbc.app.commands.study_stiffness:run_trials",
     "wbc.app.commands.terrain:plot_families",
     "wbc.app.bench.terrain:terrain_cost",
+    "wbc.sim.rig:stiffness_curves",
+    "wbc.sim.rig:stability",
+    "wbc.sim.rig:force_deflection",
     "wbc.app.live:LiveView.show",
     "wbc.app.live:LiveView.watch",
 )

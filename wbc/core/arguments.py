@@ -135,6 +135,8 @@ def _rules_of(owner: Any) -> dict[str, tuple[TypeAdapter[Any], Any]]:
 
 
 def _numbers(value: Any) -> Any:
+    if not isinstance(value, tuple):
+        raise ValueError("a single value")
     return finite_array("values", value)
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.core.arguments import checked_on_failure
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
 
 
@@ -99,6 +99,7 @@ class Pendulum(NamedTuple):
         Raises:
             InputError: A CoM that is not above the ground.
         """
+        com = finite_array("com (m)", com, (3,))
         omega = natural_frequency(com[2] - ground)
         zero = np.zeros(3)
         return Pendulum(np.array(com), zero, zero, np.array([com[0], com[1], ground]), zero, omega)

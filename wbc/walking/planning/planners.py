@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, choose, finite_scalar, positive
+from wbc.core.errors import InputError, choose, finite_array, finite_scalar, positive
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
 
 MOST_STEPS = 10_000
@@ -121,7 +121,8 @@ def walk_path(
     middle = _middle(start.left, start.right)
     steps = []
     side = first
-    for dx, dy, turn in moves:
+    for move in moves:
+        dx, dy, turn = finite_array("a move (m, m, rad)", move, (3,)).tolist()
         share = 1.0 if leader is None else (2.0 if side == leader else 0.0)
         middle = middle * _planar(dx, share * dy, share * turn)
         steps.append(_beside(middle, side, half))
