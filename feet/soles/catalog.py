@@ -27,6 +27,7 @@ def foot_names() -> tuple[str, ...]:
     return tuple(_FEET)
 
 
+@checked
 def foot(name: str, **parameters: Any) -> Foot:
     """Return a foot by name, with some of its parameters changed.
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array
+from wbc.core.errors import Array, check_options
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import OffsetOptions
 
@@ -144,6 +144,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
             UnknownNameError: An unknown option or axis.
             InputError: A value out of range; a spring of zero without a damper.
         """
+        check_options(self, OffsetOptions, options)
         if damper is None:
             name = options.get("name") or f"{frame} {self._kind}"
             stiffness = six(name, "spring (N/m, Nm/rad)", spring)

@@ -81,6 +81,7 @@ def fixed(name: str, parent: str, child: str) -> str:
     return f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
 
 
+LEGS = (fixed("1", "a", "b"), fixed("2", "a", "c"))
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 SOLES = {"left_sole": "b", "right_sole": "c"}
 
@@ -94,21 +95,10 @@ SOLES = {"left_sole": "b", "right_sole": "c"}
         ("a\0b", "no URDF file"),
         (chain(fixed("1", "b", "c"), fixed("2", "c", "b")), "circle"),
         (
-            chain(
-                fixed("1", "a", "b"),
-                fixed("2", "a", "c"),
-                inertial=f'<origin xyz="0 nan 0"/><mass value="1"/>{INERTIA}',
-            ),
+            chain(*LEGS, inertial=f'<inertial><origin xyz="0 nan 0"/><mass value="1"/>{INERTIA}</inertial>'),
             "inertial origin must be three numbers",
         ),
-        (
-            chain(
-                fixed("1", "a", "b"),
-                fixed("2", "a", "c"),
-                inertial=f'<mass value="1e300"/>{INERTIA}',
-            ),
-            "at most 1e",
-        ),
+        (chain(*LEGS, inertial=f'<inertial><mass value="1e300"/>{INERTIA}</inertial>'), "at most 1e"),
     ],
 )
 def test_a_urdf_that_cannot_be_used_is_refused(urdf: Any, message: str) -> None:

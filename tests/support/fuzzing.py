@@ -698,7 +698,8 @@ def fuzz(
             process.stdin.write(json.dumps(left))
             process.stdin.close()
             lines: queue.Queue[str] = queue.Queue()
-            threading.Thread(target=_pump, args=(process.stdout, lines), daemon=True).start()
+            pump = threading.Thread(target=_pump, args=(process.stdout, lines), daemon=True)
+            pump.start()
             begun, case = None, ""
             patience = 120.0
             while True:
@@ -709,6 +710,8 @@ def fuzz(
                 if line in ("", "hang"):
                     process.send_signal(signal.SIGKILL)
                     process.wait()
+                    pump.join()
+                    process.stdout.close()
                     if begun is not None:
                         failed(case, "never ends" if line else f"the process died ({process.returncode})")
                         left = left[left.index(begun) + 1 :]

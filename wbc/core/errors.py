@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
 import numpy as np
@@ -101,10 +101,20 @@ def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
         UnknownNameError: An unknown option; the nearest ones are named.
     """
     known = frozenset(kind.__annotations__)
+    if isinstance(options, Mapping):
+        _check_name_and_hard(options)
     for option in options:
         if option not in known:
             own = frozenset(inspect.signature(type(owner)).parameters) - {"options"}
             unknown_name(f"option of {type(owner).__name__}", option, known | own)
+
+
+def _check_name_and_hard(options: Mapping[str, Any]) -> None:
+    name, hard = options.get("name"), options.get("hard", False)
+    if name is not None and not isinstance(name, str):
+        raise InputError(f"the name of a task or contact must be text, got {shown(name)}")
+    if not isinstance(hard, (bool, np.bool_)):
+        raise InputError(f"hard must be true or false, got {shown(hard)}")
 
 
 def scalar(value: float) -> Array:

@@ -105,6 +105,8 @@ def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
             )
         except ValidationError as error:
             _refuse(type(self), error)
+        except UnicodeError as error:  # half a character, which no file can hold
+            raise InputError(f"{type(self).__name__} takes text of whole characters: {error}") from None
 
     made.__init__ = init
     _show_written(made)
@@ -274,7 +276,8 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
                 f"{whole.__name__} takes {len(names)} values ({', '.join(names)}), got more"
             ) from None
         loc = (names[loc[0]], *loc[1:])
-    path, hint, unit = _locate(kind, loc)
+    unknown = first["type"].startswith("unexpected")
+    path, hint, unit = _locate(kind, loc[:-1] if unknown else loc)
     if first["type"].startswith("unexpected"):
         names = [field.name for field in dataclasses.fields(_class_of(hint))]
         unknown_name(f"setting of {path or _class_of(hint).__name__}", loc[-1], names)
