@@ -34,7 +34,7 @@ from wbc.sim.studies.journal import Entry
 from wbc.walking import Gait, StabilizerGains
 
 
-@pytest.mark.parametrize(("kind", "size"), [("commands", 40), ("api", 80)])
+@pytest.mark.parametrize(("kind", "size"), [("commands", 25), ("api", 60)])
 def test_a_sample_of_hostile_input_ends_in_a_result_or_a_refusal(kind: str, size: int) -> None:
     sample = np.random.default_rng(7).choice(fuzzing.LEAST[kind], size=size, replace=False)
     ran, failures = fuzzing.fuzz(kind, sorted(sample.tolist()))
@@ -55,7 +55,7 @@ PLAIN = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=5000, derandomize=True)
+@settings(max_examples=40, deadline=5000, derandomize=True)
 @given(st.data())
 @pytest.mark.parametrize(
     "kind", [Gait, StabilizerGains, BalanceGains, PhysicsSettings, GroundContact, WalkSpec]
