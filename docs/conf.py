@@ -180,7 +180,7 @@ def _shown(default: Any) -> str:
 
 
 def _attributes(kind: type) -> dict[str, str]:
-    """What a docstring says of each attribute, on one line and fit for a cell of a table."""
+    """Return attribute → its text in a docstring, on one line and fit for a cell of a table."""
     found: dict[str, str] = {}
     name = None
     _, _, text = (inspect.getdoc(kind) or "").partition("Attributes:\n")
@@ -278,7 +278,7 @@ def _paragraphs(lines: list[str]) -> list[list[str]]:
 
 
 def _is_drawn(paragraph: list[str]) -> bool:
-    """Whether spaces matter: an indented block, or columns of text."""
+    """Return True if spaces matter: an indented block, or columns of text."""
     return any(line.startswith(" ") or COLUMNS.search(line) for line in paragraph)
 
 

@@ -126,7 +126,7 @@ def draw_labels(path: Path) -> None:
 
 
 def draw_judged(path: Path) -> None:
-    """How well the model that comes with the library does on grounds that it has not seen."""
+    """Draw the accuracy of the model that comes with the library on grounds that it has not seen."""
     draw_model(StiffnessTable.load(DEFAULT_TABLE), path)
 
 

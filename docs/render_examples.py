@@ -38,10 +38,10 @@ INSTANTS = {
     "own_task": 3.0,
     "own_robot": 1.0,
 }
-"""When each example is drawn, s."""
+"""Time at which each example is drawn, s."""
 
 SIZE = (300, 260)
-"""Of one picture, pixels."""
+"""Width and height of one picture, pixels."""
 
 COLUMNS = 5
 

@@ -28,7 +28,7 @@ PANEL = (560, 300)
 """Width and height of a view of a foot, pixels."""
 
 LOAD = 390.0
-"""What a robot of 39.8 kg puts on one foot, N."""
+"""Load of one foot under a robot of 39.8 kg, N."""
 
 SKY = (0.93, 0.95, 0.97)
 
@@ -42,7 +42,7 @@ VIEWS: dict[str, FootTest] = {
     "k = 20": over_bar(FootTest(foot("soft", stiffness=20.0), load=LOAD)),
     "k = 80": over_bar(FootTest(foot("soft", stiffness=80.0), load=LOAD)),
 }
-"""What is shown of feet, in rows of three."""
+"""Foot tests that are drawn, in rows of three."""
 
 
 def foot_view(test: FootTest) -> Array:

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     force = options.impulse * robot.mass / DURATION * np.array([*DIRECTIONS[options.direction], 0.0])
     pushed, farthest, landing = False, 0.0, plan.steps[STEP]
     with options.watch(plant, walking) as view:
-        while not walking.finished and not walking.fallen:
+        while not walking.done:
             phases = walking.walk.phases
             swings = phases.swing is not None and phases.step == STEP
             if swings and not pushed and phases.elapsed > 0.5 * phases.duration:

@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
     began = plant.truth()
     with options.watch(plant, walking) as view:
-        while not walking.finished and not walking.fallen:
+        while not walking.done:
             plant.step(walking.command(plant.measure()))
             view.update()
 

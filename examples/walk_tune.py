@@ -45,7 +45,7 @@ def walk(gains: StabilizerGains, options: Any) -> dict[str, Any]:
 
     dcm, zmp, pushed = [], [], False
     with options.watch(plant, walking) as view:
-        while not walking.finished and not walking.fallen:
+        while not walking.done:
             if not pushed and plant.time >= PUSH_TIME:
                 plant.push("torso", [0.0, IMPULSE * robot.mass / DURATION, 0.0], DURATION)
                 pushed = True

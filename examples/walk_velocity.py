@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     began = plant.truth()
     end = options.seconds + STOPPING_TIME
     with options.watch(plant, walking) as view:
-        while plant.time < end and not walking.finished and not walking.fallen:
+        while plant.time < end and not walking.done:
             if plant.time >= options.seconds:
                 walking.stop()  # may be repeated
             plant.step(walking.command(plant.measure()))

@@ -40,9 +40,9 @@ class RobotDescription:
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
         gains: Joint → (kp, kd) where the rule does not apply, Nm/rad and Nms/rad.
-        package_dirs: Where `package://` of the URDF is looked up, for viewers.
+        package_dirs: Folders for `package://` in the URDF, for viewers.
         height: Standing height with straight legs, m; None when unknown.
-        source: Where the model comes from.
+        source: Origin of the model.
         licence: Its licence.
         derived: Values that were derived from the model, one line each.
     """
@@ -130,7 +130,7 @@ class RobotDescription:
             right_sole: Same for the right foot.
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; from the geometry of the feet when None.
-            package_dirs: Where `package://` is looked up.
+            package_dirs: Folders for `package://` in the URDF.
             half_sitting: Joint → position of all or some joints, rad or m.
             torso: Link of the chest.
             imu: Frame of the inertial measurement unit, of the URDF or a placement in a link.
@@ -144,7 +144,7 @@ class RobotDescription:
             repair: Clamp inertias that no body can have instead of refusing them.
             height: Standing height with straight legs, m.
             licence: Licence of the model.
-            provenance: Where the model comes from; the path when None.
+            provenance: Origin of the model; the path when None.
 
         Raises:
             UnknownNameError: A parameter, frame or joint that does not exist.

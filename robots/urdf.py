@@ -173,7 +173,7 @@ def tidy(root: Element) -> list[str]:
         root: The `<robot>` element; changed.
 
     Returns:
-        What was changed, one line each.
+        The changes, one line each.
 
     Raises:
         ModelError: A tree with several roots, a joint of a type that is not supported or whose limits are empty.

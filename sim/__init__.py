@@ -59,9 +59,13 @@ from wbc.sim.terrain import (
     Site,
     Terrain,
     add_to_spec,
+    bar,
     check_clearance,
+    dome,
     family,
     param,
+    plate,
+    stone,
     terrain_families,
 )
 from wbc.sim.terrain import (
@@ -139,6 +143,10 @@ __all__ = [
     "FieldFamily",
     "ShapeFamily",
     "Site",
+    "bar",
+    "dome",
+    "plate",
+    "stone",
     # Rig: tests of one foot
     "FootTest",
     "press",

@@ -9,14 +9,16 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from wbc._version import __version__
-from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.control import FailurePolicy, PositionControl, SafetySettings, TorqueControl
 from wbc.core.errors import InputError, WbcError
 from wbc.core.estimation.observer import Observer
-from wbc.core.limits.rows import JointLimits, TorqueLimits
-from wbc.core.qp.contact import PointContact, SoleContact
+from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
+from wbc.core.qp.contact import PointContact, SoleContact, rectangle_wrench_cone
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.solver import SolverSettings
 from wbc.core.qp.task import MotionTask
 from wbc.core.robot import Robot
+from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.robots import load as load_robot
@@ -25,6 +27,9 @@ from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.posture import PostureTask
 
 if TYPE_CHECKING:
+    from wbc.core.conventions import velocity_from_mujoco, velocity_to_mujoco
+    from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
+    from wbc.core.limits.com_polygon import CoMPolygonLimit
     from wbc.sim import Plant, WalkSpec, balance_controller, stand, walk
     from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
@@ -45,12 +50,25 @@ __all__ = [
     "PointContact",
     "JointLimits",
     "TorqueLimits",
+    "SelfCollisionLimit",
+    "CollisionSphere",
+    "CollisionCapsule",
+    "CoMPolygonLimit",
+    "SolverSettings",
+    # Bases and helpers for limits and contacts of one's own
+    "RowLimit",
+    "damped_bound",
+    "rectangle_wrench_cone",
     # From measurements to commands
     "Measurement",
     "Command",
     "Observer",
     "PositionControl",
     "TorqueControl",
+    "FailurePolicy",
+    "SafetySettings",
+    "velocity_from_mujoco",
+    "velocity_to_mujoco",
     # Standing and walking
     "balance_controller",
     "WalkingControl",
@@ -61,6 +79,11 @@ __all__ = [
     "WalkSpec",
     "stand",
     "walk",
+    # Settings of one's own
+    "settings",
+    "Positive",
+    "NonNegative",
+    "Count",
     # Errors
     "WbcError",
     "InputError",
@@ -69,6 +92,12 @@ __all__ = [
 ]
 
 _LAZY = {
+    "CoMPolygonLimit": "wbc.core.limits.com_polygon",
+    "CollisionCapsule": "wbc.core.limits.collision",
+    "CollisionSphere": "wbc.core.limits.collision",
+    "SelfCollisionLimit": "wbc.core.limits.collision",
+    "velocity_from_mujoco": "wbc.core.conventions",
+    "velocity_to_mujoco": "wbc.core.conventions",
     "Plant": "wbc.sim",
     "WalkSpec": "wbc.sim",
     "balance_controller": "wbc.sim",
@@ -78,7 +107,7 @@ _LAZY = {
     "WalkingControl": "wbc.walking",
     "walk_distance": "wbc.walking",
 }
-"""Names that are loaded when they are asked for: a controller of a real robot needs no simulator."""
+"""Names that are loaded when they are asked for: a first controller needs neither them nor a simulator."""
 
 
 def __getattr__(name: str) -> Any:

@@ -175,38 +175,6 @@ class GroundScan:
         self.hits += 1
         return True
 
-    def add_many(self, positions: ArrayLike, rays: ArrayLike, distances: ArrayLike) -> int:
-        """Add many readings at once, with the same result as `add` one by one.
-
-        Args:
-            positions: Sensor in the world, shape (n, 3), m.
-            rays: Unit vectors of the rays in the world, shape (n, 3).
-            distances: Readings, shape (n,), m; NaN or infinite without a hit.
-
-        Returns:
-            Number of readings that were used.
-        """
-        p, d = np.asarray(positions, dtype=np.float64), np.asarray(rays, dtype=np.float64)
-        r = np.asarray(distances, dtype=np.float64)
-        finite = np.isfinite(r) & np.isfinite(p).all(axis=-1) & np.isfinite(d).all(axis=-1)
-        hit = p[finite] + r[finite, None] * d[finite]
-        self.lost += int(r.size - hit.shape[0])
-        if hit.shape[0] == 0:
-            return 0
-        x = self._c * hit[:, 0] + self._s * hit[:, 1]
-        cell = np.floor(x / self.settings.step + 0.5).astype(np.intp)
-        if self._first is None:
-            self._first = int(cell[0]) - self._sums.shape[1] // 4
-        i = cell - self._first
-        inside = (i >= 0) & (i < self._sums.shape[1])
-        used, i = int(inside.sum()), i[inside]
-        lateral = self._c * hit[:, 1] - self._s * hit[:, 0]
-        for row, values in enumerate((np.ones(r.size), x - cell * self.settings.step, hit[:, 2], lateral)):
-            np.add.at(self._sums[row], i, values[: inside.size][inside])
-        self.hits += used
-        self.outside += int(inside.size) - used
-        return used
-
     def profile(self) -> Profile:
         """Return the profile of the ground so far.
 

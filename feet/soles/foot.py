@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import field
 from typing import Any
@@ -30,11 +29,6 @@ class Foot(ABC):
 
     def __post_init__(self) -> None:
         check_inherited(self)
-
-    @property
-    def rotation_stiffness(self) -> float:
-        """Torque per angle between ankle and flat ground under a walking robot, Nm/rad; infinite for a rigid sole."""
-        return math.inf
 
     @abstractmethod
     def fit(self, sole: SoleGeometry) -> FootFit:

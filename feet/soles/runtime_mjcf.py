@@ -157,10 +157,6 @@ class RangeFinder:
         due = self.sampler.due(data.time)
         return self.sampler.sample(data.time, self.distance(model, data) if due else math.nan)
 
-    def hit_point(self, data: mujoco.MjData, reading: float) -> Array:
-        """Return the point of the ground that a reading (m) stands for, in the world, shape (3,), m."""
-        return np.asarray(data.site_xpos[self._site] + reading * data.site_xmat[self._site][2::3])
-
 
 @dataclass(frozen=True)
 class GroundContacts:

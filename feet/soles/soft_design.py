@@ -132,15 +132,6 @@ class SoftDesign(Foot):
     transverse: TransverseBending | None = None
     encoders: bool = False
 
-    @property
-    def rotation_stiffness(self) -> float:
-        """Torque per angle between ankle and flat ground under a walking robot, Nm/rad.
-
-        Source: measured with `wbc foot pitch --angle 1 --load 390`: 26 500 to 26 900 for hinges of 0.5 to 80 Nm/rad.
-        The arches and the loop carry the torque, not the hinges.
-        """
-        return 26_700.0
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.hinge_height > self.thickness:

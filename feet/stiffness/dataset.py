@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, choose, finite_array
-from wbc.core.files import read_text
+from wbc.core.files import read_text, replacing
 from wbc.core.settings import Positive, from_json, settings, to_json
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.clusters import Clusters
@@ -197,10 +197,14 @@ class StiffnessTable:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write one line of JSON after a "#" (format, version, recipe, made), then the rows as CSV."""
+        """Write one line of JSON after a "#" (format, version, recipe, made), then the rows as CSV.
+
+        Raises:
+            FileError: The file cannot be written; an old one is unchanged.
+        """
         head = {"format": FORMAT, "version": VERSION, "recipe": to_json(self.recipe), "made": dict(self.made)}
         columns = self.columns()
-        with Path(path).open("w", encoding="utf-8", newline="") as file:
+        with replacing(path) as new, new.open("w", encoding="utf-8", newline="") as file:
             file.write("# " + json.dumps(head) + "\n")
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(columns)

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError
+from wbc.core.files import replacing
 from wbc.feet.stiffness.analysis import (
     LearningCurve,
     learning_curve,
@@ -49,7 +50,8 @@ def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings 
     grounds = cross_validate(table, given, "grounds")
     curve = learning_curve(table, given)
     figure = model_figure(table, given, grounds, curve)
-    figure.savefig(target, dpi=130)
+    with replacing(target) as new:
+        figure.savefig(new, dpi=130)
 
 
 def model_figure(

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from wbc._version import __version__
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.files import read_text
+from wbc.core.files import read_text, write_text
 from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable, complete_settings, parse_head
@@ -198,7 +198,11 @@ class StiffnessModel:
         )
 
     def save(self, path: str | Path) -> None:
-        """Write the model as JSON, one training profile per line; numbers are exact."""
+        """Write the model as JSON, one training profile per line; numbers are exact.
+
+        Raises:
+            FileError: The file cannot be written; an old one is unchanged.
+        """
         head = {
             "format": FORMAT,
             "version": VERSION,
@@ -212,7 +216,7 @@ class StiffnessModel:
         rows = [[*f, k] for f, k in zip(self.features.tolist(), self.stiffness.tolist(), strict=True)]
         lines = [f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
         lines.append('  "rows": [\n' + ",\n".join("    " + json.dumps(row) for row in rows) + "\n  ]")
-        Path(path).write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+        write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
     @classmethod
     def load(cls, path: str | Path) -> StiffnessModel:

@@ -94,7 +94,7 @@ def complete_sole(
         name: Name of the sole.
         given: Frame of the URDF, placement in a link, or the whole description.
         size: Length and width, m; from the geometry of the foot when None.
-        package_dirs: Where `package://` is looked up.
+        package_dirs: Folders for `package://` in the URDF.
         base: Directory of the URDF, for relative paths.
         notes: Gets a line for each rule that was used.
     """

@@ -69,7 +69,7 @@ def repair(root: Element) -> list[str]:
         root: The `<robot>` element, tidied; changed.
 
     Returns:
-        What was changed, one line each.
+        The changes, one line each.
 
     Raises:
         ModelError: A mass or inertia that is not a number.

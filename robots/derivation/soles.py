@@ -31,7 +31,7 @@ def sole_rectangle(
         root: The `<robot>` element.
         model: Pinocchio model of it.
         frame: Frame whose z axis points away from the ground.
-        package_dirs: Where `package://` is looked up.
+        package_dirs: Folders for `package://` in the URDF.
         base: Directory of the URDF, for relative paths.
 
     Returns:

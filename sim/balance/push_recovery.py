@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from wbc.core.arguments import checked
+from wbc.core.control import Mode
 from wbc.core.errors import InputError, positive
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.robots import load
-from wbc.sim.balance.standing import MODES, Feedback, Mode, StandSpec, StandTrial
+from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial
 
 PUSH_DURATION = 0.1
 """Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
@@ -28,7 +29,7 @@ class StandPushSpec(StandSpec):
     """A stand with one push: a constant horizontal force on the torso's centre of mass.
 
     Attributes:
-        mode: What the drives are given.
+        mode: Command of the drives.
         impulse: Force times duration over the robot's mass, Ns/kg: the change of the speed of its centre of mass.
         direction: Direction of the force, rad; 0 is forward, π/2 to the left.
         duration: Duration of the push, s.
@@ -98,9 +99,6 @@ def push_standing(spec: StandPushSpec) -> PushResult:
 def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
     """Return the largest impulse from which a robot recovers, found by bisection.
 
-    Bisection assumes that a robot that recovers from a push recovers from weaker ones. The result lies within
-    `resolution` of a change from recovery to fall.
-
     Args:
         spec: Robot and direction; its impulse is not used.
         highest: Largest impulse tried, Ns/kg.
@@ -117,12 +115,31 @@ def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float
         raise InputError(
             f"highest impulse must exceed the resolution of {resolution:g} Ns/kg, got {highest:g}"
         )
-    low, high = 0.0, float(highest)
-    if push_standing(replace(spec, impulse=high)).recovered:
+    return largest_recovered(
+        lambda impulse: push_standing(replace(spec, impulse=impulse)).recovered, float(highest), resolution
+    )
+
+
+def largest_recovered(recovers: Callable[[float], bool], highest: float, resolution: float) -> float:
+    """Return the largest impulse with a recovery, found by bisection.
+
+    Bisection assumes that a robot that recovers from a push recovers from weaker ones. The result lies within
+    `resolution` of a change from recovery to fall.
+
+    Args:
+        recovers: Returns True if the robot recovers from an impulse; taken to be True for 0.
+        highest: Largest impulse tried, Ns/kg.
+        resolution: Width of the last interval, Ns/kg.
+
+    Returns:
+        Largest impulse tried from which the robot recovered, Ns/kg; 0 if there was none.
+    """
+    low, high = 0.0, highest
+    if recovers(high):
         return high
     while high - low > resolution:
         middle = 0.5 * (low + high)
-        if push_standing(replace(spec, impulse=middle)).recovered:
+        if recovers(middle):
             low = middle
         else:
             high = middle
@@ -135,7 +152,7 @@ class PushTableSpec:
 
     Attributes:
         robot: Robots, of those that `wbc robots` lists.
-        mode: What the drives are given: position, torque or both.
+        mode: Command of the drives: position, torque or both.
         directions: Number of directions, evenly spread, beginning with forward and going to the left.
         highest: Largest impulse tried, Ns/kg.
         resolution: Width of the last interval of the bisection, Ns/kg.

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.control import Mode, PositionControl, TorqueControl
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, Seed, settings
 from wbc.feet.soles.catalog import foot as foot_by_name
@@ -23,7 +23,6 @@ from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 
-Mode = Literal["position", "torque"]
 Feedback = Literal["open", "closed"]
 
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -43,7 +42,7 @@ class StandSpec:
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
-        mode: What the drives are given: references of position and velocity, or torques.
+        mode: Command of the drives: references of position and velocity, or torques.
         seconds: Simulated time, s.
         foot: Foot under both ankles; flat is the robot's own sole.
         noise: Errors of the sensors, none or realistic.

@@ -89,7 +89,7 @@ class Plant:
         seed: Seed of every random draw.
         model: MuJoCo's model.
         data: MuJoCo's state; positions and velocities are up to date after `step`.
-        joint_torque: What the servos applied in the physics step that ended now, shape (na,), Nm; overwritten by the
+        joint_torque: Torques of the servos in the physics step that ended now, shape (na,), Nm; overwritten by the
             next step.
         ticks: Control periods since the start.
         diverged: Reason of a divergence of the simulation; None as a rule.

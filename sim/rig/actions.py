@@ -9,8 +9,9 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.hull import hull_and_area
 from wbc.sim.rig.fixture import Rig
-from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon, hull
+from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
 
 REBOUND_TIME = 0.3
@@ -226,7 +227,7 @@ def _support(rig: Rig) -> SupportPolygon | None:
         if twin.diverged:
             return None
     points = np.array(centres)
-    corners, area = hull(points[np.isfinite(points).all(axis=1)])
+    corners, area = hull_and_area(points[np.isfinite(points).all(axis=1)])
     (backward, right), (forward, left) = corners.min(axis=0), corners.max(axis=0)
     return SupportPolygon(
         tilt=SUPPORT_TILT,

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array
+from wbc.core.hull import hull_and_area
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
-from wbc.sim.rig.results import hull
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import add_to_spec
 
@@ -220,7 +220,7 @@ class Rig:
 
     def contact_area(self) -> float:
         """Return the area of the convex hull of the supporting contact points in plan, m²."""
-        return hull(self.in_plan(self.contacts(self.min_contact_force).points))[1]
+        return hull_and_area(self.in_plan(self.contacts(self.min_contact_force).points))[1]
 
     def in_plan(self, points: Array) -> Array:
         """Return world points as seen from above: forward and left of the sole centre under the ankle, (n, 2), m."""

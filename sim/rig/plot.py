@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from wbc.core.errors import Array, InputError
+from wbc.core.files import replacing
 from wbc.sim.rig.results import Hold, PitchResult, PressResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.rig.study import Deflection, StiffnessRow
@@ -55,7 +56,8 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
         f"{1e4 * hold.contact_area:.0f} cm²{support}",
         fontsize=9,
     )
-    figure.savefig(str(path), dpi=150)
+    with replacing(path) as new:
+        figure.savefig(new, dpi=150)
 
 
 def plot_curves(
@@ -87,7 +89,8 @@ def plot_curves(
     force.set_ylabel("load (N)")
     if deflections:
         force.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.06, 1.0))
-    figure.savefig(str(path), dpi=150)
+    with replacing(path) as new:
+        figure.savefig(new, dpi=150)
 
 
 def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
@@ -115,7 +118,8 @@ def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
         axes.set_xlabel("pitch, toe down (°)")
         axes.set_ylabel(label)
     figure.suptitle(f"{_named(test)}, pitched with {test.load:g} N on the ankle", fontsize=9)
-    figure.savefig(str(path), dpi=150)
+    with replacing(path) as new:
+        figure.savefig(new, dpi=150)
 
 
 def _named(test: FootTest) -> str:

@@ -5,11 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from scipy.spatial import ConvexHull, QhullError
-
-from wbc.core.errors import Array
-
 Points = tuple[tuple[float, ...], ...]
 
 
@@ -166,24 +161,3 @@ class PitchResult:
     centre_of_pressure: tuple[float, ...] = ()
     moment: tuple[float, ...] = ()
     ankle_height: tuple[float, ...] = ()
-
-
-def hull(points: Array) -> tuple[Array, float]:
-    """Return the convex hull of points in the plane.
-
-    Args:
-        points: Shape (n, 2), m.
-
-    Returns:
-        Corners counter-clockwise, shape (m, 2), m, and area, m²; points on a line have their ends and no
-        area.
-    """
-    unique = np.unique(np.round(points, 9), axis=0)
-    if len(unique) < 3:
-        return unique, 0.0
-    try:
-        found = ConvexHull(unique)
-    except QhullError:
-        along = unique @ np.linalg.svd(unique - unique.mean(axis=0))[2][0]
-        return unique[[int(along.argmin()), int(along.argmax())]], 0.0
-    return unique[found.vertices], float(found.volume)  # in the plane, "volume" is the area

@@ -212,7 +212,7 @@ class Deflection:
     Attributes:
         stiffness: Stiffness of the sole, Nm/rad; infinite for a rigid foot.
         load: Weight of load and foot, N.
-        deflection: How far the ankle lies below the height at which the undeformed, level foot would touch, m.
+        deflection: Depth of the ankle below the height at which the undeformed, level foot would touch, m.
         contact_area: Area of the convex hull of the contact points, m².
         diverged: True if the simulation diverged; the curve ends early then.
     """

@@ -36,8 +36,8 @@ Status = Literal["done", "diverged", "timeout", "crashed"]
 """End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
 
 Sync = Literal["always", "second", "never"]
-"""When a line is forced to the disk, where it survives a loss of power: at once, if the last time was a second ago, or
-never. A killed process loses nothing in any case."""
+"""Policy by which lines are forced to the disk, where they survive a loss of power: at once, if the last time was a
+second ago, or never. A killed process loses nothing in any case."""
 
 SYNC_TIME = 1.0
 """Shortest time between two forced writes with the policy "second", s."""
@@ -188,7 +188,7 @@ class Journal:
 
         Args:
             path: The file; folders on the way are made.
-            sync: When lines are forced to the disk.
+            sync: Policy by which lines are forced to the disk.
 
         Raises:
             UnknownNameError: An unknown policy.

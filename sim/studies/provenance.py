@@ -53,6 +53,21 @@ def provenance() -> Mapping[str, Any]:
     }
 
 
+def differences(version: Mapping[str, Any]) -> list[str]:
+    """Return how another version of the code differs from the present one, such as "mujoco 3.2.0 instead of 3.3.1".
+
+    Args:
+        version: The other one, as `provenance` gave it.
+    """
+    there, here = ({**v, **v.get("libraries", {})} for v in (version, provenance()))
+    names = [name for name in {**here, **there} if name != "libraries"]
+    return [
+        f"{name} {there.get(name, 'unknown')} instead of {here.get(name, 'none')}"
+        for name in names
+        if there.get(name) != here.get(name)
+    ]
+
+
 def _version(name: str) -> str:
     try:
         return metadata.version(name)

@@ -11,6 +11,7 @@ arms can be compared in pairs. It is data: those of the catalog are made by func
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -20,7 +21,7 @@ from pydantic import Field
 from wbc.core.errors import InputError, choose, unknown_name
 from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, trial_key
-from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.sweep import by_spec
 from wbc.sim.studies.trials import Trial, trial_from_json
 
@@ -234,3 +235,70 @@ def study_entries(
     for trial in study.trials():
         plain = trial.spec.to_json()
         yield trial, entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
+
+
+@settings(kw_only=True)
+class LeftOut:
+    """Entries of a journal that a result does not use, by reason.
+
+    Attributes:
+        entries: Number of all entries of the journal.
+        other_code: Entries of the study's trials by another version of the code.
+        replaced: Entries of trials of which a result of another version is used.
+        other_trials: Entries of trials that the study, or the part of it, does not have.
+        unreadable: Entries whose spec the present code cannot read.
+        differences: Differences between the other versions and the present one → number of entries.
+    """
+
+    entries: int
+    other_code: int = 0
+    replaced: int = 0
+    other_trials: int = 0
+    unreadable: int = 0
+    differences: Mapping[str, int] = field(default_factory=dict)
+
+    def text(self) -> str | None:
+        """Return the numbers and reasons; None if there is nothing that a user would miss in a result."""
+        total = self.other_code + self.replaced + self.other_trials + self.unreadable
+        if not (self.other_code or self.unreadable or (total and total == self.entries)):
+            return None
+        why = "; ".join(f"{n}: {text}" for text, n in self.differences.items())
+        reasons = {
+            f"of another version of the code ({why}), which --any-code takes": self.other_code,
+            "of trials of which another version's result is used": self.replaced,
+            "of trials that are not part of it": self.other_trials,
+            "whose spec this version cannot read": self.unreadable,
+        }
+        parts = ", ".join(f"{number} {reason}" for reason, number in reasons.items() if number)
+        return f"{total} of {self.entries} entries are left out: {parts}"
+
+
+def left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> LeftOut:
+    """Count the entries of a journal that a result of a study does not use.
+
+    Args:
+        study: The study.
+        entries: Entries of a journal, by key.
+        any_code: Results of other versions of the code are used, too.
+    """
+    used, specs = set(), set()
+    for trial, entry in study_entries(study, entries, any_code=any_code):
+        specs.add(trial_key(trial.spec.to_json(), {}))
+        if entry is not None:
+            used.add(entry.key)
+    reasons: Counter[str] = Counter()
+    versions: Counter[str] = Counter()
+    for key, entry in entries.items():
+        if key in used:
+            continue
+        spec = next(iter(by_spec([entry])), None)
+        if spec is None:
+            reasons["unreadable"] += 1
+        elif spec not in specs:
+            reasons["other_trials"] += 1
+        elif any_code:
+            reasons["replaced"] += 1
+        else:
+            reasons["other_code"] += 1
+            versions[", ".join(differences(entry.version)) or "an earlier form of the spec"] += 1
+    return LeftOut(entries=len(entries), differences=dict(versions.most_common(3)), **reasons)

@@ -16,8 +16,17 @@ import multiprocessing
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +42,10 @@ TIMEOUT = 600.0
 
 IN_FLIGHT = 64
 """Number of trials that a given executor holds at a time: more than a cluster of some dozen cores can run."""
+
+STARTS = 5
+"""Number of times in a row that every worker may end before a trial has begun: one that is killed while it starts ends
+no sweep, a script whose processes cannot start does."""
 
 THREADS = (
     "OMP_NUM_THREADS",
@@ -142,11 +155,11 @@ def sweep(
     if progress is not None:
         progress(summary)
     if executor is not None:
-        left = _feed(executor, pending, timeout, in_flight, record, ours=False)
-        if left:
+        lost = _feed(executor, pending, timeout, in_flight, record)
+        if lost:
             raise SweepError(
-                f"the executor has broken down; {summary.run} trials are written down, {len(left)} were lost and "
-                "the rest not begun: run the sweep again"
+                f"the executor has broken down; {summary.run} trials are written down, {len(lost)} were lost and "
+                f"{len(pending)} not begun: run the sweep again"
             )
     elif pending:
         _run_locally(pending, workers, timeout, record)
@@ -176,41 +189,57 @@ Record = Callable[[dict[str, Any], Outcome], None]
 def _run_locally(pending: Pending, workers: int, timeout: float | None, record: Record) -> None:
     """Run trials in local processes.
 
-    A process that dies takes the pool with it, and it is unknown which trial did it. Those in flight are then run one
-    by one, so that the next one that dies is the culprit.
+    Each process has a pool of its own: when one dies, the trial that it had is known, and the others go on. The trial
+    has crashed if it had begun; otherwise the process was killed while it started, and the trial is given to another.
+
+    Raises:
+        SweepError: Processes end again and again before a trial has begun.
     """
-    suspects: Pending = []
-    while pending or suspects:
-        if suspects:
-            lost = _feed_new_pool(suspects[:1], 1, timeout, record)
-            if lost:
-                record(lost[0][1], Outcome("crashed", error="the process that ran it died"))
-            del suspects[:1]
-        else:
-            lost = _feed_new_pool(pending, min(workers, len(pending)), timeout, record)
-            if workers == 1 and lost:
-                record(lost[0][1], Outcome("crashed", error="the process that ran it died"))
-            else:
-                suspects = lost
+    begun = multiprocessing.get_context("spawn").RawArray("b", len(pending))
+    waiting = deque(range(len(pending)))
+    failed_starts, most = 0, STARTS * workers
+    running: dict[Future[Outcome], tuple[_Worker, int]] = {}
+    with _local_workers(min(workers, len(pending)), begun) as pool:
+        idle = list(pool)
+        while waiting or running:
+            while waiting and idle:
+                worker, number = idle.pop(), waiting.popleft()
+                running[worker.submit(number, pending[number][0], timeout)] = worker, number
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                worker, number = running.pop(future)
+                idle.append(worker)
+                if isinstance(_error(future), BrokenExecutor) and not begun[number]:
+                    waiting.appendleft(number)
+                    failed_starts += 1
+                    if failed_starts == most:
+                        raise SweepError(
+                            f"processes for the trials have ended {most} times before one began; the standard error "
+                            "may say why (a script that starts a sweep needs `if __name__ == '__main__':`)"
+                        )
+                else:
+                    failed_starts = 0
+                    record(pending[number][1], _outcome(future))
 
 
-def _feed_new_pool(pending: Pending, workers: int, timeout: float | None, record: Record) -> Pending:
-    """Run trials in a new pool; remove those begun from the list, and return those lost if the pool broke."""
-    with local_executor(workers) as pool:
-        try:
-            pool.submit(os.getpid).result()
-        except BrokenExecutor as error:
-            raise SweepError(
-                "processes for the trials do not start; the standard error says why "
-                "(a script that starts a sweep needs `if __name__ == '__main__':`)"
-            ) from error
-        return _feed(pool, pending, timeout, workers, record, ours=True)
+def _outcome(future: Future[Outcome]) -> Outcome:
+    """Return the outcome of a trial that has ended, with or without its process."""
+    error = _error(future)
+    if error is None:
+        return future.result()
+    if isinstance(error, BrokenExecutor):
+        return Outcome("crashed", error="the process that ran it died")
+    return Outcome("crashed", error=f"{type(error).__name__}: {error}")  # such as a spec that cannot be sent
+
+
+def _error(future: Future[Outcome]) -> BaseException | None:
+    return CancelledError() if future.cancelled() else future.exception()
 
 
 def _feed(
-    executor: Executor, pending: Pending, timeout: float | None, in_flight: int, record: Record, *, ours: bool
+    executor: Executor, pending: Pending, timeout: float | None, in_flight: int, record: Record
 ) -> Pending:
-    """Keep an executor busy until nothing is pending.
+    """Keep a given executor busy until nothing is pending, or until it breaks.
 
     Returns:
         Trials that were lost with an executor that broke; none if all went well.
@@ -220,26 +249,19 @@ def _feed(
     try:
         while pending or running:
             while pending and len(running) < in_flight and not lost:
-                spec, plain = pending[0]
                 try:
-                    future = executor.submit(run_trial, spec, timeout, exit_when_stuck=ours)
+                    future = executor.submit(run_trial, pending[0][0], timeout)
                 except BrokenExecutor:
-                    if not running:  # broken before anything was begun: trying again would never end
-                        raise
+                    lost.append(pending.pop(0))
                     break
-                running[future] = (spec, plain)
-                del pending[0]
+                running[future] = pending.pop(0)
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 trial = running.pop(future)
-                try:
-                    outcome = future.result()
-                except BrokenExecutor:
+                if isinstance(_error(future), BrokenExecutor):
                     lost.append(trial)
-                except Exception as error:  # of the executor, or a spec that cannot be sent
-                    record(trial[1], Outcome("crashed", error=f"{type(error).__name__}: {error}"))
                 else:
-                    record(trial[1], outcome)
+                    record(trial[1], _outcome(future))
             if lost and not running:
                 return lost
     except BaseException:
@@ -249,22 +271,50 @@ def _feed(
     return lost
 
 
+class _Worker:
+    """One local process with one thread, started when it is needed, and again when it has died."""
+
+    def __init__(self, begun: Any) -> None:
+        self._begun = begun
+        self._pool: ProcessPoolExecutor | None = None
+
+    def submit(self, number: int, spec: Trial, timeout: float | None) -> Future[Outcome]:
+        """Give the process a trial; `begun[number]` is set as soon as it begins."""
+        if self._pool is not None:
+            try:
+                return self._pool.submit(_begin, number, spec, timeout)
+            except BrokenExecutor:
+                self.end()
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(
+            1, mp_context=context, initializer=_start_worker, initargs=(self._begun,)
+        )
+        return self._pool.submit(_begin, number, spec, timeout)
+
+    def end(self, *, wait: bool = True) -> None:
+        """End the process after its trial."""
+        if self._pool is not None:
+            self._pool.shutdown(wait, cancel_futures=not wait)
+
+
 @contextlib.contextmanager
-def local_executor(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of new processes with one thread each; they end when this process does, however it ends.
+def _local_workers(count: int, begun: Any) -> Iterator[list[_Worker]]:
+    """Make local workers; their processes end when this process does, however it ends.
 
     Args:
-        workers: Number of processes.
+        count: Number of workers.
+        begun: Shared array with a byte for each trial.
     """
-    context = multiprocessing.get_context("spawn")
+    workers = [_Worker(begun) for _ in range(count)]
     with _one_thread():
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
         try:
-            yield pool
+            yield workers
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.end(wait=False)
             raise
-        pool.shutdown()
+        for worker in workers:
+            worker.end()
 
 
 @contextlib.contextmanager
@@ -282,8 +332,21 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _start_worker() -> None:
+_begun: Any = None
+"""In a local process, the array in which begun trials are marked, shared with the sweep. Every trial has its own byte:
+a lock would never be released by a process that is killed."""
+
+
+def _begin(number: int, spec: Trial, timeout: float | None) -> Outcome:
+    """Mark a trial as begun and run it, in a local process."""
+    _begun[number] = 1
+    return run_trial(spec, timeout, exit_when_stuck=True)
+
+
+def _start_worker(begun: Any = None) -> None:
     """Prepare a local process."""
+    global _begun  # noqa: PLW0603 - initializers have no other way to hand something to the calls
+    _begun = begun
     logging.getLogger().setLevel(logging.ERROR)
     parent = multiprocessing.parent_process()
     if parent is None:

@@ -19,6 +19,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import InputError, positive
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
+from wbc.sim.balance.push_recovery import largest_recovered
 from wbc.sim.studies.journal import Status
 from wbc.sim.walks import WalkHook, WalkSpec, WalkTick, walk
 
@@ -193,38 +194,35 @@ class WalkPushLimitSpec:
         return WalkPushLimitSpec(walk=WalkSpec.from_json(values | {"pushes": pushes}), **search)
 
 
+class _Diverged(Exception):  # noqa: N818 - it is a result
+    """The physics of a walk has diverged."""
+
+
 def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
     """Find the largest push from which a walk recovers, that is, completes its plan."""
     begin = time.perf_counter()
     tried: list[tuple[float, bool, int, str | None]] = []
     seconds = 0.0
-    diverged = False
 
     def recovers(impulse: float) -> bool:
-        nonlocal seconds, diverged
+        nonlocal seconds
         result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
         seconds += result.seconds
-        diverged = diverged or result.outcome == "diverged"
         done = result.outcome == "completed"
         tried.append((impulse, done, result.steps_done, result.fall_reason))
+        if result.outcome == "diverged":
+            raise _Diverged
         return done
 
-    low, high = 0.0, spec.highest
-    if not recovers(0.0):
-        limit = None  # the walk falls without a push
-    elif recovers(high):
-        limit = high
-    else:
-        while high - low > spec.resolution + 1e-12 and not diverged:
-            middle = 0.5 * (low + high)
-            if recovers(middle):
-                low = middle
-            else:
-                high = middle
-        limit = low
+    limit, diverged = None, False
+    try:
+        if recovers(0.0):  # else the walk falls without a push
+            limit = largest_recovered(recovers, spec.highest, spec.resolution + 1e-12)  # for rounded halves
+    except _Diverged:
+        diverged = True
     wall = time.perf_counter() - begin
     record = {
-        "impulse": None if diverged else limit,
+        "impulse": limit,
         "walks": len(tried),
         "seconds": seconds,
         "tried": [

@@ -11,6 +11,7 @@ from wbc.sim.terrain.clearance import ClearanceWarning, check_clearance
 from wbc.sim.terrain.families import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, family, param, terrain_families
 from wbc.sim.terrain.families.site import Site
+from wbc.sim.terrain.families.solids import bar, dome, plate, stone
 from wbc.sim.terrain.ground import Ground
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.render import AddedTerrain, GroundContact, add_to_spec
@@ -36,6 +37,10 @@ __all__ = [
     "FieldFamily",
     "ShapeFamily",
     "Site",
+    "bar",
+    "dome",
+    "plate",
+    "stone",
     # The surface
     "Ground",
     "HeightMap",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.core.errors import Array
+from wbc.core.files import replacing
 from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import Terrain, terrain
@@ -46,7 +47,8 @@ def plot_terrain(ground: Terrain, path: str | Path) -> None:
     below.set(xlim=(x0, x1), xlabel="x (m)", ylabel="z at y = 0 (mm)")
     values = map(_number, PARAMETERS, UNITS, ground.roughness().values)
     below.set_title("roughness along y = 0:  " + "   ".join(values), fontsize=8.5)
-    figure.savefig(path, dpi=130)
+    with replacing(path) as new:
+        figure.savefig(new, dpi=130)
 
 
 def plot_families(path: str | Path, columns: int = 4) -> int:
@@ -70,7 +72,8 @@ def plot_families(path: str | Path, columns: int = 4) -> int:
         ax.tick_params(labelsize=7)
     for ax in axes[len(grounds) :]:
         ax.axis("off")
-    figure.savefig(path, dpi=110)
+    with replacing(path) as new:
+        figure.savefig(new, dpi=110)
     return len(grounds)
 
 

@@ -265,7 +265,7 @@ class Terrain:
         Args:
             x0: First point, m; the start of the rough part when None.
             x1: Last point, m; the end of the rough part when None.
-            y: Where the line runs, m.
+            y: Lateral place of the line, m.
             step: Distance between samples, m; the last one stays at or before x1.
 
         Returns:

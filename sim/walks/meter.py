@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wbc.core.hull import hull_and_area
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.plant.plant import Plant
-from wbc.sim.rig.results import hull
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import SIDES
@@ -160,7 +160,7 @@ class WalkMeter:
         truth, data, site = self._plant.truth(), self._plant.data, self._plant.sole_sites[stance]
         mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > MIN_FORCE)
         points = (truth.contact_position[mine] - data.site_xpos[site]) @ data.site_xmat[site].reshape(3, 3)
-        return hull(points[:, :2])[1]
+        return hull_and_area(points[:, :2])[1]
 
     def fall(self, reason: str) -> Fall:
         """Return a fall that has just been detected, with its onset."""

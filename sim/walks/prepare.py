@@ -37,7 +37,7 @@ class PreparedWalk:
         configuration: Configuration of the controller's robot at the start, shape (nq,).
         plan: Footsteps, with timings on the grid of the control period.
         nominal_time: Duration of the walk as planned, s.
-        notes: What was changed to make it walkable.
+        notes: Changes that made it walkable.
     """
 
     plant_description: RobotDescription

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import field, replace
 
 from wbc.core.changes import Changes, changed, normal_changes
+from wbc.core.control import Mode
 from wbc.core.errors import InputError, choose
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
-from wbc.walking.control import Mode, WalkingControlSettings
+from wbc.walking.control import WalkingControlSettings
 from wbc.walking.pattern.preview import PreviewSettings
 from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings

@@ -10,12 +10,13 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PlainValidator
 
 from wbc.core.changes import Changes, as_changes, changed, normal_changes
+from wbc.core.control import Mode
 from wbc.core.errors import InputError, choose, shown
 from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, to_json
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
-from wbc.sim.balance.standing import CONTROL_PERIOD, Mode
+from wbc.sim.balance.standing import CONTROL_PERIOD
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import steps_per_tick
@@ -63,7 +64,7 @@ class WalkSpec:
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
-        mode: What the drives are given: "position" or "torque".
+        mode: Command of the drives: "position" or "torque".
         control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when None.
         timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs or footsteps.

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, WbcError, choose
+from wbc.core.errors import Array, InputError, choose
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.feet.sensing.scan import GroundScan, Profile
@@ -242,7 +242,7 @@ class StiffnessScheduler:
             if answer is None:
                 return None, "the policy has no opinion"
             decision = answer if isinstance(answer, StiffnessDecision) else StiffnessDecision(answer)
-        except WbcError as error:
+        except Exception as error:  # of a policy of the user: the sole then falls back
             return None, f"the policy failed: {error}"
         if not decision.familiar:
             far = "" if decision.distance is None else f", {decision.distance:.1f} deviations away"

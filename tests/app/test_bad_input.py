@@ -149,7 +149,7 @@ def test_contradictory_hard_constraints_are_named() -> None:
 
 
 def at_rest(control: PositionControl | TorqueControl, time: float) -> Measurement:
-    """What perfect sensors say of the controlled robot standing in half-sitting."""
+    """Return the measurement of perfect sensors on the controlled robot standing in half-sitting."""
     robot = shared_robot()
     imu = robot.placement(robot.imu_frame).rotation
     half = np.array([0.0, 0.0, 0.5 * 9.80665 * robot.mass, 0.0, 0.0, 0.0])

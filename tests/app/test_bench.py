@@ -91,10 +91,10 @@ def test_random_problems_are_solved_within_tolerance() -> None:
     reported: list[int] = []
     options = BenchSolverOptions(ticks=300, stream=50, sample=10, scattered=0.5)
     result = bench_solver(options, progress=reported.append)
-    assert result["ticks"] == 300 and result["compared_with_daqp"] == 30
+    assert result["ticks"] == 300 and result["compared_with_proxqp"] == 30
     assert result["unsolved"] == result["above_tolerance"] == result["slow_ticks"] == 0
     assert result["ticks_with_active_limits"] > 200 and result["contact_switches"] > 0
-    assert result["daqp_failed"] == result["differ_from_daqp"] == 0
+    assert result["proxqp_failed"] == result["differ_from_proxqp"] == 0
     assert reported == sorted(reported) and reported[-1] == 300
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pytest
+from full_disk import limited_file_size
 from log_writing import HEADER, columns, values, write
 from pyarrow import ipc
 
@@ -22,7 +23,7 @@ import wbc.app.log as package
 from wbc import app
 from wbc.app.log import Log
 from wbc.app.log.header import FORMAT, KEY, encode
-from wbc.app.log.writer import ROWS, LogWriter
+from wbc.app.log.writer import ROWS, LogWriter, part_path
 from wbc.core.errors import InputError, UnknownNameError
 
 
@@ -192,7 +193,9 @@ def test_killed_program_leaves_what_was_written(tmp_path: Path) -> None:
     path = tmp_path / "log.arrow"
     done = run_child(path, "writer._wait(); os.kill(os.getpid(), signal.SIGKILL)")
     assert done.returncode == -signal.SIGKILL, done.stderr
-    log = Log.open(path)
+    with pytest.raises(InputError, match="No such file.*log.part.arrow is a recording .* not ended"):
+        Log.open(path)
+    log = Log.open(part_path(path))
     assert log.broken and len(log) == 3 * ROWS
     assert (log.time == [values(i)[0] for i in range(3 * ROWS)]).all()
 
@@ -223,8 +226,35 @@ def test_full_disk_ends_the_log_and_not_the_run(
     assert writer.failure is not None and "No space left" in writer.failure
     assert len([r for r in caplog.records if "the run goes on" in r.message]) == 1
     writer.close()
-    log = Log.open(path)
-    assert log.broken and len(log) == ROWS
+    log = Log.open(part_path(path))
+    assert log.broken and len(log) == ROWS and not path.exists()
+    assert re.search(
+        f"log.arrow lost data: {ROWS} of {4 * ROWS + 1} ticks .*part.arrow: .*No space", str(writer.loss)
+    )
+
+
+def test_full_disk_at_any_moment_leaves_the_old_log(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Whether it is full at the first byte, in the header, in a batch or in the last bytes of the file."""
+    path = tmp_path / "log.arrow"
+    write(path, ROWS + 30).close()
+    old = path.read_bytes()
+    for size in (0, 100, len(old) // 2, len(old) - 10, len(old) - 1):
+        with limited_file_size(size):
+            writer = write(path, ROWS + 30)
+            writer.close()
+        assert writer.loss is not None and "File too large" in str(writer.loss)
+        assert path.read_bytes() == old
+        assert writer.written <= writer.rows == ROWS + 30
+    with limited_file_size(len(old)):
+        writer = write(path, ROWS + 30)
+        writer.close()
+    assert writer.loss is None and sorted(p.name for p in tmp_path.iterdir()) == ["log.arrow"]
+
+
+def test_recording_without_a_tick_leaves_the_old_log(log_file: Path) -> None:
+    old = log_file.read_bytes()
+    LogWriter(log_file).close()
+    assert log_file.read_bytes() == old and not part_path(log_file).exists()
 
 
 def test_names_are_checked() -> None:

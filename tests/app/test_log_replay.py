@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import umsgpack
 from browser import Browser, needs_chromium
+from pages import get
 from PIL import Image
 from recorded import make_walk, recorded_scans, recorded_walk, run
 
@@ -375,6 +376,12 @@ def test_command_names_what_is_wrong(
     assert expected in capsys.readouterr().err
 
 
+def test_scripts_of_a_served_page_carry_its_nonce(replay: Replay) -> None:
+    served = replay_page(replay, rate=2.0, nonce="abc")
+    assert re.findall(r"<script\b([^>]*)>", served) == [' nonce="abc"'] * 3
+    assert not re.search(r"<[^>]+\son[a-z]+=", re.sub(r"<script.*?</script>", "", served, flags=re.S))
+
+
 def test_page_is_served_to_this_machine_alone(page: str, capsys: pytest.CaptureFixture[str]) -> None:
     server = PageServer(port=0)
     assert server.url.startswith("http://127.0.0.1:")
@@ -391,6 +398,11 @@ def test_page_is_served_to_this_machine_alone(page: str, capsys: pytest.CaptureF
             except OSError:
                 time.sleep(0.05)
         assert got == page
+        port = server.url.rpartition(":")[2].strip("/")
+        evil = {"Host": f"evil.example:{port}", "Origin": f"http://evil.example:{port}"}
+        assert get(server.url, **evil).status == 403
+        rules = get(server.url).headers["Content-Security-Policy"]
+        assert f"script-src 'nonce-{server.nonce}';" in rules and "frame-ancestors 'none'" in rules
     finally:
         thread.join()
     assert server.url in capsys.readouterr().err

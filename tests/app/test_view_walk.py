@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import Browser, needs_chromium
+from pages import page_url
 from PIL import Image
 from tornado.websocket import websocket_connect
 
@@ -33,7 +34,7 @@ from wbc.app.scene.shapes import HIDDEN, ROOT
 from wbc.app.view import MeshcatView, WatchWalk
 from wbc.app.view.channel import MAX_ANNOTATIONS
 from wbc.app.view.controls import LiveControls
-from wbc.app.view.user_input import MAX_BYTES, UserInput
+from wbc.app.view.user_input import MAX_BYTES, MAX_MESSAGE, UserInput, unpack
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, walk
@@ -252,7 +253,7 @@ def test_annotations_say_everything_and_fit() -> None:
 
 
 class Commands(WalkHook):
-    """What was commanded."""
+    """Recorder of all commands."""
 
     def __init__(self) -> None:
         self.all: list[bytes] = []
@@ -337,29 +338,48 @@ def test_requests_that_make_no_sense_are_refused(stage: Stage, order: Any, messa
     assert "refused" in without.message and without.available() == {}
 
 
+NONSENSE: tuple[str | bytes, ...] = (
+    "",
+    "no JSON",
+    b"\xff\xfe",
+    "null",
+    "3",
+    "[]",
+    '{"speed": "fast"}',
+    '{"speed": NaN}',
+    '{"speed": -1}',
+    '{"speed": true}',
+    '{"speed": 1e999}',
+    '{"order": 3}',
+    '{"order": {"do": ["push"]}}',
+    '{"order": {"do": "push", "impulse": Infinity}}',
+    '{"order": {"do": "' + "x" * 101 + '"}}',
+    '{"order": {"do": "\\ud800"}}',
+    '{"order": {"value": ' + "9" * 4000 + "}}",
+    '{"paused": 1}',
+    '{"paused": true, "more": 1}',
+    "[" * 4000,
+    '{"order":' * 400,
+    '{"paused": true}' + " " * MAX_MESSAGE,
+)
+"""Messages that are dropped."""
+
+
 def test_pages_ask_for_pause_speed_and_changes() -> None:
     wanted = UserInput(1.0)
-    for nonsense in (
-        None,
-        3,
-        [],
-        {"speed": "fast"},
-        {"speed": math.nan},
-        {"speed": -1},
-        {"order": 3},
-        {"paused": 1},
-    ):
+    for nonsense in NONSENSE:
         wanted.take(nonsense)
     assert (wanted.paused, wanted.speed, wanted.requests) == (False, 1.0, [])
-    wanted.take({"paused": True, "speed": 0.5})
+    wanted.take('{"paused": true, "speed": 0.5}')
     for i in range(30):
-        wanted.take({"order": {"do": "push", "number": i}})
-    wanted.take({"speed": None})
-    said = json.loads(wanted.pack())
-    assert said["paused"] is True and said["speed"] is None
-    assert [number for number, _ in said["orders"]] == list(range(15, 31))
-    wanted.take({"order": {"do": "x" * 10_000}})
-    assert len(wanted.pack()) < MAX_BYTES
+        wanted.take(json.dumps({"order": {"do": "push", "number": i}}))
+    wanted.take('{"speed": null}')
+    said = unpack(wanted.pack())
+    assert said is not None and said.paused is True and said.speed is None
+    assert [number for number, _ in said.orders] == list(range(15, 31))
+    for _ in range(16):
+        wanted.take(json.dumps({"order": dict.fromkeys("abcdefgh", "\u20ac" * 100)}))
+    assert len(wanted.pack()) < MAX_BYTES and unpack(wanted.pack()) is not None
 
 
 def test_a_page_pauses_and_pushes(stage: Stage, view: MeshcatView) -> None:
@@ -367,7 +387,7 @@ def test_a_page_pauses_and_pushes(stage: Stage, view: MeshcatView) -> None:
     said: list[dict[str, Any]] = []
 
     async def follow() -> None:
-        page = await websocket_connect(view.url.replace("http", "ws") + "stream")
+        page = await websocket_connect(page_url(view, "stream"))
         await page.write_message("no JSON")
         await page.write_message(json.dumps({"paused": True}))
         await page.write_message(

@@ -103,7 +103,7 @@ def percentile(values: list[int], percent: float) -> float:
 
 
 def preemptions() -> int:
-    """How often the system has taken the processor away from this process: a measure of the noise."""
+    """Return how often the system has preempted this process: a measure of the noise."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw
 
 
@@ -122,7 +122,7 @@ def record(
     """One run as one line of JSON.
 
     Args:
-        task: What was run.
+        task: The task that was run.
         library: Which library ran it.
         version: Its version.
         nv: Degrees of freedom of its model.

@@ -85,7 +85,7 @@ def talos() -> BalanceTask:
 
 
 def moves(joint: ET.Element) -> bool:
-    """Whether a joint has a degree of freedom."""
+    """Return True for a joint with a degree of freedom."""
     return joint.get("type") in ("revolute", "prismatic")
 
 

@@ -1,4 +1,4 @@
-"""How far the estimate is from the truth while a robot walks, with each foot anchored at its CoP or as a whole.
+"""Error of the estimate while a robot walks, with each foot anchored at its CoP or as a whole.
 
 The observer knows encoders, IMU and foot wrenches. What it estimates is compared with the simulator: CoM and DCM as
 seen from the stance sole, which is what the stabilizer and the step adjustment act on, the tilt of the pelvis, and the

@@ -59,7 +59,7 @@ def measure(spec: WalkSpec) -> dict[str, Any]:
         try:
             if not view.wait(30.0):
                 raise SystemExit("no page came to follow the view")
-            while not walking.finished and walking.fallen is None:
+            while not walking.done:
                 arm = ARMS[(count // TURN) % len(ARMS)]
                 measurement = plant.measure()
                 start = time.perf_counter()

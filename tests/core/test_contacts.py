@@ -187,7 +187,6 @@ def test_free_axis_has_no_force_and_may_move(axis: str) -> None:
     controller.remove(controller.contact("left_foot"))
     sole = SoleContact("left_foot", free_axes=(axis,), stiffness=0.0, damping=0.0, wrench_weight=1e-11)
     controller.add(sole, CoMTask(np.array(robot.com) + [0.03, 0.02, -0.05]))
-    assert sole.held_axes == tuple(a for a in AXES if a != axis)
     q, _ = near_half_sitting(robot, rng, 0.02)
     controller.update(q, np.zeros(robot.nv))
     solution = controller.solve()

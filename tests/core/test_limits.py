@@ -7,7 +7,7 @@ import pytest
 from task_factory import ROBOTS, integrate, make_robot, standing
 
 from wbc.core.errors import Array, InputError
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.rows import BrakingLaw, JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
@@ -97,6 +97,18 @@ def test_many_more_runs_into_the_limits_cross_none(seed: int) -> None:
             joints.step(requests(int(rng.integers(4)), rng, robot.na, tick * dt, dt))
             assert (joints.q <= robot.position_upper + TOLERANCE).all()
             assert (joints.q >= robot.position_lower - TOLERANCE).all()
+
+
+@pytest.mark.parametrize("dt", PERIODS)
+def test_the_braking_law_uses_the_whole_distance_and_no_more(dt: float) -> None:
+    """After the period, braking at ā ends exactly at the bound."""
+    rng = np.random.default_rng(7)
+    braking = rng.uniform(5.0, 100.0, 200)
+    distance, velocity = rng.uniform(0.05, 1.0, 200), rng.uniform(-1.0, 1.0, 200)
+    final = BrakingLaw(braking, dt)(distance, velocity)
+    assert (final > 0.0).all()
+    left = distance - 0.5 * dt * (velocity + final)
+    np.testing.assert_allclose(final**2 / (2.0 * braking), left, rtol=1e-9)
 
 
 def test_joint_never_passes_its_bound_between_ticks() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.optimize import linprog
-from scipy.spatial import ConvexHull
 from task_factory import (
     ROBOTS,
     description,
@@ -22,7 +21,7 @@ from task_factory import (
 
 from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
-from wbc.core.limits.com_polygon import CoMPolygonLimit, convex_hull
+from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.rows import JointLimits, RowLimit
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
@@ -255,16 +254,6 @@ def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
 
 
 # ---- centre of mass over a polygon --------------------------------------------------------------------------------
-
-
-def test_hull_is_that_of_another_library() -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(50):
-        points = rng.normal(size=(int(rng.integers(4, 30)), 2))
-        ours, theirs = convex_hull(points), points[ConvexHull(points).vertices]
-        start = int(np.argmin(np.linalg.norm(theirs - ours[0], axis=1)))
-        np.testing.assert_allclose(ours, np.roll(theirs, -start, axis=0), atol=1e-12)
-    assert len(convex_hull([[0, 0], [1, 0], [0.5, 0.0], [1, 1], [0, 1]])) == 4
 
 
 @robots

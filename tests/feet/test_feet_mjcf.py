@@ -366,6 +366,12 @@ def test_a_rigid_foot_has_no_stiffness_and_a_foreign_model_no_foot() -> None:
 # --- range -----------------------------------------------------------------------------------------------------------
 
 
+def hit_point(stand: Stand, reading: float) -> np.ndarray:
+    """Return the point of the ground that a reading (m) stands for, in the world, shape (3,), m."""
+    site = stand.data.site(stand.foot.range_site)
+    return site.xpos + reading * site.xmat[2::3]
+
+
 @pytest.mark.parametrize("family", ["stones", "random", "large_floor_tiles", "metal_sheets"])
 def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
     ground = terrain(family, 0.02, seed=3)
@@ -390,7 +396,7 @@ def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
             y = field.y0 + random.integers(1, field.z.shape[0] - 1) * field.step[1] if i % 8 else y
         stand.model.body_pos[carriage] = [x - offset[0], y - offset[1], random.uniform(0.2, 0.5)]
         mujoco.mj_kinematics(stand.model, stand.data)
-        hit = finder.hit_point(stand.data, finder.distance(stand.model, stand.data))
+        hit = hit_point(stand, finder.distance(stand.model, stand.data))
         # On the side of a stone the height jumps: the ray has hit between what is left and right of it.
         near = ground.height(hit[0] + around[0], hit[1] + around[1])
         assert near.min() - 1e-4 < hit[2] < near.max() + 1e-4
@@ -407,7 +413,7 @@ def test_range_looks_past_the_foot_along_the_tilted_sole() -> None:
     site = stand.data.site(stand.foot.range_site).xpos
     reading = finder.read(stand.model, stand.data)
     assert reading == pytest.approx(site[2] / math.cos(0.3), abs=1e-6)
-    hit = finder.hit_point(stand.data, reading)
+    hit = hit_point(stand, reading)
     assert hit[2] == pytest.approx(0.0, abs=1e-6)
     assert hit[0] == pytest.approx(site[0] - site[2] * math.tan(0.3), abs=1e-5)
 

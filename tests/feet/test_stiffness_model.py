@@ -421,7 +421,7 @@ def test_every_candidate_can_be_trained(table: StiffnessTable) -> None:
 
 
 def test_more_grounds_teach_more(table: StiffnessTable) -> None:
-    """Where the stiffness does follow from the profile, here from its height."""
+    """Accuracy grows with the grounds if the stiffness follows from the profile, here from its height."""
     height = table.values[:, PARAMETERS.index("Sz")]
     follows = StiffnessTable.from_columns(table.columns() | {"stiffness": 70.0 * height / height.max()})
     curve = learning_curve(follows, ModelSettings(("Sz",)), points=4, repetitions=6)

@@ -41,7 +41,7 @@ REGISTERS = (
     ("wbc.tasks.scheduling.policies", "_POLICIES"),
     ("wbc.sim.studies.trials", "_KINDS"),
 )
-"""What pages add something to, which other tests must not see."""
+"""Registries that pages add to, hidden from other tests."""
 
 
 def text_of(page: Path) -> str:
@@ -137,7 +137,7 @@ def test_names_in_the_text_exist(page: Path) -> None:
 
 
 def exists(name: str) -> bool:
-    """Whether a dotted name is that of a module, or of something in one."""
+    """Return True if a dotted name is that of a module, or of something in one."""
     parts = name.split(".")
     for cut in range(len(parts), 0, -1):
         try:
@@ -208,4 +208,4 @@ def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFi
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:
     assert exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_p") and exists("wbc.Plant")
-    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.run")
+    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.wlak")

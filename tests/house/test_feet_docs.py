@@ -33,7 +33,7 @@ def run(program: str, names: dict[str, Any]) -> None:
 
 @pytest.fixture
 def names(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Where programs of a page run, one after the other; what they register is forgotten afterwards."""
+    """Namespace of a page's programs, which run one after the other; what they register is forgotten afterwards."""
     monkeypatch.setattr(catalog, "_FEET", copy.copy(catalog._FEET))
     monkeypatch.setattr(base, "_FAMILIES", copy.copy(base._FAMILIES))
     return {}

@@ -1,4 +1,4 @@
-"""Who imports whom: floors without an arrow up, one copy of every module, no simulator below the simulator."""
+"""Imports between packages: floors without an arrow up, one copy of every module, no simulator below the simulator."""
 
 from __future__ import annotations
 

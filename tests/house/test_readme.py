@@ -49,10 +49,21 @@ def test_the_squat_in_one_line_squats() -> None:
 
 
 def test_the_smallest_walk_walks(capsys: pytest.CaptureFixture[str]) -> None:
-    program = blocks("python")[1]
-    assert len(program.strip().splitlines()) <= 15
-    exec(program, {})
-    assert capsys.readouterr().out.startswith("completed 5 of 5")
+    programs = blocks("python")[1:3]
+    assert len(programs[0].strip().splitlines()) <= 15
+    names: dict[str, Any] = {}
+    for program in programs:
+        assert program.count("3.0") == 1 and "# " in program.splitlines()[-1]
+        exec(program.replace("3.0", "0.5"), names)  # a sixth of the way
+    assert capsys.readouterr().out.splitlines() == ["5 steps", "completed 5 of 5 steps"]
+
+
+@pytest.mark.slow
+def test_the_walks_take_as_many_steps_as_their_comments_say(capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {}
+    for program in blocks("python")[1:3]:
+        exec(program, names)
+        assert capsys.readouterr().out.strip() == program.splitlines()[-1].partition("  # ")[2]
 
 
 def test_the_two_lines_of_the_start_do_all_set_up() -> None:

@@ -291,7 +291,7 @@ def test_kinematics_alone_are_those_of_the_whole_update(name: str) -> None:
 
 
 def test_models_are_copies() -> None:
-    """What one caller does to its model or robot does not reach another."""
+    """Changes of one caller's model or robot do not reach another."""
     description = load("hrp4_class")
     model = description.pinocchio_model()
     model.inertias[1] = pin.Inertia.Zero()

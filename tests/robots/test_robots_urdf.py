@@ -378,7 +378,7 @@ def test_repair_changes_nothing_that_is_sound() -> None:
 
 
 def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:
-    """What we accept MuJoCo compiles; what we repair it compiles, too."""
+    """MuJoCo compiles the inertias that we accept, and those that we repair."""
     rng = np.random.default_rng(3)
     accepted = 0
     for _ in range(40):

@@ -29,7 +29,6 @@ from wbc.sim.rig import (
     stiffness_curves,
 )
 from wbc.sim.rig.fixture import Rig
-from wbc.sim.rig.results import hull
 from wbc.sim.terrain import Terrain, terrain
 
 FLAT = terrain("flat")
@@ -170,17 +169,6 @@ def test_a_soft_sole_on_flat_ground_is_a_truss_between_heel_hinge_and_loop() -> 
     half = layout.pitch / 2.0
     assert support.backward == pytest.approx(layout.hinges[-1][0], abs=half)
     assert support.forward == pytest.approx(layout.loop_point[0], abs=half)
-
-
-def test_hulls() -> None:
-    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
-    corners, area = hull(square)
-    assert area == pytest.approx(1.0) and len(corners) == 4
-    line = np.array([[0.0, 0.0], [1.0, 1.0], [0.4, 0.4]])
-    ends, nothing = hull(line)
-    assert nothing == 0.0
-    np.testing.assert_allclose(sorted(ends.tolist()), [[0.0, 0.0], [1.0, 1.0]])
-    assert hull(np.zeros((0, 2)))[1] == hull(np.array([[1.0, 2.0]]))[1] == 0.0
 
 
 # --- slide and pitch -------------------------------------------------------------------------------------------------

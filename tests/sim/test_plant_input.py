@@ -1,4 +1,4 @@
-"""What the plant refuses, with what message, and that nothing moves when it does."""
+"""Input that the plant refuses: its message, and that nothing moves."""
 
 from __future__ import annotations
 

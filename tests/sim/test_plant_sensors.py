@@ -1,4 +1,4 @@
-"""What the plant measures: frames and signs against Pinocchio, forces against contacts, noise, latency, repetition."""
+"""Measurements of the plant: frames and signs against Pinocchio, forces against contacts, noise, latency."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.core.control import Mode
 from wbc.core.settings import to_json
 from wbc.feet import foot
 from wbc.robots import load, names
@@ -24,7 +25,6 @@ from wbc.sim.balance.push_recovery import (
 )
 from wbc.sim.balance.standing import (
     MODES,
-    Mode,
     StandResult,
     StandSpec,
     StandTrial,

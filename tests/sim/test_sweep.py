@@ -12,6 +12,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ import pytest
 from sweep_trials import MadeUpTrial
 
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.sim.studies import trials
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.intervals import mean_interval, paired_difference
 from wbc.sim.studies.journal import Entry, Journal, read_journal
@@ -34,7 +36,7 @@ SUPPORT = str(Path(__file__).parents[1] / "support")
 
 
 def marks_of(path: Path) -> Counter[int]:
-    """How often each trial was run."""
+    """Return seed → number of runs of each trial."""
     return (
         Counter(int(line.split()[0]) for line in path.read_text().splitlines())
         if path.exists()
@@ -226,6 +228,34 @@ def test_a_push_limit_lies_between_a_push_that_is_survived_and_one_that_is_not()
     assert not tried[result["impulse"] + 0.6]
     with pytest.raises(InputError, match="one push"):
         WalkPushLimitSpec(walk=WalkSpec(plan=WalkPlan(distance=0.05)))
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "status", "impulse", "tried"),
+    [
+        ({0.0: "fell"}, "done", None, [0.0]),
+        ({0.0: "completed", 0.8: "completed"}, "done", 0.8, [0.0, 0.8]),
+        ({0.0: "completed", 0.8: "fell", 0.4: "completed", 0.6: "fell"}, "done", 0.4, [0.0, 0.8, 0.4, 0.6]),
+        ({0.0: "completed", 0.8: "fell", 0.4: "diverged"}, "diverged", None, [0.0, 0.8, 0.4]),
+    ],
+)
+def test_the_search_for_a_push_limit_ends_with_its_last_interval_or_where_the_physics_diverges(
+    monkeypatch: pytest.MonkeyPatch,
+    outcomes: dict[float, str],
+    status: str,
+    impulse: float | None,
+    tried: list[float],
+) -> None:
+    def made_up(spec: WalkSpec, hooks: Any) -> SimpleNamespace:
+        del hooks
+        outcome = outcomes[round(spec.pushes[0].impulse, 9)]
+        return SimpleNamespace(outcome=outcome, seconds=1.0, steps_done=3, fall_reason=None)
+
+    monkeypatch.setattr(trials, "walk", made_up)
+    walk = WalkSpec(plan=WalkPlan(distance=0.05), pushes=(WalkPush(impulse=0.3, step=1),))
+    outcome = run_trial(WalkPushLimitSpec(walk=walk, highest=0.8, resolution=0.2))
+    assert outcome.result is not None and (outcome.status, outcome.result["impulse"]) == (status, impulse)
+    assert [one["impulse"] for one in outcome.result["tried"]] == pytest.approx(tried)
 
 
 # Studies and tables

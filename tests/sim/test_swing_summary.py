@@ -1,4 +1,4 @@
-"""What is said of the swings of many walks on soles of variable stiffness."""
+"""Summaries of the swings of many walks on soles of variable stiffness."""
 
 from __future__ import annotations
 

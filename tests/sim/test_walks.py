@@ -106,7 +106,7 @@ plant = wbc.Plant(description, terrain="flat", noise="realistic")
 robot = description.robot()
 plan = walk_distance(FootstepPlan.standing(robot), 0.1)
 walking = WalkingControl(robot, plan, plant.control_period)
-while not (walking.finished or walking.fallen):
+while not walking.done:
     plant.step(walking.command(plant.measure()))
 """
 
@@ -346,7 +346,7 @@ def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
         mujoco.mj_setConst(plant.model, mujoco.MjData(plant.model))
         too_far = 0.06 * plant.model.body_mass[torso] / plant.robot.mass
         errors = []
-        while not walking.finished and walking.fallen is None:
+        while not walking.done:
             plant.step(walking.command(plant.measure()))
             if plant.time > 3.0:
                 wanted = walking.reference.pendulum.com - walking.control.observer.robot.com

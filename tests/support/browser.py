@@ -40,7 +40,7 @@ class Browser:
     """One page.
 
     Attributes:
-        errors: What went wrong in the page's scripts.
+        errors: What went wrong in the page's scripts, and what its security policy has blocked.
         requests: Addresses that the page has asked for.
     """
 
@@ -69,7 +69,7 @@ class Browser:
             self._process.wait()
             self._runner.close()
             raise
-        for domain in ("Runtime", "Page", "Network"):
+        for domain in ("Runtime", "Page", "Network", "Log"):
             self.call(f"{domain}.enable")
 
     def _do(self, work: Coroutine[Any, Any, Any]) -> Any:
@@ -115,6 +115,8 @@ class Browser:
     def _note(self, said: dict[str, Any]) -> None:
         if said.get("method") == "Runtime.exceptionThrown":
             self.errors.append(json.dumps(said["params"]["exceptionDetails"]))
+        if said.get("method") == "Log.entryAdded" and said["params"]["entry"]["source"] == "security":
+            self.errors.append(said["params"]["entry"]["text"])  # as of the content security policy
         if said.get("method") == "Network.requestWillBeSent":
             self.requests.append(said["params"]["request"]["url"])
 

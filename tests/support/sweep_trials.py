@@ -22,7 +22,7 @@ class MadeUpTrial:
     Attributes:
         number: Tells it from others.
         does: "work", "diverge", "raise", "wait" (for its time-out), "hang" (deaf to it) or "die".
-        seconds: How long it takes, s.
+        seconds: Duration, s.
         marks: File with a line for each run; none when empty.
     """
 

@@ -213,6 +213,30 @@ def test_impedance_laws_in_closed_form() -> None:
     np.testing.assert_allclose(second.damper[:3], 2.0 * np.sqrt(mass * spring))
 
 
+@pytest.mark.parametrize("kind", [AdmittanceTask, FirstOrderImpedanceTask, ImpedanceTask])
+@pytest.mark.parametrize("time_constant", [0.0, 0.05])
+def test_feed_forward_acceleration_is_the_slope_of_the_velocity_while_it_yields(
+    kind: type[ComplianceTask], time_constant: float
+) -> None:
+    """At a force that jumps and then grows: velocity and acceleration of all laws belong together."""
+    robot, dt = robot_with_palm(), 1e-4
+    options = {"admittance": (2e-3, 0.1)} if kind is AdmittanceTask else {"spring": (800.0, 50.0)}
+    task = kind("palm", time_constant=time_constant, velocity_bound=(10.0, 10.0), **options)
+    task.bind(robot)
+    velocity, acceleration = [], []
+    for tick in range(3000):
+        force = 10.0 + (50.0 * tick * dt if time_constant > 0.0 else 0.0)
+        task.measured_wrench = [0.0, force, 0.0, 0.0, 0.0, 0.0]
+        task.advance(dt)
+        rows_of(task, robot)
+        velocity.append(task._rows.velocity[1])
+        acceleration.append(task._rows.acceleration[1])
+    slope = np.gradient(velocity, dt)[10:-1]
+    told = np.array(acceleration)[10:-1]
+    assert np.abs(slope).max() > 1e-3 or kind is AdmittanceTask
+    np.testing.assert_allclose(told, slope, atol=2e-2 * np.abs(slope).max() + 1e-9)
+
+
 @pytest.mark.parametrize(("spring", "damper"), [(1e6, 1.0), (1e6, 1e5), (0.0, 1e5), (10.0, 1e-3)])
 def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: float) -> None:
     robot, dt, force = robot_with_palm(), 0.005, 20.0

@@ -104,7 +104,7 @@ def test_what_cannot_be_is_refused(make: Callable[[], object], message: str) -> 
 
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
 def test_the_trunks_of_robots_have_that_inertia(robot: str) -> None:
-    """What the program makes of an acceleration of the trunk, against the settings: same sign, same size."""
+    """The QP turns an acceleration of the trunk into a moment as the settings say: same sign, same size."""
     walking = WalkTrial(WalkSpec(robot=robot, foot="flat", terrain="flat")).walking
     body, controller = walking.controller.robot, walking.controller
     tasks = [controller.task(name) for name in ("pelvis", "torso")]

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
-from wbc.core.qp.solver import Status, standard_form
+from wbc.core.qp.other_solvers import standard_form
+from wbc.core.qp.solver import Status
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern
@@ -52,7 +53,7 @@ def support_at(supports: tuple[SupportPhase, ...], time: float) -> SupportPhase:
 
 
 def inside(area: tuple[np.ndarray, np.ndarray], point: np.ndarray) -> float:
-    """How far a point lies outside an area, m; negative inside."""
+    """Return the distance of a point outside an area, m; negative inside."""
     return float((area[0] @ point - area[1])[np.abs(area[0]).sum(axis=1) > 0].max())
 
 
@@ -280,7 +281,7 @@ def test_a_dcm_out_of_reach_shows_as_slack() -> None:
     assert np.isfinite(pattern.at(1.0).com).all()
 
 
-def test_the_program_is_solved_as_another_solver_solves_it() -> None:
+def test_the_qp_is_solved_as_another_solver_solves_it() -> None:
     plan = analytic_pattern(WALK, HEIGHT, REST)
     preview = PreviewController(SIZES, HEIGHT)
     rng = np.random.default_rng(4)

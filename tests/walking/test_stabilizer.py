@@ -424,7 +424,55 @@ def test_a_bias_is_taken_out_of_all_three_errors() -> None:
         np.testing.assert_allclose(getattr(clean, name), getattr(mended, name), atol=1e-12)
 
 
+def test_a_known_bias_changes_nothing_but_the_measurement() -> None:
+    """The force goes through the true CoM: with the bias taken out, all outputs are those of the truth."""
+    gains = replace(LEGACY, dcm_p=5.0)
+    com, velocity = np.array([0.012, -0.02, HEIGHT]), np.array([0.05, 0.04, 0.0])
+    bias = np.array([0.006, -0.004])
+    truth = tick(stabilizer(gains), com=com, velocity=velocity)
+    # The DCM is off by the bias, and so is the CoM.
+    mended = tick(stabilizer(gains), com=com + [*bias, 0.0], velocity=velocity, bias=bias)
+    for name in ("com_acceleration", "net_wrench", "zmp"):
+        np.testing.assert_allclose(getattr(mended, name), getattr(truth, name), atol=1e-9)
+    np.testing.assert_allclose(mended.feet.wrenches, truth.feet.wrenches, atol=1e-3)
+
+
 # Corrections
+
+
+def heights_after(gains: StabilizerGains, seconds: float) -> np.ndarray:
+    """Heights of both feet on the ground, as shares of that which the left one began with."""
+    f = FootAdmittance(gains.for_mass(MASS))
+    full = feet(600.0, 0.0)
+    for _ in range(400):  # the left foot is raised to 10 mm
+        if f.correction(0).height >= 0.01:
+            break
+        f.update(full, feet(300.0, 300.0), (True, True), 1e-3)
+    f.reset(1)
+    start = f.correction(0).height
+    for _ in range(round(seconds / 1e-3)):
+        f.update(feet(300.0, 300.0), feet(300.0, 300.0), (True, True), 1e-3)
+    return np.array([f.correction(0).height, f.correction(1).height]) / start
+
+
+@pytest.mark.parametrize(("leak", "damping"), [(2.0, 0.0), (0.0, 3.0), (2.0, 3.0)])
+def test_mean_and_difference_of_the_foot_heights_decay_at_their_own_rates(
+    leak: float, damping: float
+) -> None:
+    gains = StabilizerGains(force_difference=1e-4, height_leak=leak, force_difference_damping=damping)
+    left, right = heights_after(gains, 0.5)
+    assert left + right == pytest.approx((1.0 - 1e-3 * leak) ** 500, rel=1e-6)  # e^{−leak t} in steps of 1 ms
+    assert left - right == pytest.approx((1.0 - 1e-3 * damping) ** 500, rel=1e-6)
+
+
+def test_damping_bounds_the_height_that_a_force_difference_makes() -> None:
+    """The left foot lacks 40 N: it goes down until damping · difference = gain · force."""
+    gains = StabilizerGains(force_difference=1e-4, height_leak=5.0, force_difference_damping=4.0)
+    f = FootAdmittance(gains.for_mass(MASS))
+    for _ in range(4000):
+        f.update(feet(300.0, 300.0), feet(320.0, 280.0), (True, True), 1e-3)
+    left, right = f.correction(0).height, f.correction(1).height
+    assert left - right == pytest.approx(-1e-4 * 40.0 / 4.0, rel=1e-3)
 
 
 def test_foot_heights_settle_and_leak() -> None:

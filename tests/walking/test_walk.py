@@ -510,7 +510,7 @@ def test_small_errors_are_left_to_the_stance_foot() -> None:
 
 
 def test_the_heel_is_counted_on_only_so_far() -> None:
-    """What the DCM lags behind by, the stance foot makes up for, or else a shorter or later step."""
+    """The stance foot makes up for a lag of the DCM, or else a shorter or later step does."""
     assert not adjust((-0.03, 0.0), settings=AdjustmentSettings(backward=0.1)).changed
     result = adjust((-0.03, 0.0))
     assert result.changed
@@ -519,7 +519,7 @@ def test_the_heel_is_counted_on_only_so_far() -> None:
 
 
 def test_the_dcm_ends_where_the_plan_has_it_over_the_new_foot() -> None:
-    """The law is exact for the pendulum over the ZMP that the program assumes, when no bound is reached."""
+    """The law is exact for the pendulum over the ZMP that the QP assumes, when no bound is reached."""
     error = (0.05, -0.05)
     result = adjust(error, 0.5)
     assert result.changed

@@ -85,6 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return RAN
+    except OSError as error:  # a full disk, a device that is gone
+        try:
+            sys.stdout.flush()
+        except OSError:  # what could not be printed is not tried again at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        print(f"wbc: {_one_line(error)}", file=sys.stderr)
+        return FAILED
     except KeyboardInterrupt:
         print("wbc: interrupted", file=sys.stderr)
         return INTERRUPTED

@@ -2,39 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError
-from wbc.core.files import read_json
+from wbc.core.files import check_writable, read_json, same_file
+
+PICTURES = (".png", ".pdf", ".svg", ".jpg")
+
+FILMS = (".mp4", ".gif")
+"""Endings of films."""
 
 
-def check_target(what: str, path: str | Path, endings: tuple[str, ...]) -> Path:
+def check_target(
+    what: str, path: str | Path, endings: tuple[str, ...], inputs: Iterable[str | Path | None] = ()
+) -> Path:
     """Return the path of a file to write after a check; an existing file stays unchanged.
 
     Args:
         what: Noun for the messages: "a figure".
         path: The file.
         endings: Endings that its name may have, such as (".png", ".svg").
+        inputs: Files that the new one is made from: paths, or texts such as source=ground.png; None is skipped.
 
     Raises:
-        InputError: Another ending, a folder that does not exist, or a file that is not writable.
+        InputError: Another ending, a folder that does not exist, a file that is not writable, or one of the inputs.
     """
     target = Path(path)
     if target.suffix.lower() not in endings:
         raise InputError(f"the name of {what} must end in one of {', '.join(endings)}, got '{target.name}'")
     if not target.parent.is_dir():
         raise InputError(f"no folder {target.parent} to write {target.name} into")
-    if target.is_dir():
-        raise InputError(f"cannot write {target}: it is a folder")
-    existed = target.exists()
     try:
-        with target.open("ab"):
-            pass
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}") from error
-    if not existed:
-        target.unlink()
+        check_writable(target)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from error
+    for given in inputs:
+        # The value of a setting may be a file; a file may have an equals sign in its name.
+        named = () if given is None else (str(given), str(given).partition("=")[2])
+        if any(name and same_file(target, name) for name in named):
+            raise InputError(f"cannot write {what} to {target}: it is read, too; choose another name")
     return target
 
 
@@ -54,10 +62,14 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
     return data
 
 
-def check_picture(path: Path | None) -> Path | None:
+def check_picture(path: Path | None, inputs: Iterable[str | Path | None] = ()) -> Path | None:
     """Return the path of a picture after a check; None without one.
+
+    Args:
+        path: File to write.
+        inputs: Files that it is made from, see `check_target`.
 
     Raises:
         InputError: As `check_target` raises it.
     """
-    return None if path is None else check_target("a picture", path, (".png", ".pdf", ".svg", ".jpg"))
+    return None if path is None else check_target("a picture", path, PICTURES, inputs)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.app.address import Host, Port
 from wbc.core.settings import settings
 from wbc.sim.plant.plant import Plant
 
@@ -44,8 +45,8 @@ class LiveView:
     """
 
     view: bool = False
-    host: str = "127.0.0.1"
-    port: int | None = None
+    host: Host = "127.0.0.1"
+    port: Port | None = None
 
     @contextmanager
     def show(self, plant: Plant) -> Iterator[ShownRun]:

@@ -18,6 +18,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 from cyclopts import Parameter
 from rich.console import Console
 
+from wbc.core.errors import WbcError
 from wbc.core.settings import settings
 
 P = ParamSpec("P")
@@ -39,14 +40,15 @@ class Output:
     json: bool = False
     verbose: bool = False
 
-    def report(self, data: Mapping[str, Any], text: str) -> Report:
+    def report(self, data: Mapping[str, Any], text: str, failure: WbcError | None = None) -> Report:
         """Make the report of a command that has ended.
 
         Args:
             data: The result as plain values; NaN and infinity become null.
             text: The result as text.
+            failure: Failure of a part that leaves a result, such as a recording on a full disk.
         """
-        return Report(dict(data), text, self.json)
+        return Report(dict(data), text, self.json, failure)
 
 
 OutputOptions = Annotated[Output, Parameter(name="*")]
@@ -61,11 +63,13 @@ class Report:
         data: Result as plain values.
         text: Result as text.
         as_json: Print the data instead of the text.
+        failure: Raised after the result has been printed.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
     text: str = ""
     as_json: bool = False
+    failure: WbcError | None = None
 
     def __str__(self) -> str:
         return json.dumps(_plain(self.data), allow_nan=False) if self.as_json else self.text
@@ -89,6 +93,8 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
         with stdout_on_stderr():
             report = function(*args, **kwargs)
         print(report)
+        if report.failure is not None:
+            raise report.failure
 
     return run
 

@@ -11,9 +11,9 @@ from cyclopts import Parameter
 
 from wbc.app.files import read_object
 from wbc.core.changes import read_changes
+from wbc.core.control import Mode
 from wbc.core.errors import InputError, finite_scalar, shown
 from wbc.core.settings import from_json, settings
-from wbc.sim.balance.standing import Mode
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 from wbc.walking.planning.gait import Gait
 
@@ -33,8 +33,8 @@ class WalkOptions:
             stiffness is set while it swings).
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
         foot_param: Further parameters of the foot, each as name=value.
-        policy: Who sets soles of variable stiffness while they swing: model or fixed; the model that comes with the
-            library when not given.
+        policy: Policy that sets soles of variable stiffness while they swing: model or fixed; the model that comes with
+            the library when not given.
         policy_param: Parameters of the policy, each as name=value, such as stiffness=5 or path=model.json.
         terrain: Family of grounds, one of those that `wbc terrains` lists; stones of 20 mm when not given.
         amplitude: Highest minus lowest point of the ground, m; the family's own when not given, 20 mm if no ground is
@@ -43,13 +43,13 @@ class WalkOptions:
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
-        distance: How far to go straight on, m; 3 m when nothing else is asked for.
+        distance: Distance straight on, m; 3 m when no other plan is given.
         velocity: Walk with a velocity instead: forward (m/s), left (m/s), turn (rad/s).
         steps: Number of steps with a velocity.
         turn: Turn on the spot instead, to the left, degrees.
         stairs: Climb the stairs of the terrain instead: together (both feet on each stair) or alternate.
         first: Side that steps first.
-        mode: What the drives are given: position and velocity, or torque.
+        mode: Command of the drives: position and velocity, or torque.
         control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when not
             given.
         timestep: Physics step, s; 0.002 with a control period of 0.01 is the fast mode.

@@ -14,7 +14,7 @@ REASONS = {
     "height": "it dropped",
     "tilt": "it tilted",
     "dcm": "the DCM was out of reach",
-    "solver": "the quadratic program failed",
+    "solver": "the QP failed",
 }
 """Reason of a fall → words."""
 

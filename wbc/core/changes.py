@@ -7,13 +7,12 @@ studies without being written down again.
 from __future__ import annotations
 
 import dataclasses
-import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
 from typing import Any, TypeVar
 
 from wbc.core.errors import InputError, shown, unknown_name
+from wbc.core.settings import may_be_none, nested_settings
 
 T = TypeVar("T")
 
@@ -105,7 +104,7 @@ def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
         if dataclasses.is_dataclass(value):
-            if _may_be_none(type(settings), field.name):
+            if may_be_none(type(settings), field.name):
                 yield prefix + field.name, value
             yield from _leaves(value, f"{prefix}{field.name}.")
         else:
@@ -199,10 +198,10 @@ def _switched_on(settings: T, path: list[str]) -> T:
     old = getattr(settings, name)
     if rest:
         return dataclasses.replace(settings, **{name: _switched_on(old, rest)})  # type: ignore[type-var]
-    inside = _inside(type(settings), name)
-    if old is not None or inside is None:
+    nested = nested_settings(type(settings), name)
+    if old is not None or nested is None:
         return settings
-    return dataclasses.replace(settings, **{name: inside()})  # type: ignore[type-var]
+    return dataclasses.replace(settings, **{name: nested()})  # type: ignore[type-var]
 
 
 def _rebuilt(settings: T, tree: Mapping[str, Any], prefix: str = "") -> T:
@@ -212,47 +211,20 @@ def _rebuilt(settings: T, tree: Mapping[str, Any], prefix: str = "") -> T:
         value, whole = getattr(settings, name), prefix + name
         inner = {key: branch[key] for key in branch if key != _OWN}
         if _OWN in branch:
-            value = _checked(settings, name, value, branch[_OWN], whole)
+            value = _new_value(settings, name, branch[_OWN], whole)
         values[name] = value if value is None or not inner else _rebuilt(value, inner, whole + ".")
     return dataclasses.replace(settings, **values)  # type: ignore[type-var]
 
 
-def _checked(settings: Any, name: str, old: Any, value: Any, whole: str) -> Any:
-    """A new value converted to the type of the old one."""
-    if value is None:
-        if not _may_be_none(type(settings), name):
-            raise InputError(f"setting '{whole}' cannot be none")
-        return None
-    inside = _inside(type(settings), name)
-    if inside is not None and value is True:
-        return old if old is not None else inside()
-    if inside is not None:
+def _new_value(settings: Any, name: str, value: Any, whole: str) -> Any:
+    """The value that a field gets; the settings check it. `True` switches nested settings on, integers may be 8.0."""
+    kind, old = type(settings), getattr(settings, name)
+    nested = nested_settings(kind, name)
+    if nested is None:
+        integer = isinstance(value, float) and value.is_integer() and type(old) is int
+        return int(value) if integer else value
+    if value is True:
+        return nested() if old is None else old
+    if value is not None:
         raise InputError(f"setting '{whole}' has settings of its own; change those, or give true or none")
-    if isinstance(old, bool) and not isinstance(value, bool):
-        raise InputError(f"setting '{whole}' must be true or false, got {shown(value)}")
-    if isinstance(old, (int, float)) and not isinstance(old, bool) and isinstance(value, (bool, str, tuple)):
-        raise InputError(f"setting '{whole}' must be a number, got {shown(value)}")
-    if isinstance(old, str) and not isinstance(value, str):
-        raise InputError(f"setting '{whole}' must be text, got {shown(value)}")
-    if isinstance(old, int) and not isinstance(old, bool) and isinstance(value, float):
-        if not value.is_integer():
-            raise InputError(f"setting '{whole}' must be an integer, got {value:g}")
-        return int(value)
-    return float(value) if isinstance(old, float) and isinstance(value, int) else value
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return typing.get_type_hints(kind)
-
-
-def _inside(kind: type, name: str) -> type[Any] | None:
-    """Class of the settings nested in a field, None if it has none."""
-    hint = _hints(kind)[name]
-    choices = typing.get_args(hint) or (hint,)
-    return next((c for c in choices if isinstance(c, type) and dataclasses.is_dataclass(c)), None)
-
-
-def _may_be_none(kind: type, name: str) -> bool:
-    hint = _hints(kind)[name]
-    return typing.get_origin(hint) in (typing.Union, types.UnionType) and type(None) in typing.get_args(hint)
+    return None

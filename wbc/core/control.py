@@ -31,6 +31,9 @@ from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
 
+Mode = Literal["position", "torque"]
+"""Control mode of the drives."""
+
 Prepare = Callable[[Robot, Measurement], None]
 """Function called once a tick with the estimated robot and the measurement, to move targets of tasks and contacts."""
 
@@ -97,8 +100,14 @@ class _Control:
         self.failures = 0
         self.reason = ""
         self.solution: Solution | None = None
+        self.measurement: Measurement | None = None
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
+
+    @property
+    def failing(self) -> bool:
+        """True if the last tick has failed."""
+        return self._failing > 0
 
     @property
     def stopped(self) -> bool:
@@ -136,7 +145,7 @@ class _Control:
         controller, robot = self.controller, self.controller.robot
         start = perf_counter()
         try:
-            self._measurement = measurement = self._estimate(measurement, soles)
+            self.measurement = measurement = self._estimate(measurement, soles)
             estimate = self.observer.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
@@ -191,7 +200,11 @@ class TorqueControl(_Control):
         controller: The controller.
         observer: Observer that estimates the state from measurements.
         solution: Result of the last tick.
+        measurement: Measurement of the last tick, with what was refused replaced by predictions.
         failures: Number of failed ticks so far.
+        plausibility: Check of measurements.
+        monitor: Monitor of sensors that contradict each other.
+        gate: Limits of commands.
     """
 
     @checked
@@ -258,7 +271,11 @@ class PositionControl(_Control):
             them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
         feedforward: True to add the torques of the solution to the servos; a function to add its torques instead.
         solution: Result of the last tick.
+        measurement: Measurement of the last tick, with what was refused replaced by predictions.
         failures: Number of failed ticks so far.
+        plausibility: Check of measurements.
+        monitor: Monitor of sensors that contradict each other.
+        gate: Limits of commands.
         q: Configuration of the commanded robot, shape (nq,).
         v: Its velocity, shape (nv,).
     """

@@ -200,14 +200,3 @@ def whole_number(what: str, value: Any, *, low: int) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
         raise InputError(f"{what} must be an integer of at least {low}, got {shown(value)}")
     return int(value)
-
-
-def two_of(what: str, value: Any) -> tuple[Any, Any]:
-    """Return a pair as a tuple.
-
-    Raises:
-        InputError: Anything but two values in a row.
-    """
-    if isinstance(value, (tuple, list, np.ndarray)) and len(value) == 2:
-        return value[0], value[1]
-    raise InputError(f"{what} must be two numbers, got {shown(value)}")

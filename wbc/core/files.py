@@ -1,12 +1,24 @@
-"""Reading of text files."""
+"""Files: reading of text, and writing beside the old file, which is replaced when the new one is complete."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import stat
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from wbc.core.errors import InputError, shown
+from wbc.core.errors import InputError, WbcError, shown
+
+BESIDE = ".wbc-"
+"""Beginning of the name of a file that is being written; one that is left over belongs to a killed program."""
+
+
+class FileError(WbcError):
+    """A file that could not be written to its end, because the disk is full for example; an old one is unchanged."""
 
 
 def read_text(path: Path, kind: str = "text file") -> str:
@@ -47,3 +59,95 @@ def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:
         raise InputError(f"{path} is not {kind}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{path} is not {kind}: its values are nested too deeply") from error
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give an empty file to write in place of another; it takes that one's name when the block has ended.
+
+        with replacing("walk.png") as new:
+            figure.savefig(new)
+
+    The new file is in the same folder and has the same ending. Until it is complete and on the disk, nothing happens to
+    the old one; after an error the new one is removed. A symbolic link stays one: the file that it names is replaced.
+
+    Args:
+        path: File to write; it need not exist.
+
+    Raises:
+        FileError: The file cannot be made or written; `OSError` in the block becomes this, too.
+    """
+    new: Path | None = None
+    try:
+        target = Path(path).resolve()
+        new = _new_file(target)
+        yield new
+        move_into_place(new, target)
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        if new is not None:
+            with contextlib.suppress(OSError):
+                new.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file (UTF-8) in place of an old one.
+
+    Raises:
+        FileError: As `replacing` raises it.
+    """
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8", newline="")
+
+
+def move_into_place(new: Path, target: Path) -> None:
+    """Put a complete file in the place of another, with the permissions of that one, once it is on the disk.
+
+    Raises:
+        OSError: The disk is full, or the target is a folder or a device.
+    """
+    if target.exists():
+        if not target.is_file():
+            raise OSError(f"{target} is no regular file")
+        new.chmod(target.stat().st_mode & 0o777)
+    with new.open("rb+") as file:
+        os.fsync(file.fileno())
+    os.replace(new, target)
+
+
+def _new_file(target: Path) -> Path:
+    """Return an empty file in the folder of another, with its ending and the permissions of new files."""
+    handle, name = tempfile.mkstemp(prefix=BESIDE, suffix=target.suffix, dir=target.parent)
+    os.close(handle)
+    new = Path(name)
+    mask = os.umask(0)
+    os.umask(mask)
+    new.chmod(0o666 & ~mask)
+    return new
+
+
+def check_writable(path: Path) -> None:
+    """Raise an error if a file cannot be written with `replacing`; nothing is changed.
+
+    Raises:
+        OSError: No such folder, no permission, a read-only disk, a folder or a device of that name.
+        ValueError: A name that no file can have.
+    """
+    with contextlib.suppress(FileNotFoundError):
+        mode = path.stat().st_mode  # refuses names that are too long
+        if not stat.S_ISREG(mode):
+            raise OSError("it is a folder" if stat.S_ISDIR(mode) else "it is no regular file")
+        if not os.access(path, os.W_OK):
+            raise OSError("it is write-protected")
+    with tempfile.TemporaryFile(dir=path.resolve().parent):
+        pass
+
+
+def same_file(one: str | Path, other: str | Path) -> bool:
+    """Return true if two paths lead to the same file, by symbolic or hard links, too."""
+    one, other = Path(one), Path(other)
+    try:
+        return one.resolve() == other.resolve() or os.path.samefile(one, other)
+    except (OSError, ValueError):  # one of them does not exist, or is no path
+        return False

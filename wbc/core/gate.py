@@ -19,6 +19,10 @@ UNLIMITED = 1e6
 """Torque and speed that stand for "no limit" where a model gives none, Nm and rad/s."""
 
 
+ROUNDING = 1.0 + 1e-6
+"""Share of a limit up to which a command is clipped without being reported: the QP meets its limits to 1e-6."""
+
+
 @settings
 class GateSettings:
     """Settings of the gate.
@@ -92,14 +96,14 @@ class CommandGate:
         return Command(torque, position, velocity)
 
     def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
-        wrong = ~(np.abs(torque) <= self._torque)
+        wrong = ~(np.abs(torque) <= ROUNDING * self._torque)
         torque = np.clip(np.nan_to_num(torque, nan=0.0), -self._torque, self._torque)
         if position is not None and velocity is not None:
             last = self._position
             # The reference that was sent last may itself be out of range, at the start of a run.
             near = np.clip(np.where(np.isnan(position), last, position), last - self._step, last + self._step)
             sent = np.clip(near, np.minimum(self._lower, last), np.maximum(self._upper, last))
-            wrong |= (sent != position) | ~(np.abs(velocity) <= self._speed)
+            wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= ROUNDING * self._speed)
             velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
             self._position = position = sent
         self.faults = tuple(self._names[i] for i in wrong.nonzero()[0])

@@ -32,7 +32,7 @@ class Registry(dict[str, T]):
 
         Args:
             name: The name.
-            value: What it stands for.
+            value: Its value.
 
         Raises:
             InputError: The name is not text, is empty or is taken.
@@ -48,7 +48,7 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
     """Call a function with named parameters, after a check that it takes them and gets those it needs.
 
     Args:
-        what: How messages call it: "foot 'soft'", "stiffness policy 'fixed'", …
+        what: Its name in messages: "foot 'soft'", "stiffness policy 'fixed'", …
         make: A class or function of named parameters.
         parameters: Names and values.
 
@@ -70,7 +70,7 @@ def named_parameters(what: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Decorate a function so that a keyword it does not take raises `UnknownNameError` with the nearest ones.
 
     Args:
-        what: How messages call the function.
+        what: Name of the function in messages.
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:

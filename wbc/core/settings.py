@@ -189,7 +189,7 @@ def check_inherited(value: Any) -> None:
     does not check at all.
 
     Args:
-        value: What is being made; its fields get their checked values.
+        value: Value that is being made; its fields get their checked values.
 
     Raises:
         InputError: As the settings themselves raise it.
@@ -419,6 +419,26 @@ def _constraints(metadata: Sequence[Any]) -> list[Any]:
 
 def _bounds(constraint: Any) -> list[tuple[str, float]]:
     return [(name, getattr(constraint, name)) for name, _ in BOUNDS if hasattr(constraint, name)]
+
+
+def nested_settings(kind: type, name: str) -> Any:
+    """Return the settings class of a field; None if it has none.
+
+    Args:
+        kind: Class of the settings.
+        name: Name of the field.
+    """
+    return _class_of(_hints(kind)[name])
+
+
+def may_be_none(kind: type, name: str) -> bool:
+    """Return True for a field that can be switched off.
+
+    Args:
+        kind: Class of the settings.
+        name: Name of the field.
+    """
+    return type(None) in _alternatives(_hints(kind)[name])
 
 
 def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import field, replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.control import Mode, PositionControl, SafetySettings, TorqueControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -40,8 +40,6 @@ from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.tasks import TaskGains, WalkTasks
 from wbc.walking.walk import Walk, WalkReference, WalkSettings
 
-Mode = Literal["position", "torque"]
-
 
 @settings
 class WalkingControlSettings:
@@ -60,6 +58,7 @@ class WalkingControlSettings:
         lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
+        safety: Ranges of measurements and commands.
     """
 
     mode: Mode = "position"
@@ -72,6 +71,7 @@ class WalkingControlSettings:
     falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
+    safety: SafetySettings = field(default_factory=SafetySettings)
 
 
 class WalkingControl:
@@ -144,11 +144,11 @@ class WalkingControl:
         self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
         self.control: PositionControl | TorqueControl
         if torque:
-            self.control = TorqueControl(self.controller, observer, prepare=self._prepare)
+            self.control = TorqueControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
         else:
             feedforward = self._feedforward if s.feedforward else False
             self.control = PositionControl(
-                self.controller, observer, prepare=self._prepare, feedforward=feedforward
+                self.controller, observer, prepare=self._prepare, feedforward=feedforward, safety=s.safety
             )
         self.reference: WalkReference | None = None
         self.output: StabilizerOutput | None = None
@@ -182,6 +182,11 @@ class WalkingControl:
         """Single supports that have ended; a foot that found no ground is taken to stand where it is."""
         return self.walk.steps_done
 
+    @property
+    def done(self) -> bool:
+        """True when the walk is over: finished, or ended by a fall."""
+        return self.finished or self.fallen is not None
+
     def stop(self) -> None:
         """Come to a stand safely."""
         self.walk.stop()
@@ -201,7 +206,10 @@ class WalkingControl:
         self._detect_fall()
         if self.stiffness is None:
             return command
-        return replace(command, sole_stiffness=self._schedule_stiffness(self.stiffness, measurement))
+        now = self.control.measurement
+        if self.control.failing or now is None:
+            return replace(command, sole_stiffness=self.stiffness.command)
+        return replace(command, sole_stiffness=self._schedule_stiffness(self.stiffness, now))
 
     # Steps of a tick
 

@@ -17,7 +17,7 @@ class FallReason(enum.Enum):
     """Reason of a fall."""
 
     DIVERGED = "the simulation diverged"
-    SOLVER = "the quadratic program failed"
+    SOLVER = "the QP failed"
     HEIGHT = "the robot dropped"
     TILT = "the torso tilted"
     DCM = "the DCM is out of reach"

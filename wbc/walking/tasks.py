@@ -115,8 +115,8 @@ class WalkTasks:
             for sole in robot.soles
         ]
         self._wrenches: list[WrenchTask] = []
+        controller.add(TorqueLimits())
         if torque:
-            controller.add(TorqueLimits())
             self._wrenches = [
                 controller.add(WrenchTask(contact, weight=gains.wrench_weight)) for contact in self.contacts
             ]

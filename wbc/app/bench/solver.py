@@ -1,4 +1,4 @@
-"""Reliability of the solver: ticks of random problems, every solution checked, a sample compared with DAQP."""
+"""Reliability of the solver: ticks of random problems, every solution checked, a sample compared with ProxQP."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ import numpy as np
 import qpsolvers
 
 from wbc.app.bench.streams import ProblemStream, least_violation
-from wbc.app.bench.tick import solver_counts
+from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
-from wbc.core.qp.solver import SolverSettings, standard_form
+from wbc.core.qp.solver import SolverSettings
 from wbc.core.settings import Count, Positive, Seed, Share, settings, to_json
 from wbc.robots import load, names
 
@@ -35,8 +35,9 @@ class BenchSolverOptions:
         robot: Robots that take turns, out of those that `wbc robots` lists.
         stream: Longest stream from one random start, ticks.
         scattered: Share of streams whose every tick has a random state of its own.
-        sample: DAQP solves the same problem every so many ticks.
-        agreement: Largest difference from DAQP that counts as the same solution, m/s² and rad/s².
+        sample: ProxQP solves the same problem from scratch every so many ticks.
+        agreement: Largest difference from it that counts as the same solution, m/s² and rad/s².
+        solver: "auto" for the ladder; "proxqp", "daqp" or another solver that qpsolvers finds installed for all ticks.
         seed: Seed of every random draw.
         repeat: Number of passes over all problems. A tick's time is its shortest: ticks repeat bit for bit, while the
             machine's own pauses (14 in 100,000 ticks, up to 30 ms, where this was written) fall on other ticks.
@@ -50,8 +51,10 @@ class BenchSolverOptions:
     agreement: Annotated[Positive, "rad/s²"] = 1e-3
     seed: Seed = 0
     repeat: Count = 2
+    solver: str = "auto"
 
     def __post_init__(self) -> None:
+        SolverSettings(solver=self.solver)
         for robot in self.robot:
             load(robot)
 
@@ -97,7 +100,7 @@ class _Tally:
                 break
 
     def solved(self, problem: Problem, solution: Solution, cpu: float) -> None:
-        """Check a solution, and compare a sample with DAQP."""
+        """Check a solution, and compare a sample with ProxQP."""
         self.wall.append(solution.timings.solve)
         self.cpu.append(cpu)
         self.active.append(int(np.count_nonzero(np.abs(solution.multipliers) > 1e-9)))
@@ -108,9 +111,9 @@ class _Tally:
             self._compare(problem, solution)
 
     def _compare(self, problem: Problem, solution: Solution) -> None:
-        other = qpsolvers.solve_problem(standard_form(problem), solver="daqp")
+        other = qpsolvers.solve_problem(standard_form(problem), solver="proxqp", eps_abs=1e-9)
         if not other.found or other.x is None:
-            self.counts["DAQP failed"] += 1
+            self.counts["ProxQP failed"] += 1
             return
         nv = problem.nv
         difference = float(np.abs(other.x[:nv] - solution.accelerations).max())
@@ -132,7 +135,7 @@ def bench_solver(
         progress: Called with the number of ticks solved, after each stream.
 
     Returns:
-        Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_daqp` should be zero.
+        Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_proxqp` should be zero.
     """
     logging.getLogger("wbc.core.qp.solver").setLevel(logging.ERROR)  # infeasible problems are expected here
     passes: list[_Tally] = []
@@ -158,11 +161,14 @@ def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tall
     while len(tally.wall) < options.ticks:
         rng = np.random.default_rng(root.spawn(1)[0])
         description = load(options.robot[tally.counts["streams"] % len(options.robot)])
-        stream = ProblemStream(description, rng, scattered=bool(rng.random() < options.scattered))
+        scattered = bool(rng.random() < options.scattered)
+        stream = ProblemStream(
+            description, rng, scattered=scattered, solver=SolverSettings(solver=options.solver)
+        )
         tally.counts["streams"] += 1
         with _no_garbage_collection():
             tally.run(stream)
-        tally.solvers.update(solver_counts(stream.controller))
+        tally.solvers.update(stream.controller.solver_counts)
         tally.counts["switches"] += stream.switches
         progress(len(tally.wall))
     return tally
@@ -203,10 +209,10 @@ def _facts(tally: _Tally, first: np.ndarray[Any, Any]) -> dict[str, Any]:
         "slow_by_the_clock": int(np.count_nonzero(first > SLOW)),
         "solve_us": _percentiles(1e6 * wall, shares),
         "tick_cpu_us": _percentiles(1e6 * cpu, shares),
-        "compared_with_daqp": tally.counts["compared"],
-        "differ_from_daqp": tally.counts["differ"],
+        "compared_with_proxqp": tally.counts["compared"],
+        "differ_from_proxqp": tally.counts["differ"],
         "worst_difference": tally.worst_difference,
-        "daqp_failed": tally.counts["DAQP failed"],
+        "proxqp_failed": tally.counts["ProxQP failed"],
         "solvers": dict(tally.solvers),
         "active_limits": {"mean": round(float(np.mean(tally.active)), 2), "most": int(np.max(tally.active))},
         "ticks_with_active_limits": int(np.count_nonzero(tally.active)),

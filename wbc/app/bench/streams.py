@@ -21,6 +21,7 @@ from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
+from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.falls import TrueFallDetector
@@ -41,19 +42,27 @@ class ProblemStream:
         switches: Number of contacts made or broken so far.
     """
 
-    def __init__(self, description: RobotDescription, rng: np.random.Generator, *, scattered: bool) -> None:
+    def __init__(
+        self,
+        description: RobotDescription,
+        rng: np.random.Generator,
+        *,
+        scattered: bool,
+        solver: SolverSettings | None = None,
+    ) -> None:
         """Draw everything that is constant over the stream.
 
         Args:
             description: The robot.
             rng: Source of all draws.
             scattered: Draw a new state for every tick.
+            solver: Settings of the solver; the defaults when None.
         """
         self._rng, self.scattered = rng, scattered
         self._robot = robot = description.robot()
         self._falls = TrueFallDetector(robot)
         self._dt = float(rng.choice([0.001, 0.002, 0.005]))
-        self.controller = Controller(robot, self._dt)
+        self.controller = Controller(robot, self._dt, settings=solver)
         self._feet = [
             SoleContact(
                 sole.name, friction=float(rng.choice([0.25, 0.25, 0.5])), ramp=float(rng.uniform(0.02, 0.2))

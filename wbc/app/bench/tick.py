@@ -126,7 +126,7 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         offset, velocity, acceleration = options.sway((tick + options.warm_up) * dt)
         target = start_com + offset
         if tick == 0:
-            preempted, counts = _preemptions(), solver_counts(controller)
+            preempted, counts = _preemptions(), controller.solver_counts
         start = perf_counter_ns()
         com.target = target
         com.feedforward_velocity = velocity
@@ -145,7 +145,7 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         q = pin.integrate(robot.model, q, v * dt + 0.5 * dt * dt * accelerations)
         v = v + dt * accelerations
     names = ("model", "assembly", "solve", "decode")
-    after = solver_counts(controller)
+    after = controller.solver_counts
     return {
         "library": "wbc",
         "version": f"{__version__} (pin {pin.__version__})",
@@ -171,11 +171,6 @@ def start_configuration(robot: Robot) -> Array:
     room = np.minimum(q[7:] - robot.position_lower, robot.position_upper - q[7:])
     q[7:] = np.where(room < CLEARANCE, 0.5 * (robot.position_lower + robot.position_upper), q[7:])
     return q
-
-
-def solver_counts(controller: Controller) -> dict[str, int]:
-    """Return the number of ticks that each rung of the ladder has solved since the last change of the layout."""
-    return dict(controller._solver.counts) if hasattr(controller, "_solver") else {}
 
 
 def _preemptions() -> int:

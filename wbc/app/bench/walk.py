@@ -13,11 +13,11 @@ import mujoco
 from wbc.core.settings import Count, Positive, Seed, settings
 from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial, walk
 
-PARTS = ("physics", "sensors", "observer", "walk", "stabilizer", "program", "rest of the tick", "figures")
+PARTS = ("physics", "sensors", "observer", "walk", "stabilizer", "QP", "rest of the tick", "figures")
 """Parts of a control period.
 
 Of the tick: the observer, the walk (phases, pattern, step adjustment), the stabilizer with its distribution, the
-whole-body QP ("program") from assembly to solution, and the rest: targets, servo references, fall test. Figures are the
+whole-body QP from assembly to solution, and the rest: targets, servo references, fall test. Figures are the
 result and the fall test on the true state. The whole is timed in separate walks: the clocks around the parts cost about
 a hundredth of it, and the parts are scaled down by that.
 """
@@ -127,7 +127,7 @@ def _time_by_part(spec: WalkSpec) -> dict[str, float]:
         ("observer", walking.control.observer, "update"),
         ("walk", walking.walk, "update"),
         ("stabilizer", walking.stabilizer, "update"),
-        ("program", walking.controller, "solve"),
+        ("QP", walking.controller, "solve"),
     ):
         spent[part] = 0.0
         setattr(owner, method, _timed(getattr(owner, method), part, spent))

@@ -37,7 +37,7 @@ def solver(
     *,
     output: OutputOptions = Output(),
 ) -> Report:
-    """Solve random problems, check every solution, and compare a sample with DAQP; 100,000 ticks take minutes."""
+    """Solve random problems, check every solution, and compare a sample with ProxQP; 100,000 ticks take minutes."""
     with Progress(console=progress_console()) as bar:
         task = bar.add_task("solving", total=options.ticks)
         facts = bench_solver(options, progress=lambda ticks: bar.update(task, completed=ticks))
@@ -51,8 +51,8 @@ def solver(
         f"  {facts['slow_ticks']} ticks over 5 ms; {facts['slow_by_the_clock']} in the first "
         f"run by the clock, pauses of the machine included\n"
         f"  solved by {facts['solvers']}; on average {facts['active_limits']['mean']} limits active\n"
-        f"  {facts['differ_from_daqp']} of {facts['compared_with_daqp']} differ from DAQP, at most by "
-        f"{facts['worst_difference']:.1e} rad/s²; DAQP failed {facts['daqp_failed']} times\n"
+        f"  {facts['differ_from_proxqp']} of {facts['compared_with_proxqp']} differ from ProxQP, at most by "
+        f"{facts['worst_difference']:.1e} rad/s²; ProxQP failed {facts['proxqp_failed']} times\n"
         f"  beside these, {infeasible['problems']} infeasible problems"
     )
     if infeasible["problems"]:

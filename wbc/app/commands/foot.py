@@ -79,7 +79,7 @@ def press(
     output: OutputOptions = Output(),
 ) -> Report:
     """Drop one foot onto a ground, let it settle under a load and look at it: forces, contacts, support, sole."""
-    test, target = rig.test(options.drop), check_picture(options.plot)
+    test, target = rig.test(options.drop), check_picture(options.plot, rig.param)
     return _report(output, test, bench.press(test), _press_lines, bench.plot_press, target)
 
 
@@ -91,7 +91,7 @@ def drop(
     output: OutputOptions = Output(),
 ) -> Report:
     """Drop one foot from higher up: what its sole takes of a hard landing."""
-    test, target = rig.test(), check_picture(options.plot)
+    test, target = rig.test(), check_picture(options.plot, rig.param)
     result = bench.drop(test, height=options.height)
     return _report(output, test, result, _press_lines, bench.plot_press, target)
 
@@ -117,7 +117,7 @@ def pitch(
     output: OutputOptions = Output(),
 ) -> Report:
     """Pitch the ankle of one loaded foot toe down, toe up and back: how the centre of pressure follows."""
-    test, target = rig.test(), check_picture(options.plot)
+    test, target = rig.test(), check_picture(options.plot, rig.param)
     result = bench.pitch(test, amplitude=math.radians(options.angle), rate=math.radians(options.rate))
     return _report(output, test, result, _pitch_lines, bench.plot_pitch, target)
 

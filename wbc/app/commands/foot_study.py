@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
-from rich.progress import Progress
+from rich.progress import Progress, track
 
 from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
@@ -17,8 +17,6 @@ from wbc.feet import RigidFoot, SoftFoot
 from wbc.sim import rig as bench
 from wbc.sim.rig import LOADS, Deflection, FootTest, StiffnessRow
 from wbc.sim.rig.study import rising_loads, with_stiffness
-
-T = TypeVar("T")
 
 
 @settings(kw_only=True)
@@ -103,7 +101,7 @@ def stability(
     test, grounds = study.test(), study.grounds()
     total = len(study.stiffness) * len(grounds) * len(options.timesteps)
     cells = bench.stability(test, stiffnesses=study.stiffness, grounds=grounds, timesteps=options.timesteps)
-    rows = list(_with_progress(cells, total))
+    rows = list(track(cells, "pressing", total, console=progress_console()))
     data = {
         "test": test.describe(),
         "cells": len(rows),
@@ -129,12 +127,3 @@ def _versions(test: FootTest, stiffnesses: Iterable[float]) -> list[FootTest]:
     )
     designs = [*(with_stiffness(soft, stiffness) for stiffness in stiffnesses), rigid]
     return [replace(test, foot=design) for design in designs]
-
-
-def _with_progress(rows: Iterable[T], total: int) -> Iterable[T]:
-    """Yield the rows as they come, with a progress bar on stderr."""
-    with Progress(console=progress_console()) as bar:
-        task = bar.add_task("pressing", total=total)
-        for row in rows:
-            bar.advance(task)
-            yield row

@@ -56,7 +56,7 @@ def plot(
         [word for word in drawings if word in FIGURES],
         [w for w in drawings if w not in FIGURES],
     )
-    target = check_output(options.out or f"{logs[0].path.stem}.png")
+    target = check_output(options.out or f"{logs[0].path.stem}.png", paths)
     if signals:
         _check_signals(logs, signals, FIGURES, select)
     if not drawings:

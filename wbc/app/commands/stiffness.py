@@ -85,7 +85,7 @@ def train(
     output: OutputOptions = Output(),
 ) -> Report:
     """Make a stiffness model of a table, and write it as plain numbers."""
-    target = check_target("a stiffness model", options.out, (".json",))
+    target = check_target("a stiffness model", options.out, (".json",), [table])
     data = StiffnessTable.load(table)
     chosen = options.settings(data)
     made = StiffnessModel.fit(data, chosen)
@@ -122,7 +122,7 @@ def judge(
     data = StiffnessTable.load(table)
     chosen = options.settings(data)
     if options.plot is not None:
-        check_target("a picture", options.plot, PICTURES)
+        check_target("a picture", options.plot, PICTURES, [table])
     judged = candidates()
     if chosen != ModelSettings():
         judged = (Candidate.of(chosen, "the model asked for"), *judged)

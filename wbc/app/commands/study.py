@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,13 +23,16 @@ from rich.progress import (
 from wbc.app.files import check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
+from wbc.core.files import replacing
 from wbc.core.settings import Count, Positive, settings, to_json
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, Journal, Sync, check_journal_path, read_journal
-from wbc.sim.studies.study import Study
+from wbc.sim.studies.study import Study, left_out
 from wbc.sim.studies.study_table import StudyTable, study_rows, study_table
 from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.swing_summary import swing_summaries, swing_table
+
+logger = logging.getLogger(__name__)
 
 StudyName = Annotated[
     str, Parameter(help="Study: the name of one that `wbc study list` shows, or a file with one as JSON.")
@@ -65,7 +70,7 @@ class RunOptions:
         cluster: Run through Dask instead: address of a scheduler, or "local" for a cluster of --workers processes.
         timeout: Wall time that a trial may take, s.
         retry: Run trials again that crashed or timed out.
-        sync: When a line is forced to the disk.
+        sync: Policy by which lines are forced to the disk.
     """
 
     journal: Path
@@ -116,15 +121,15 @@ class TableOptions(JournalOptions):
     completed: bool = False
     by: tuple[str, ...] = ()
 
-    def table(self, study: str, part: PartOptions) -> StudyTable:
+    def table(self, study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> StudyTable:
         """Return the table."""
         return study_table(
-            part.part(study),
-            self.entries(),
+            study,
+            entries,
             metric=self.metric,
             completed_only=self.completed,
             by=self.by,
-            any_code=part.any_code,
+            any_code=any_code,
         )
 
 
@@ -205,8 +210,10 @@ def table(
     output: OutputOptions = Output(),
 ) -> Report:
     """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
-    made = options.table(study, part)
-    return output.report(made.to_json(), made.markdown())
+    chosen, entries = part.part(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    made = options.table(chosen, entries, any_code=part.any_code)
+    return output.report(made.to_json() | unused, made.markdown())
 
 
 @reports
@@ -222,10 +229,12 @@ def plot(
     from wbc.app.plot.output import check_output, save  # noqa: PLC0415 - slow to import
     from wbc.app.plot.study import study_figure  # noqa: PLC0415
 
-    target = check_output(options.out)
-    made = options.table(study, part)
+    target = check_output(options.out, [options.journal, study])
+    chosen, entries = part.part(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    made = options.table(chosen, entries, any_code=part.any_code)
     save({made.study.name: study_figure(made)}, target)
-    return output.report({"figure": str(target), **made.to_json()}, str(target))
+    return output.report({"figure": str(target), **made.to_json(), **unused}, str(target))
 
 
 @reports
@@ -238,13 +247,15 @@ def export(
     output: OutputOptions = Output(),
 ) -> Report:
     """Write all results of a study to a table, for a spreadsheet or a data frame."""
-    target = check_target("a table", options.out, (".csv",))
-    columns, rows = study_rows(part.part(study), options.entries(), any_code=part.any_code)
-    with target.open("w", newline="", encoding="utf-8") as file:
+    target = check_target("a table", options.out, (".csv",), [options.journal, study])
+    chosen, entries = part.part(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    columns, rows = study_rows(chosen, entries, any_code=part.any_code)
+    with replacing(target) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(rows)
-    data = {"table": str(target), "rows": len(rows), "columns": columns}
+    data = {"table": str(target), "rows": len(rows), "columns": columns, **unused}
     return output.report(data, f"{len(rows)} rows with {len(columns)} columns written to {target}")
 
 
@@ -258,11 +269,21 @@ def swings(
     output: OutputOptions = Output(),
 ) -> Report:
     """Sum up the swings of soles of variable stiffness: reached in time, error of the scan, time before touch-down."""
-    chosen = part.part(study)
-    summaries = swing_summaries(chosen, options.entries(), any_code=part.any_code)
+    chosen, entries = part.part(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    summaries = swing_summaries(chosen, entries, any_code=part.any_code)
     if not summaries:
         raise InputError(f"{options.journal} has no walk of '{chosen.name}' on soles of variable stiffness")
-    return output.report({"study": chosen.name, "rows": to_json(summaries)}, swing_table(summaries))
+    return output.report({"study": chosen.name, "rows": to_json(summaries), **unused}, swing_table(summaries))
+
+
+def note_left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
+    """Warn of entries of a journal that are not used, and return their numbers as a part of a result."""
+    unused = left_out(study, entries, any_code=any_code)
+    text = unused.text()
+    if text is not None:
+        logger.warning("%s", text)
+    return {"left_out": to_json(unused)}
 
 
 def read_study(name: str) -> Study:

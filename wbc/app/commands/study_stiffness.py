@@ -15,6 +15,7 @@ from wbc.app.commands.study import (
     PartOptions,
     RunOptions,
     StudyName,
+    note_left_out,
     read_study,
     run_trials,
     summary_text,
@@ -81,7 +82,7 @@ def dataset(
     6,000 walks (50 evaluations, 2 seeds). `wbc stiffness train` makes a model of the table.
     """
     study = dataset_study(size)
-    target = check_target("a stiffness table", size.output, (".csv",))
+    target = check_target("a stiffness table", size.output, (".csv",), [options.journal])
     summary = run_trials(study, options, any_code=size.any_code)
     entries = read_journal(options.journal)
     found = labels(study, entries, pooled=not size.separate, any_code=size.any_code)
@@ -107,6 +108,7 @@ def best(
 ) -> Report:
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
     chosen, entries = read_study(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=options.any_code)
     found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
     if not found:
         raise InputError(
@@ -117,6 +119,7 @@ def best(
         "separate": options.separate,
         **origin(chosen, entries, any_code=options.any_code),
         "labels": to_json(found),
+        **unused,
     }
     return output.report(data, label_table(found))
 
@@ -132,10 +135,16 @@ def heights(
 ) -> Report:
     """Find the height of each ground at which half of the walks are completed, from a journal."""
     chosen, entries = part.part(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=part.any_code)
     found = half_heights(chosen, entries, any_code=part.any_code)
     if not found:
         raise InputError(f"{options.journal} has no walks of '{chosen.name}'; run the study")
-    data = {"study": chosen.name, **origin(chosen, entries, any_code=part.any_code), "heights_m": found}
+    data = {
+        "study": chosen.name,
+        **origin(chosen, entries, any_code=part.any_code),
+        "heights_m": found,
+        **unused,
+    }
     return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
 
 

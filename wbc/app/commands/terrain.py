@@ -36,7 +36,7 @@ class TerrainOptions:
         rendering: Solids, height field, or auto: solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when not given.
         sole_radius: Radius of the spheres under the sole, m.
-        clearance: How high the swing foot is lifted, m; a warning says if that is too low.
+        clearance: Height of the swing foot, m; a warning says if that is too low.
         plot: Picture of the map and a profile to write.
         cost: Also measure memory and steps per second.
     """
@@ -116,7 +116,7 @@ def describe_terrain(options: TerrainOptions) -> dict[str, Any]:
         ClearanceWarning: The ground is higher than the clearance.
     """
     ground = options.terrain()
-    target = check_picture(options.plot)
+    target = check_picture(options.plot, options.param)
     clears = check_clearance(ground, options.clearance)
     facts = ground.describe() | {"roughness": _named_roughness(ground), "clears": clears}
     if target is not None:

@@ -11,12 +11,14 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.progress import Progress
 
+from wbc.app.address import Host, Port
+from wbc.app.files import FILMS
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
+from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
 
-FILMS = (".mp4", ".gif")
 EXPORTS = (".html", *FILMS)
 
 
@@ -34,8 +36,8 @@ class ViewOptions:
     """
 
     out: Annotated[Path | None, Parameter(alias="-o")] = None
-    host: str = "127.0.0.1"
-    port: int | None = None
+    host: Host = "127.0.0.1"
+    port: Port | None = None
     rate: Annotated[Positive, "pictures a second"] = 30.0
     speed: Positive = 1.0
     size: tuple[Count, Count] = (960, 720)
@@ -67,9 +69,9 @@ def view(
     if out is None:
         server = PageServer(options.host, options.port)
     elif film:
-        check_film(out)
+        check_film(out, [log])
     else:
-        check_page(out)
+        check_page(out, [log])
     replay = Replay(opened)
     with _bar("filming" if film else "preparing") as progress:
         if out is not None and film:
@@ -78,11 +80,12 @@ def view(
             )
         else:
             pictures = len(replay.ticks(options.rate))
-            page = replay_page(replay, rate=options.rate, progress=progress)
+            nonce = "" if server is None else server.nonce
+            page = replay_page(replay, rate=options.rate, progress=progress, nonce=nonce)
     if server is not None:
         server.serve(page)
     elif out is not None and not film:
-        out.write_text(page, encoding="utf-8")
+        write_text(out, page)
     facts = {
         "log": str(log),
         "seconds": float(opened.time[-1]),

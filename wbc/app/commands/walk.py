@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 from wbc.app.files import check_target
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
@@ -11,6 +12,9 @@ from wbc.app.walk_options import WalkOptions
 from wbc.app.walk_report import walk_text
 from wbc.sim.terrain import check_clearance
 from wbc.sim.walks import WalkHook, WalkTrial
+
+if TYPE_CHECKING:
+    from wbc.app.log import Recorder
 
 
 @reports
@@ -25,15 +29,16 @@ def walk(
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         check_clearance(spec.ground(), spec.gait.swing_height)
     hooks: list[WalkHook] = []
+    record: Recorder | None = None
     with ExitStack() as stack:
         trial = WalkTrial(spec)
         watch = stack.enter_context(live.watch(trial))
         if options.record is not None:
-            from wbc.app.log import Recorder  # noqa: PLC0415 - most walks are not recorded
+            from wbc.app.log import Recorder as LogFile  # noqa: PLC0415 - most walks are not recorded
 
-            record = stack.enter_context(
-                Recorder(check_target("a log", options.record, (".arrow",)), spec=spec)
-            )
+            inputs = [options.spec, options.config, *options.param, *options.policy_param]
+            target = check_target("a log", options.record, (".arrow",), inputs)
+            record = stack.enter_context(LogFile(target, spec=spec))
             if watch is not None:
                 record.add("view/change", watch.news, about="changed from the page since the tick before")
             hooks.append(record)
@@ -42,6 +47,7 @@ def walk(
         result = trial.run(hooks)
     changes = [] if watch is None else watch.interventions
     data = result.to_json() | interactive(changes) | {"spec": spec.to_json()}
+    lost = None if record is None else record.loss
     if options.record is not None:
-        data["record"] = str(options.record)
-    return output.report(data, walk_text(result, spec) + interactive_text(changes))
+        data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
+    return output.report(data, walk_text(result, spec) + interactive_text(changes), lost)

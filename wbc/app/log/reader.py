@@ -15,7 +15,7 @@ from pyarrow import ipc
 
 from wbc.app.log.columns import Kind, Signal
 from wbc.app.log.header import decode
-from wbc.app.log.writer import MAGIC, TYPES
+from wbc.app.log.writer import MAGIC, TYPES, part_path
 from wbc.core.errors import Array, InputError, unknown_name
 
 STREAM = 8
@@ -63,7 +63,9 @@ class Log:
             with pa.OSFile(str(place)) as file:
                 table, broken = _read(place, file)
         except OSError as error:
-            raise InputError(f"cannot read the log {place}: {error.strerror or error}") from error
+            part = part_path(place)
+            hint = f"; {part} is a recording of that name that was not ended" if part.is_file() else ""
+            raise InputError(f"cannot read the log {place}: {error.strerror or error}{hint}") from error
         return Log(place, table, decode(str(place), table.schema.metadata), broken)
 
     def __len__(self) -> int:

@@ -19,6 +19,7 @@ from wbc.app.log.stiffness import StiffnessSource
 from wbc.app.log.tick import Control, Source, Tick
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
+from wbc.core.files import FileError
 from wbc.core.signals import Command, Measurement
 from wbc.sim.walks import WalkHook
 
@@ -32,7 +33,7 @@ class Recorder(WalkHook):
     """A log that is written tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[record])`.
 
     Attributes:
-        path: The file.
+        path: The file; until the end, and after a failure, the name of what there is has ".part" in it.
     """
 
     def __init__(
@@ -157,12 +158,17 @@ class Recorder(WalkHook):
 
     @property
     def failure(self) -> str | None:
-        """Reason why nothing more is written, such as a full disk; None without a failure."""
+        """Reason why data was lost, such as a full disk; None without a failure."""
         return self._writer.failure
 
     def close(self) -> None:
         """Write the last batch and end the file."""
         self._writer.close()
+
+    @property
+    def loss(self) -> FileError | None:
+        """Error that says how much was written, where, and why the rest was not; None if nothing was lost."""
+        return self._writer.loss
 
     def __enter__(self) -> Recorder:
         return self

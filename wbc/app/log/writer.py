@@ -1,14 +1,15 @@
 """Writer of rows to an Arrow IPC file, one batch at a time, in a thread.
 
 The caller fills the rows of a block of memory. A full block goes to a thread, which turns it into columns, compresses
-and writes them while the caller fills the other block; most of that work runs outside of Python's lock. A file that
-ends early holds all batches before the break.
+and writes them while the caller fills the other block; most of that work runs outside of Python's lock.
+
+A log is written beside its name: `walk.part.arrow` becomes `walk.arrow` when it has been closed and is complete. What
+a killed program or a full disk leaves is `walk.part.arrow`, which holds all batches before the break.
 """
 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,6 +23,7 @@ from pyarrow import ipc
 from wbc.app.log.columns import Columns, Kind, Signal
 from wbc.app.log.header import KEY, encode
 from wbc.core.errors import Array, InputError
+from wbc.core.files import FileError, move_into_place
 
 ROWS = 256
 """Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed
@@ -47,27 +49,30 @@ class LogWriter:
     """A log that is being written.
 
     Attributes:
-        path: The file.
-        failure: Reason why nothing more is written; None without a failure.
+        path: The file; it is there after `close`, if nothing was lost.
+        part: File that is written meanwhile, and kept if data was lost.
+        failure: Reason why data was lost; None without a failure.
         rows: Number of committed rows.
+        written: Number of rows in the file.
     """
 
     def __init__(self, path: str | Path) -> None:
         """Open the file.
 
         Args:
-            path: The file; an existing log is replaced.
+            path: The file; an existing log is replaced by a complete one.
 
         Raises:
             InputError: The file cannot be written, or exists and is not a log.
         """
         self.path = check_path(path)
+        self.part = check_path(part_path(self.path))
         try:
-            self._file = pa.output_stream(str(self.path), compression=None, buffer_size=1 << 20)
+            self._file = pa.output_stream(str(self.part), compression=None, buffer_size=1 << 20)
         except OSError as error:
             raise InputError(f"cannot write the log {self.path}: {error.strerror or error}") from error
         self.failure: str | None = None
-        self.rows = 0
+        self.rows = self.written = 0
         self._columns: Columns | None = None
         self._out: Any = None
         self._pending: Future[None] | None = None
@@ -89,14 +94,17 @@ class LogWriter:
         self._numbers = np.array([i for i, s in self._written if s.kind == "number"], dtype=np.intp)
         fields = [_field(signal) for _, signal in self._written]
         self._schema = pa.schema(fields, metadata={KEY: encode(header)})
-        options = ipc.IpcWriteOptions(compression="lz4", use_threads=False)
-        self._out = ipc.new_file(self._file, self._schema, options=options)
-        self._file.flush()
+        self._attempt(self._write_schema)
         width = len(columns.signals)
         self._blocks = [np.full((ROWS, width), np.nan) for _ in range(2)]
         self._block, self._count = self._blocks[0], 0
         self._objects: list[Any] = []
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="wbc-log")
+
+    def _write_schema(self) -> None:
+        options = ipc.IpcWriteOptions(compression="lz4", use_threads=False)
+        self._out = ipc.new_file(self._file, self._schema, options=options)
+        self._file.flush()
 
     @property
     def row(self) -> Array:
@@ -135,8 +143,9 @@ class LogWriter:
         try:
             write()
         except Exception as error:  # a full disk must not end a walk
-            self.failure = f"{error}"
-            _log.error("the log %s ends here, the run goes on: %s", self.path, error)
+            if self.failure is None:
+                _log.error("the log %s ends here, the run goes on: %s", self.part, error)
+            self.failure = self.failure or f"{error}"
 
     def _write(self, rows: Array, objects: list[Any]) -> None:
         with np.errstate(all="ignore"):  # NaN stays NaN
@@ -151,6 +160,7 @@ class LogWriter:
                 arrays.append(self._array(signal, rows[:, place], objects))
         self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
         self._file.flush()
+        self.written += len(rows)
 
     def _array(self, signal: Signal, column: Array, objects: list[Any]) -> Any:
         """Return the column of a signal of another kind than "number"."""
@@ -170,7 +180,7 @@ class LogWriter:
         return pa.array(lists, TYPES["list"])
 
     def close(self) -> None:
-        """Write the last batch and end the file. A second call does nothing."""
+        """Write the last batch, end the file and give it its name, if nothing was lost. A second call does nothing."""
         atexit.unregister(self.close)
         if self._file is None:
             return
@@ -181,12 +191,31 @@ class LogWriter:
                 self._count and self.failure is None
             ):  # not in the thread: the interpreter may be shutting down
                 self._attempt(lambda: self._write(self._block[: self._count], self._objects))
-        if self._out is not None:
-            with contextlib.suppress(OSError):  # logged before
-                self._out.close()
-        with contextlib.suppress(OSError):
-            self._file.close()
-        self._file = self._out = None
+        file, out, self._file, self._out = self._file, self._out, None, None
+        if out is None and self.failure is None:  # there was not a single row
+            file.close()
+            self.part.unlink(missing_ok=True)
+            return
+        if out is not None:
+            self._attempt(out.close)
+        self._attempt(file.close)
+        if self.failure is None:
+            self._attempt(lambda: move_into_place(self.part, self.path))
+
+    @property
+    def loss(self) -> FileError | None:
+        """Error that says how much was written, where, and why the rest was not; None if nothing was lost."""
+        if self.failure is None:
+            return None
+        return FileError(
+            f"the recording {self.path} lost data: {self.written} of {self.rows} ticks were written, to {self.part}: "
+            f"{self.failure}"
+        )
+
+
+def part_path(path: Path) -> Path:
+    """Return the name of a log while it is written: walk.part.arrow for walk.arrow."""
+    return path.with_name(f"{path.stem}.part{path.suffix}")
 
 
 def check_path(path: str | Path) -> Path:

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from wbc.app.files import check_target
+from wbc.core.files import replacing
 
 FORMATS = (".png", ".svg", ".pdf")
 DPI = 130
 
 
-def check_output(path: str | Path) -> Path:
+def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of figures to be written.
 
+    Args:
+        path: File to write.
+        inputs: Files that the figures are made from.
+
     Raises:
-        InputError: Another file type, no such folder, or not writable.
+        InputError: Another file type, no such folder, not writable, or one of the inputs.
     """
-    return check_target("a figure", path, FORMATS)
+    return check_target("a figure", path, FORMATS, inputs)
 
 
 def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
@@ -35,16 +40,18 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
 
     Raises:
         InputError: A path that cannot be written.
+        FileError: The disk is full, for example.
     """
     target = check_output(path)
     if target.suffix.lower() == ".pdf":
-        with PdfPages(target) as pages:
+        with replacing(target) as new, PdfPages(new) as pages:
             for figure in figures.values():
                 pages.savefig(figure)
         return [target]
     written = []
     for name, figure in figures.items():
         place = target if len(figures) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
-        figure.savefig(place, dpi=DPI)
+        with replacing(place) as new:
+            figure.savefig(new, dpi=DPI)
         written.append(place)
     return written

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.files import check_target
+from wbc.app.files import FILMS, check_target
 from wbc.app.replay.caption import caption
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.colours import ARROW_COLOURS, COM_COLOUR, DCM_COLOUR, ZMP_COLOUR
 from wbc.app.scene.shapes import disc
 from wbc.core.errors import Array, InputError, WbcError
+from wbc.core.files import replacing
 
 Picture = NDArray[np.uint8]
 
-FILMS = (".mp4", ".gif")
 GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
     "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
@@ -46,14 +46,18 @@ class RenderError(WbcError):
     """Pictures cannot be rendered or written on this machine."""
 
 
-def check_film(path: str | Path) -> Path:
+def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of a film to be written, after a check that it can be made here.
 
+    Args:
+        path: File to write.
+        inputs: Files that it is made from.
+
     Raises:
-        InputError: Another file type, no such folder, or not writable.
+        InputError: Another file type, no such folder, not writable, or one of the inputs.
         RenderError: No ffmpeg for MP4, or no offscreen rendering; the message says what to install.
     """
-    target = check_target("a film", path, FILMS)
+    target = check_target("a film", path, FILMS, inputs)
     if target.suffix.lower() == ".mp4":
         find_ffmpeg()
     with _drawing_context(64, 64):
@@ -99,7 +103,7 @@ def render_video(
         InputError: A path that cannot be written, or a value out of range.
         RenderError: Not possible on this machine; the message says what to install.
     """
-    target = check_film(path)
+    target = check_film(path, [replay.log.path])
     width, height = size
     if min(size) < 16 or width % 2 or height % 2:
         raise InputError(f"size of a film must be two even numbers of at least 16, got {width} x {height}")
@@ -107,7 +111,8 @@ def render_video(
         rate = min(rate, GIF_RATE)
     ticks = replay.ticks(rate, speed)
     write = _write_gif if target.suffix.lower() == ".gif" else _write_mp4
-    write(target, _pictures(replay, ticks, rate, size, progress), rate, size)
+    with replacing(target) as new:
+        write(new, _pictures(replay, ticks, rate, size, progress), rate, size)
     return len(ticks)
 
 
@@ -205,7 +210,7 @@ class _Captions:
         return np.asarray(picture)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _drawing_context(width: int, height: int) -> Iterator[None]:
     """Make an offscreen OpenGL context.
 
@@ -241,10 +246,11 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float, size: tuple
         except BrokenPipeError:
             pass
         finally:
-            process.stdin.close()
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
             message = process.stderr.read().decode(errors="replace").strip()
     if process.returncode != 0:
-        raise RenderError(f"ffmpeg could not write {path}: {message or process.returncode}")
+        raise RenderError(f"ffmpeg could not write the film: {message or process.returncode}")
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float, size: tuple[int, int]) -> None:

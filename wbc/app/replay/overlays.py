@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from wbc.app.log import Log
 from wbc.app.log.stances import Stance, stances
@@ -21,6 +20,7 @@ from wbc.app.scene.layer import Layer
 from wbc.app.scene.marks import LIFT, LINE, outline, polygon, ribbon, ribbon_edges, translation
 from wbc.app.scene.shapes import HIDDEN, Colour, Surface, disc
 from wbc.core.errors import Array
+from wbc.core.hull import convex_hull
 
 
 class Overlays(Layer):
@@ -93,7 +93,7 @@ def _supports(log: Log) -> list[tuple[int, int, Array]]:
         if standing:
             points = np.concatenate([foot.corners for foot in standing])
             height = max(_level(log, foot, "truth") for foot in standing)
-            corners = _at_height(points[ConvexHull(points).vertices], height + LIFT)
+            corners = _at_height(convex_hull(points), height + LIFT)
             supports.append((start, end, corners))
     return supports
 

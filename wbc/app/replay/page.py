@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ def replay_page(
     *,
     rate: float = RATE,
     progress: Callable[[int, int], None] | None = None,
+    nonce: str = "",
 ) -> str:
     """Return the page.
 
@@ -37,6 +39,7 @@ def replay_page(
         replay: The replay.
         rate: Pictures for each second of the run, 1/s.
         progress: Called after each picture with the number of finished pictures and of all.
+        nonce: Number of its scripts in the content security policy, if the page is served.
 
     Raises:
         InputError: A rate that is not above zero.
@@ -49,30 +52,35 @@ def replay_page(
             progress(i + 1, len(ticks))
     log, places = replay.log, replay.log["truth/base/position"][ticks]
     controls = Template(CONTROLS.read_text("utf-8")).substitute(
+        nonce=nonce,
         last=len(ticks) - 1,
-        paths=json.dumps(replay.scene.moving),
+        paths=_script_text(replay.scene.moving),
         times=json.dumps([round(float(t), 4) for t in log.time[ticks]]),
         captions=_script_text([caption(log, tick) for tick in ticks]),
-        soles=json.dumps(replay.sole_paths),
+        soles=_script_text(replay.sole_paths),
         colours=json.dumps([replay.sole_colours(tick) if any(replay.sole_paths) else [] for tick in ticks]),
         targets=json.dumps(np.round(places[:, :2], 4).tolist()),
         frames=base64.b64encode(frames.tobytes()).decode("ascii"),
     )
     title = f"{log.header.get('title') or replay.scene.title}"
     page = Page(title, replay.scene.legend, replay.scene.com_height).static(
-        _first_picture(replay, ticks[0]), float(log.time[ticks[0]])
+        _first_picture(replay, ticks[0]), float(log.time[ticks[0]]), nonce=nonce
     )
     head, end, tail = page.rpartition("</body>")
     return head + controls + end + tail
 
 
-def check_page(path: str | Path) -> Path:
+def check_page(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of a page to be written.
 
+    Args:
+        path: File to write.
+        inputs: Files that it is made from.
+
     Raises:
-        InputError: Another file type, no such folder, or not writable.
+        InputError: Another file type, no such folder, not writable, or one of the inputs.
     """
-    return check_target("a page", path, PAGES)
+    return check_target("a page", path, PAGES, inputs)
 
 
 def _first_picture(replay: Replay, tick: int) -> list[bytes]:
@@ -84,6 +92,6 @@ def _first_picture(replay: Replay, tick: int) -> list[bytes]:
     return commands
 
 
-def _script_text(values: list[str]) -> str:
+def _script_text(values: Sequence[Any]) -> str:
     """Return texts as JSON that may stand in a script."""
     return json.dumps(values).replace("<", "\\u003c")

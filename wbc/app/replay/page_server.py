@@ -6,30 +6,28 @@ import asyncio
 import contextlib
 import sys
 
-import tornado.httpserver
-import tornado.web
-
-from wbc.app.view.address import PortError, listen, url
+from wbc.app.address import Address, PortError, listen
+from wbc.app.view.guard import GuardedHandler, guarded_server, new_nonce
 
 
-class _PageHandler(tornado.web.RequestHandler):
+class _PageHandler(GuardedHandler):
     """The page."""
 
-    def initialize(self, page: bytes) -> None:
+    def initialize(self, page: bytes, nonce: str) -> None:
         """Take the page that the application gives."""
-        self._page = page
+        self._page, self._nonce = page, nonce
 
-    def get(self) -> None:
+    async def get(self) -> None:
         """Answer a request."""
-        self.set_header("Cache-Control", "no-store")
-        self.finish(self._page)
+        await self.answer(self._page, self._nonce)
 
 
 class PageServer:
-    """A page at an address.
+    """A page at an address; see `wbc.app.view.guard` for who may ask for it.
 
     Attributes:
         url: The address.
+        nonce: Number that the scripts of the page must carry.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int | None = None) -> None:
@@ -40,19 +38,22 @@ class PageServer:
             port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
 
         Raises:
+            InputError: No host, or a port out of range.
             PortError: The port is in use.
         """
+        address = Address(host, port)
         try:
-            self._socket = listen(host, port)
+            self._socket, self._served = listen(address)
         except OSError as error:
-            raise PortError.at("replay", host, port, error.strerror or str(error)) from error
-        self.url = url(host, self._socket.getsockname()[1])
+            raise PortError.at("replay", address, error.strerror or str(error)) from error
+        self.url = self._served.url
+        self.nonce = new_nonce()
 
     def serve(self, page: str, seconds: float | None = None) -> None:
         """Serve a page until Ctrl-C, or for a while.
 
         Args:
-            page: HTML.
+            page: HTML whose scripts carry the nonce.
             seconds: s; endless when None.
         """
         print(f"replay: {self.url} (end with Ctrl-C)", file=sys.stderr, flush=True)
@@ -60,9 +61,7 @@ class PageServer:
             asyncio.run(self._run(page.encode(), seconds))
 
     async def _run(self, page: bytes, seconds: float | None) -> None:
-        server = tornado.httpserver.HTTPServer(
-            tornado.web.Application([(r"/", _PageHandler, {"page": page})])
-        )
+        server = guarded_server(self._served, [(r"/", _PageHandler, {"page": page, "nonce": self.nonce})])
         server.add_socket(self._socket)
         try:
             await asyncio.sleep(1e9 if seconds is None else seconds)

@@ -35,8 +35,8 @@ from wbc.app.scene.scene import Scene, body_path
 from wbc.app.scene.shapes import ROOT, VisualCylinder, disc
 from wbc.app.scene.sources import FOOT
 from wbc.core.errors import Array
+from wbc.core.hull import hull_and_area
 from wbc.core.robot import GRAVITY
-from wbc.sim.rig.results import hull
 from wbc.walking.pattern.lipm import natural_frequency
 from wbc.walking.planning.footsteps import SIDES
 
@@ -104,7 +104,7 @@ class BalanceLayer(Layer):
         points = truth.contact_position[pressed]
         if len(points):
             self._level = float(load[pressed] @ points[:, 2] / load[pressed].sum())
-        corners = hull(points[:, :2])[0]
+        corners = hull_and_area(points[:, :2])[0]
         lifted = np.column_stack([corners, np.full(len(corners), self._level + LIFT)])
         annotations.shapes[f"{ROOT}/support/polygon"] = polygon_corners(lifted, CORNERS)
         dcm = truth.com[:2] + truth.com_velocity[:2] / self._omega

@@ -7,10 +7,11 @@
 
     walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
 
-What is drawn lives in `wbc.app.scene`; a new control of the page goes into `wbc.app.view.controls`.
+What is drawn lives in `wbc.app.scene`; a new control of the page goes into `wbc.app.view.controls`. Who may
+open the page and change the run, see `wbc.app.view.guard` and `wbc.app.view.server`.
 """
 
-from wbc.app.view.address import PortError, ViewError
+from wbc.app.address import PortError, ViewError
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.walk_hook import WatchWalk
 

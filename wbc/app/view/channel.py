@@ -5,6 +5,7 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
+import zlib
 from typing import IO, Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from wbc.core.errors import Array
 MAX_ANNOTATIONS = 1 << 15
 """Largest packed annotations of a frame, bytes; larger ones are dropped."""
 
-_TEXT = ("length", "i8")
+ATTEMPTS = 10
+"""Attempts to read an entry that the writer overtakes."""
 
 
 class Channel:
@@ -32,14 +34,14 @@ class Channel:
             paths: Number of matrices in a frame.
             fd: File descriptor of the channel to join; None makes one.
         """
-        frame = [("time", "f8"), ("matrices", "f8", (paths, 16)), _TEXT, ("text", "u1", (MAX_ANNOTATIONS,))]
+        frame = _slot(MAX_ANNOTATIONS, ("time", "f8"), ("matrices", "f8", (paths, 16)))
         layout = np.dtype(
             [
                 ("newest", "i8", (2,)),  # numbers of the newest frame and of the newest input
                 ("shown", "i8"),
                 ("pages", "i8"),
                 ("frames", frame, (2,)),
-                ("inputs", [_TEXT, ("text", "u1", (MAX_BYTES,))], (2,)),
+                ("inputs", _slot(MAX_BYTES), (2,)),
             ]
         )
         self._file: IO[Any] | None = None
@@ -134,10 +136,18 @@ class Channel:
             self._file.close()
 
 
-class _Newest:
-    """Two slots of which one holds the newest entry. A slow reader misses entries.
+def _slot(size: int, *fields: Any) -> list[Any]:
+    """Return the layout of a slot with a text."""
+    data = [*fields, ("length", "i8"), ("text", "u1", (size,))]
+    return [("begun", "i8"), ("check", "u4"), ("data", data)]
 
-    The writer never waits: it fills the slot that does not hold the newest entry, and then increments the number.
+
+class _Newest:
+    """Two slots of which one holds the newest entry. A slow reader misses entries, and never gets parts of two.
+
+    The writer never waits: it fills the slot that does not hold the newest entry, and says first which entry it begins
+    there. A copy is of one entry if the slot still says so afterwards (a sequence lock). The checksum finds the rest on
+    processors that reorder stores.
     """
 
     def __init__(self, number: Any, slots: Any) -> None:
@@ -146,18 +156,29 @@ class _Newest:
     def write(self, text: bytes, **fields: Any) -> None:
         number = int(self._number[0]) + 1
         slot = self._slots[number % 2]
+        slot["begun"] = number
         for name, value in fields.items():
-            slot[name] = value
-        slot["length"] = len(text)
-        slot["text"][: len(text)] = np.frombuffer(text, np.uint8)
+            slot["data"][name] = value
+        slot["data"]["length"] = len(text)
+        slot["data"]["text"][: len(text)] = np.frombuffer(text, np.uint8)
+        slot["check"] = _checksum(number, slot["data"])
         self._number[0] = number
 
     def read(self, after: int) -> tuple[int, Any, bytes] | None:
-        """Return number, fields and text of the newest entry; None if there is none after a number."""
-        number = int(self._number[0])
-        if number <= after:
-            return None
-        slot = self._slots[number % 2].copy()
-        if int(self._number[0]) > number + 1:  # overtaken twice: the copy may hold parts of two entries
-            return None
-        return number, slot, slot["text"][: slot["length"]].tobytes()
+        """Return number, fields and text of the newest entry; None if there is none after a number.
+
+        None, too, if the writer has overtaken every attempt; there is a newer entry then, for the next call.
+        """
+        for _ in range(ATTEMPTS):
+            number = int(self._number[0])
+            if number <= after:
+                return None
+            slot = self._slots[number % 2]
+            check, data = int(slot["check"]), slot["data"].copy()
+            if int(slot["begun"]) == number and _checksum(number, data) == check:
+                return number, data, data["text"][: data["length"]].tobytes()
+        return None
+
+
+def _checksum(number: int, data: Any) -> int:
+    return zlib.crc32(data.tobytes(), number & 0xFFFFFFFF)

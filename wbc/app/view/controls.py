@@ -15,6 +15,7 @@ stiffness of a passive sole is fixed by its material. A run cannot go back in ti
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,6 +27,8 @@ from wbc.feet import VariableStiffnessFoot
 if TYPE_CHECKING:
     from wbc.sim import Plant
     from wbc.walking.control import WalkingControl
+
+_log = logging.getLogger(__name__)
 
 GAINS = {
     "dcm_p": "1/s",
@@ -104,8 +107,10 @@ class LiveControls:
             if not isinstance(request, dict) or not isinstance(request.get("do"), str):
                 raise InputError("a request must say what to do")
             facts = self._actions[choose("request", request["do"], self._actions)](request)
-        except (WbcError, OverflowError) as error:
+        except Exception as error:  # whatever a page asks for, the control loop goes on
             self.message = f"refused: {error}"
+            if not isinstance(error, WbcError):
+                _log.warning("a request of the page failed", exc_info=True)
             return
         assert self._plant is not None
         entry = {"time": self._plant.time, "what": request["do"], **facts}

@@ -1,6 +1,9 @@
 let socket = null;
 const byId = (id) => document.getElementById(id);
-const tell = (wish) => { if (socket && socket.readyState === 1) socket.send(JSON.stringify(wish)); };
+let mayChange = false;
+const tell = (wish) => {
+    if (mayChange && socket && socket.readyState === 1) socket.send(JSON.stringify(wish));
+};
 const order = (wish) => tell({order: wish});
 
 // ---- what can be changed depends on the run; it says so when the connection is made
@@ -21,6 +24,8 @@ function number(parent, label, unit, value, limits, then) {
 function build(controls) {
     const place = byId("change");
     place.replaceChildren();
+    byId("pause").disabled = byId("speed").disabled = !mayChange;
+    if (!mayChange) { place.append("to change the run, open the link that it has printed"); return; }
     if (controls.push) {
         const group = make("span", place, {class: "group"});
         const button = make("button", group, {id: "push"}, "push");
@@ -105,7 +110,7 @@ function facts(said) {
     viewer.set_dirty();
 }
 function connect() {
-    socket = new WebSocket(location.href.replace(/^http/, "ws").replace(/[^/]*$/, "") + "stream");
+    socket = new WebSocket(`ws://${location.host}/stream${location.search}`);  // with the token of the link
     socket.binaryType = "arraybuffer";
     socket.onopen = () => say("state", "");
     socket.onmessage = (message) => {
@@ -113,6 +118,7 @@ function connect() {
         const said = JSON.parse(message.data);
         if (!said.hello) { facts(said); return; }
         if (said.hello.page !== PAGE_KEY) { location.reload(); return; }
+        mayChange = said.hello.may_change;
         build(said.hello.controls);
     };
     // The next run on the same port goes on in the same page.

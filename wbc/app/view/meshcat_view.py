@@ -8,14 +8,15 @@ changes are in `MeshcatView.interventions`.
 
 from __future__ import annotations
 
-import json
 import math
+import secrets
 import sys
 import time as clock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc.app.address import Address
 from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.layers import RangeLayer, make_layers
 from wbc.app.scene.scene import Scene, Snapshot
@@ -24,6 +25,7 @@ from wbc.app.scene.sources import PlantSource, RobotSource
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.pace import Pace
 from wbc.app.view.process import DrawingProcess, ServerSetup
+from wbc.app.view.user_input import unpack
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
@@ -36,6 +38,9 @@ if TYPE_CHECKING:
 
 PAUSE_TICK = 0.02
 """Period at which a paused run checks whether it may go on, s."""
+
+TOKEN_BYTES = 16
+"""Length of the random token in the link, bytes."""
 
 
 class MeshcatView:
@@ -77,7 +82,8 @@ class MeshcatView:
             walking: Controller of a walk, to show its footsteps and references; only with a plant.
             terrain: The ground under a described robot; flat when None. A plant has its own.
             host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
-                `ssh -L`, or "0.0.0.0" to let everybody in the network watch, and use the controls.
+                `ssh -L` from the same port, or "0.0.0.0" to let everybody in the network watch. The controls need the
+                link that is printed.
             port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
             rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
@@ -85,14 +91,13 @@ class MeshcatView:
             controls: Let the page change the run; pause and speed are always available.
 
         Raises:
-            InputError: A value out of range, a terrain given with a plant, or a walk without one.
+            InputError: A value out of range, no host, a terrain given with a plant, or a walk without one.
             PortError: The port is in use; nothing is left running.
             ViewError: The process does not start; nothing is left running.
         """
         self._period = 1.0 / positive("rate of the view (1/s)", rate)
         self._pace = Pace(None if speed is None else positive("speed of the view", speed))
-        if port is not None:
-            finite_scalar("port of the view", port, low=0, high=65535)
+        address = Address(host, port)
         self._source: PlantSource | RobotSource
         self._plant: Plant | None = None
         self._layers: tuple[Layer, ...] = ()
@@ -111,8 +116,10 @@ class MeshcatView:
             tuple(entry for layer in self._layers for entry in layer.legend),
         )
         self.controls = LiveControls(self._plant if controls else None, walking)
-        setup = ServerSetup(self.scene, host, port, rate, speed, self.controls.available())
-        self._process = DrawingProcess(setup)
+        token = secrets.token_urlsafe(TOKEN_BYTES)
+        self._process = DrawingProcess(
+            ServerSetup(self.scene, address, rate, speed, self.controls.available(), token)
+        )
         self._next = -math.inf
         self._input_number = self._request_number = 0  # of the last ones that were read
         self._paused = False
@@ -123,7 +130,7 @@ class MeshcatView:
 
     @property
     def url(self) -> str:
-        """Address of the page."""
+        """Link to the page, with the token that its controls need; without the token, a page only shows the run."""
         return self._process.url
 
     @property
@@ -210,11 +217,13 @@ class MeshcatView:
         if newer is None:
             return
         self._input_number, text = newer
-        data = json.loads(text)
-        self._paused = data["paused"]
-        if data["speed"] != self._pace.speed:
-            self._pace.speed = data["speed"]
-        for number, request in data["orders"]:
+        data = unpack(text)
+        if data is None:
+            return
+        self._paused = data.paused
+        if data.speed != self._pace.speed:
+            self._pace.speed = data.speed
+        for number, request in data.orders:
             if number > self._request_number:
                 self._request_number = number
                 self.controls.apply(request)

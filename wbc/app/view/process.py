@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wbc.app.address import Address, PortError, ServedAddress, ViewError
 from wbc.app.scene.layer import Annotations
 from wbc.app.scene.scene import Scene
-from wbc.app.view.address import PortError, ViewError, url
 from wbc.app.view.channel import Channel
 from wbc.core.errors import Array
 
@@ -38,19 +38,19 @@ class ServerSetup:
 
     Attributes:
         scene: The scene.
-        host: Address to listen at.
-        port: Port to listen at; the first free one of a range when None, any free one when 0.
+        address: Address to listen at.
         rate: Largest rate of frames, 1/s.
         speed: Multiple of real time at the start; None for as fast as possible.
         controls: Controls of the page and their values at the start; see `wbc.app.view.controls`.
+        token: Secret that a page shows to be allowed to change the run, or to pause it.
     """
 
     scene: Scene
-    host: str
-    port: int | None
+    address: Address
     rate: float
     speed: float | None
     controls: dict[str, Any]
+    token: str
 
 
 class DrawingProcess:
@@ -60,7 +60,7 @@ class DrawingProcess:
     the control loop.
 
     Attributes:
-        url: Address of the page.
+        url: Link to the page, with the token that allows to change the run.
         pid: Identifier of the process.
         channel: Frames to it, user input from it.
     """
@@ -75,18 +75,18 @@ class DrawingProcess:
         self.channel = Channel(len(setup.scene.moving))
         self._process = _launch(self.channel.fd)
         try:
-            self._port = self._begin(setup)
+            served = self._begin(setup)
         except ViewError:
             _stop(self._process, self.channel)
             raise
         self.pid = self._process.pid
-        self.url = url(setup.host, self._port)
-        self._local = url("127.0.0.1" if setup.host == "0.0.0.0" else setup.host, self._port)
+        self.url = f"{served.url}?token={setup.token}"
+        self._local = served.local_url
         self._finalizer = weakref.finalize(self, _stop, self._process, self.channel)
         self._warned = False
 
-    def _begin(self, setup: ServerSetup) -> int:
-        """Send the setup and return the port."""
+    def _begin(self, setup: ServerSetup) -> ServedAddress:
+        """Send the setup and return the address that the process has got."""
         process = self._process
         assert process.stdin is not None and process.stdout is not None
         answer = b""
@@ -100,8 +100,8 @@ class DrawingProcess:
             raise ViewError("the live view cannot be served: its process ended at once or does not answer")
         facts = json.loads(answer)
         if "error" in facts:
-            raise PortError.at("live view", setup.host, setup.port, facts["error"])
-        return int(facts["port"])
+            raise PortError.at("live view", setup.address, facts["error"])
+        return ServedAddress(**facts)
 
     @property
     def closed(self) -> bool:

@@ -1,31 +1,32 @@
 """Server of the live view: sends the page and frames from shared memory to browsers, and user input back.
 
 Run as `python -m wbc.app.view.server FD` by `wbc.app.view.process`, with the file descriptor of the channel: a pickled
-`ServerSetup` comes in on the standard input, one line of JSON with the port (or an error) goes out on the standard
-output, and the end of the input ends the process.
+`ServerSetup` comes in on the standard input, one line of JSON with the address (or an error) goes out on the standard
+output, and the end of the input ends the process. Who may ask for a page, see `wbc.app.view.guard`; who may change the
+run: pages opened by the link with the token.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import json
 import logging
 import pickle
+import secrets
 import signal
 import sys
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import tornado.httpserver
 import tornado.ioloop
-import tornado.web
 import tornado.websocket
 
+from wbc.app.address import listen
 from wbc.app.scene.shapes import HIDDEN, Surface
-from wbc.app.view.address import listen
 from wbc.app.view.channel import Channel
+from wbc.app.view.guard import GuardedHandler, guarded_server, new_nonce
 from wbc.app.view.page import SCRIPT, Page
 from wbc.app.view.process import ServerSetup
 from wbc.app.view.user_input import UserInput
@@ -41,6 +42,12 @@ from wbc.core.errors import Array
 MAX_POLL_TIME = 0.03
 """Longest time between two checks for a new frame, s."""
 
+MAX_PAGES = 64
+"""Largest number of open pages."""
+
+POLICY_VIOLATION, TRY_LATER = 1008, 1013
+"""Codes of closed connections (RFC 6455, and IANA's WebSocket Close Code registry)."""
+
 
 class Broadcast:
     """The scene as commands for all open pages."""
@@ -51,7 +58,7 @@ class Broadcast:
         self.page = Page(scene.title, scene.legend, scene.com_height)
         self._channel = channel
         self._input = UserInput(setup.speed)
-        self._hello = {"page": self.page.key, "controls": setup.controls}
+        self._controls, self._token = setup.controls, setup.token
         fixed = [thing for thing in scene.objects if not thing.deformable]
         self._objects = [command for thing in fixed for command in object_commands(thing)]
         self._deformable = [thing for thing in scene.objects if thing.deformable]
@@ -76,46 +83,56 @@ class Broadcast:
             shape = thing.shape
             assert isinstance(shape, Surface)
             if thing.path in shapes:
-                shape = replace(shape, vertices=np.reshape(shapes[thing.path], (-1, 3)))
-            deformed += object_commands(replace(thing, shape=shape))
+                shape = dataclasses.replace(shape, vertices=np.reshape(shapes[thing.path], (-1, 3)))
+            deformed += object_commands(dataclasses.replace(thing, shape=shape))
         return [*empty_scene(), *moves, *self._objects, *deformed, *self._colours({})]
 
-    def add(self, connection: PageConnection) -> None:
-        """Add a page: send it the whole scene."""
-        connection.send(json.dumps({"hello": self._hello}))
-        for command in self.commands():
-            connection.send(command)
-        connection.send(self._facts())
+    def scene_messages(self, connection: PageConnection) -> list[bytes | str]:
+        """Return the messages for a new page: what it may change, the whole scene and the facts."""
+        hello = {"page": self.page.key, "controls": self._controls, "may_change": connection.may_change}
+        messages: list[bytes | str] = [json.dumps({"hello": hello}), *self.commands(), self._facts()]
         connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
+        return messages
+
+    def news(self, connection: PageConnection) -> list[bytes | str]:
+        """Return the messages that bring a page from the frame that it shows to the newest."""
+        moved = np.flatnonzero((connection.shown != self._matrices).any(axis=1)).tolist()
+        moves, colours = self._moves(self._matrices, moved), self._colours(connection.colours)
+        connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
+        return [*moves, *colours, self._facts()]
+
+    def add(self, connection: PageConnection) -> bool:
+        """Add a page; return false if there are too many."""
+        if len(self._connections) >= MAX_PAGES:
+            return False
         self._connections.add(connection)
         self._channel.pages = len(self._connections)
+        return True
 
     def remove(self, connection: PageConnection) -> None:
-        """Remove a page; a pause ends with the last one."""
+        """Remove a page; a pause ends with the last one that could end it."""
         self._connections.discard(connection)
-        if not self._connections:
-            self.take_input({"paused": False})
+        if not any(other.may_change for other in self._connections):
+            self.take_input('{"paused": false}')
         self._channel.pages = len(self._connections)
 
     def tick(self) -> None:
-        """Send the newest frame to every page that has received the last one."""
+        """Tell the pages that do not show the newest frame."""
         self._fetch()
         for connection in self._connections:
-            if not connection.busy and connection.shown is not self._matrices:
-                moved = np.flatnonzero((connection.shown != self._matrices).any(axis=1))
-                for command in self._moves(self._matrices, moved.tolist()):
-                    connection.send(command)
-                for command in self._colours(connection.colours):
-                    connection.send(command)
-                connection.send(self._facts())
-                connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
+            if connection.shown is not self._matrices:
+                connection.news.set()
 
-    def take_input(self, message: Any) -> None:
+    def take_input(self, message: str | bytes) -> None:
         """Pass on a page's message, and tell all pages about pause and speed."""
         self._input.take(message)
         self._channel.write_input(self._input.pack())
         for connection in self._connections:
-            connection.send(self._facts())
+            connection.news.set()
+
+    def may_change(self, token: str) -> bool:
+        """Return true for the token of the link that the run has printed."""
+        return secrets.compare_digest(token.encode(), self._token.encode())
 
     def _fetch(self) -> None:
         newer = self._channel.read(self._number)
@@ -139,8 +156,18 @@ class Broadcast:
         return json.dumps({"time": self.time, **facts, **state})
 
 
-class PageConnection(tornado.websocket.WebSocketHandler):
-    """Connection to one page; tornado's check of the origin refuses pages of other sites."""
+class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
+    """Connection to one page.
+
+    Messages are sent one by one, each when the one before has been taken: a page that reads slowly skips frames, and of
+    one that does not read one message waits until a ping has found it out.
+
+    Attributes:
+        may_change: The page has shown the token: its messages are obeyed.
+        news: Set when there is something newer than the page shows.
+        shown: Matrices of the frame that the page shows, or is being sent.
+        colours: Colours of that frame.
+    """
 
     shown: Array
     colours: dict[str, Any]
@@ -148,53 +175,67 @@ class PageConnection(tornado.websocket.WebSocketHandler):
     def initialize(self, broadcast: Broadcast) -> None:
         """Take the broadcast that the application gives."""
         self._broadcast = broadcast
-        self._sent: asyncio.Future[None] | None = None
-
-    @property
-    def busy(self) -> bool:
-        """True while a message is being sent."""
-        return self._sent is not None and not self._sent.done()
+        self.may_change = False
+        self.news = asyncio.Event()
+        self._sender: asyncio.Task[None] | None = None
 
     def open(self, *_: str, **__: str) -> None:
-        """Add the page."""
-        self._broadcast.add(self)
-
-    def send(self, message: bytes | str) -> None:
-        """Send one message."""
-        try:
-            self._sent = self.write_message(message, binary=isinstance(message, bytes))
-        except tornado.websocket.WebSocketClosedError:
+        """Add the page, and begin to send."""
+        self.may_change = self._broadcast.may_change(self.get_query_argument("token", ""))
+        if not self._broadcast.add(self):
+            self.close(TRY_LATER, "too many pages are open")
             return
-        self._sent.add_done_callback(lambda done: done.exception())  # a page may go at any time
+        self._sender = asyncio.create_task(self._send(self._broadcast.scene_messages(self)))
+
+    async def _send(self, messages: list[bytes | str]) -> None:
+        with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+            while True:
+                for message in messages:
+                    await self.write_message(message, binary=isinstance(message, bytes))
+                await self.news.wait()
+                self.news.clear()
+                messages = self._broadcast.news(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Take the user's input; text that is no JSON is dropped."""
-        with contextlib.suppress(ValueError):
-            self._broadcast.take_input(json.loads(message))
+        """Take the user's input, if the page may give any."""
+        if self.may_change:
+            self._broadcast.take_input(message)
+        else:
+            self.close(POLICY_VIOLATION, "changes need the link that the run printed")
 
     def on_close(self) -> None:
         """Remove the page."""
-        self._broadcast.remove(self)
+        if self._sender is not None:
+            self._sender.cancel()
+            self._broadcast.remove(self)
 
 
-class PageHandler(tornado.web.RequestHandler):
+class PageHandler(GuardedHandler):
     """Live page, self-contained page and script."""
 
     def initialize(self, broadcast: Broadcast, kind: str) -> None:
         """Take the broadcast that the application gives."""
         self._broadcast, self._kind = broadcast, kind
 
-    def get(self) -> None:
+    async def get(self) -> None:
         """Answer a request."""
-        self.set_header("Cache-Control", "no-store")
+        page, nonce = self._broadcast.page, new_nonce()
         if self._kind == "script":
             self.set_header("Content-Type", "text/javascript; charset=utf-8")
-            self.finish(SCRIPT.read_bytes())
+            await self.answer(SCRIPT.read_bytes())
         elif self._kind == "static":
             commands = self._broadcast.commands()
-            self.finish(self._broadcast.page.static(commands, self._broadcast.time, self._broadcast.text))
+            await self.answer(page.static(commands, self._broadcast.time, self._broadcast.text, nonce), nonce)
         else:
-            self.finish(self._broadcast.page.live())
+            await self.answer(page.live(nonce), nonce)
+
+
+def page_routes(broadcast: Broadcast) -> list[Any]:
+    """Return the rules of the server."""
+    routes: list[Any] = [(r"/stream", PageConnection, {"broadcast": broadcast})]
+    for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
+        routes.append((pattern, PageHandler, {"broadcast": broadcast, "kind": kind}))
+    return routes
 
 
 async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> None:
@@ -203,14 +244,10 @@ async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> N
     Raises:
         OSError: The port is in use.
     """
-    listening = listen(setup.host, setup.port)
+    listening, served = listen(setup.address)
     broadcast = Broadcast(setup, channel)
-    routes: list[Any] = [(r"/stream", PageConnection, {"broadcast": broadcast})]
-    for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
-        routes.append((pattern, PageHandler, {"broadcast": broadcast, "kind": kind}))
-    server = tornado.httpserver.HTTPServer(tornado.web.Application(routes))
-    server.add_socket(listening)
-    print(json.dumps({"port": listening.getsockname()[1]}), flush=True)
+    guarded_server(served, page_routes(broadcast)).add_socket(listening)
+    print(json.dumps(dataclasses.asdict(served)), flush=True)
     tornado.ioloop.PeriodicCallback(broadcast.tick, 1000.0 * min(1.0 / setup.rate, MAX_POLL_TIME)).start()
     await ended.wait()
 

@@ -1,15 +1,53 @@
-"""Input of the people who watch a run: pause, speed and requests of all pages together."""
+"""Input of the people who watch a run: pause, speed and requests of all pages together.
+
+Messages come from a network: what is not exactly as declared here is dropped, in the drawing process and in the run.
+"""
 
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Annotated
+
+from pydantic import BaseModel, Field, ValidationError
+
+from wbc.core.settings import CONFIG
+
+MAX_MESSAGE = 1 << 12
+"""Largest message of a page, bytes."""
 
 MAX_BYTES = 1 << 12
 """Largest packed input, bytes."""
 
 MAX_REQUESTS = 16
 """Largest number of requests that wait at a time; older ones are dropped."""
+
+Speed = Annotated[float, Field(ge=1e-3, le=1e3)] | None
+"""Multiple of real time; None for as fast as possible."""
+
+Text = Annotated[str, Field(max_length=100)]
+
+Request = Annotated[dict[Text, Text | float], Field(max_length=8)]
+"""Request to change a run: {"do": name, …}; `wbc.app.view.controls` checks the rest."""
+
+
+class PageMessage(BaseModel):
+    """Message of a page; what it leaves out stays as it is."""
+
+    model_config = CONFIG
+
+    paused: bool = False
+    speed: Speed = None
+    order: Request | None = None
+
+
+class RunInput(BaseModel):
+    """Input of all pages, as the run takes it; requests with consecutive numbers."""
+
+    model_config = CONFIG
+
+    paused: bool
+    speed: Speed
+    orders: list[tuple[int, Request]]
 
 
 class UserInput:
@@ -29,23 +67,28 @@ class UserInput:
         """
         self.paused = False
         self.speed = speed
-        self.requests: list[tuple[int, Any]] = []
+        self.requests: list[tuple[int, Request]] = []
         self._count = 0
 
-    def take(self, message: Any) -> None:
-        """Take over a page's message; malformed ones are dropped."""
-        if not isinstance(message, dict):
+    def take(self, message: str | bytes) -> None:
+        """Take over a page's message; malformed ones are dropped.
+
+        Args:
+            message: JSON of a `PageMessage`.
+        """
+        if len(message) > MAX_MESSAGE:
             return
-        if isinstance(message.get("paused"), bool):
-            self.paused = message["paused"]
-        if "speed" in message:
-            speed = message["speed"]
-            number = isinstance(speed, (int, float)) and not isinstance(speed, bool)
-            if speed is None or (number and 1e-3 <= speed <= 1e3):
-                self.speed = None if speed is None else float(speed)
-        if isinstance(message.get("order"), dict):
+        try:
+            said = PageMessage.model_validate_json(message)
+        except ValidationError:
+            return
+        if "paused" in said.model_fields_set:
+            self.paused = said.paused
+        if "speed" in said.model_fields_set:
+            self.speed = said.speed
+        if said.order is not None:
             self._count += 1
-            self.requests = [*self.requests, (self._count, message["order"])][-MAX_REQUESTS:]
+            self.requests = [*self.requests, (self._count, said.order)][-MAX_REQUESTS:]
 
     def pack(self) -> bytes:
         """Return the input as JSON, without the oldest requests if it is too long."""
@@ -55,3 +98,11 @@ class UserInput:
             if len(text) < MAX_BYTES or not self.requests:
                 return text
             self.requests = self.requests[1:]
+
+
+def unpack(text: bytes) -> RunInput | None:
+    """Return an input that was packed; None if it is malformed."""
+    try:
+        return RunInput.model_validate_json(text)
+    except ValidationError:
+        return None

@@ -13,41 +13,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, non_negative
+from wbc.core.errors import Array, InputError, non_negative
+from wbc.core.hull import convex_hull
 from wbc.core.limits.rows import RowLimit, damped_bound, limit_time_constant
 from wbc.core.robot import Robot
-
-
-def convex_hull(points: ArrayLike) -> Array:
-    """Return the corners of the convex hull of points in the plane, counter-clockwise.
-
-    Args:
-        points: Shape (n, 2), m.
-
-    Returns:
-        Shape (k, 2) without points on edges; k < 3 when the points do not span an area.
-
-    Raises:
-        InputError: Not finite points of the plane.
-
-    Source: A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", 1979.
-    """
-    array = finite_array("points (m)", points)
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise InputError(f"points must have shape (n, 2), got {array.shape}")
-    ordered = sorted({(float(x), float(y)) for x, y in array})
-    chains: list[list[tuple[float, float]]] = []
-    for side in (ordered, ordered[::-1]):
-        chain: list[tuple[float, float]] = []
-        for x, y in side:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2], chain[-1]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 1e-12:
-                    break
-                chain.pop()
-            chain.append((x, y))
-        chains.append(chain[:-1])
-    return np.array(chains[0] + chains[1]).reshape(-1, 2)
 
 
 class CoMPolygonLimit(RowLimit):

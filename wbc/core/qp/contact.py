@@ -193,11 +193,6 @@ class Contact(ABC):
         """True while the contact holds its frame: active, or still unloading."""
         return self._active or self._load > 0.0
 
-    @property
-    def held_axes(self) -> tuple[str, ...]:
-        """Axes along which the frame is held."""
-        return tuple(axis for axis, free in zip(AXES, self.free, strict=False) if not free)
-
     def bind(self, robot: Robot) -> None:
         """Resolve the frame, and take its present placement as that of the contact.
 

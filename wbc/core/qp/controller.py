@@ -82,6 +82,11 @@ class Controller:
         """Result of the last tick; None before the first one."""
         return self._solution
 
+    @property
+    def solver_counts(self) -> dict[str, int]:
+        """Number of ticks since the last change of the layout, by the solver that solved them; and of those failed."""
+        return dict(self._solver.counts)
+
     # ---- tasks, contacts and limits -------------------------------------------------------------------------------
 
     @property

@@ -1,7 +1,8 @@
 """Solver of a tick's QP: a ladder of methods, of which the first nearly always succeeds.
 
-The ladder: active set; persistent ProxQP, warm-started by the last result; a fresh ProxQP without a guess; DAQP, an
-exact active-set method; if asked for, DAQP on a relaxed problem; nothing. No solution is used unless its primal
+The ladder: active set of the last tick; DAQP, an exact active-set method, started from there; persistent ProxQP,
+warm-started by the last result; a fresh ProxQP without a guess; DAQP without a guess; if asked for, DAQP on a relaxed
+problem; nothing. The first tick begins with ProxQP. No solution is used unless its primal
 residual, computed here, is small: ProxQP has been seen to report PROXQP_SOLVED with a residual of 890
 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
@@ -18,8 +19,9 @@ import proxsuite
 import qpsolvers
 from pydantic import Field
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, UnknownNameError
 from wbc.core.qp.active_set import ActiveSet
+from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
 from wbc.core.settings import Count, Positive, settings
 
@@ -33,11 +35,11 @@ class Status(enum.Enum):
     """Step of the ladder that solved a tick's QP, if any."""
 
     SOLVED = "solved"
-    """By the active set of the tick before, or by the persistent ProxQP."""
+    """By the active set of the tick before, by DAQP from there, or by the persistent ProxQP."""
     RECOVERED = "recovered"
     """By a fresh ProxQP without a guess."""
     FALLBACK = "fallback"
-    """By DAQP."""
+    """By DAQP without a guess, after ProxQP had failed."""
     RELAXED = "relaxed"
     """By DAQP, with hard tasks and contact motion as costs: they could not all be satisfied."""
     INFEASIBLE = "infeasible"
@@ -56,25 +58,49 @@ class SolverSettings:
     """Settings of the ladder; the defaults are measured on streams of humanoid QPs.
 
     Attributes:
+        solver: "auto" for the ladder. "proxqp" or "daqp" for all ticks by one of them, or any dense solver that
+            qpsolvers finds installed; the rest of the ladder helps where it fails.
         tolerance: Largest primal and dual residual of ProxQP, absolute: m/s², N and Nm. Below 1e-9 it shows outliers.
         residual_tolerance: Largest primal residual accepted of any solver.
         max_iterations: Outer iterations of ProxQP; with the inner ones, its only time limit.
         max_inner_iterations: Iterations of each inner problem.
         equality_penalty: ProxQP's proximal parameter μ of the equalities. With its default 1e-3 most problems need
             two outer iterations, with 1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows.
-        active_set_changes: Number of corrections of the active set in a tick before ProxQP takes over; 0 leaves every
-            tick to ProxQP.
+        active_set_changes: Number of corrections of the active set in a tick before DAQP takes over; 0 leaves every
+            tick to DAQP.
         relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be satisfied;
             such a tick is "infeasible" when None. Dynamics and inequalities are always satisfied.
     """
 
+    solver: str = "auto"
     tolerance: Positive = 1e-6
     residual_tolerance: Positive = 1e-5
     max_iterations: Count = 15
     max_inner_iterations: Count = 30
     equality_penalty: Positive = 1e-7
-    active_set_changes: Annotated[int, Field(ge=0)] = 4
+    active_set_changes: Annotated[int, Field(ge=0)] = 1
     relaxation: Positive | None = None
+
+    def __post_init__(self) -> None:
+        if self.solver not in solver_names():
+            raise UnknownNameError(
+                f"no solver '{self.solver}'; choices: {', '.join(solver_names())}; further ones after "
+                f"`pip install qpsolvers[NAME]`, such as {', '.join(NOT_INSTALLED)}"
+            )
+
+
+NOT_INSTALLED = tuple(
+    name
+    for name in ("clarabel", "osqp", "piqp", "quadprog", "scs")
+    if name not in qpsolvers.available_solvers
+)
+"""Well-known dense solvers that qpsolvers could use."""
+
+
+def solver_names() -> tuple[str, ...]:
+    """Return the values of `SolverSettings.solver`: the ladder, and every dense solver that is installed."""
+    dense = sorted(set(qpsolvers.dense_solvers) & set(qpsolvers.available_solvers))
+    return ("auto", *dict.fromkeys(("proxqp", "daqp", *dense)))
 
 
 class QpSolver:
@@ -98,7 +124,14 @@ class QpSolver:
         self._guess = (np.zeros(problem.diagonal.size), np.zeros(problem.n_eq), np.zeros(problem.lower.size))
         self.x, self.values, self.multipliers = self._fast.x, self._fast.values, self._fast.multipliers
         self.iterations = 0
-        self.counts = {"active set": 0, "ProxQP": 0, "fresh ProxQP": 0, "DAQP": 0, "relaxed": 0, "failed": 0}
+        self.counts = dict.fromkeys(("active set", "DAQP", "ProxQP", "fresh ProxQP"), 0)
+        self.counts |= dict.fromkeys(("DAQP without a guess", "relaxed", "other", "failed"), 0)
+        self._daqp = DaqpSolver(problem, min(self.settings.tolerance, 1e-7))
+        self._no_guess = np.zeros(problem.lower.size)
+        auto = self.settings.solver == "auto"
+        self._by_active_set = auto and self.settings.active_set_changes > 0
+        self._by_daqp = self.settings.solver == "daqp"
+        self._steady = True  # the active set was the same in the last tick as in the one before
 
     def solve(self) -> Status:
         """Solve, and store the results. Nothing is raised: the status tells of failures."""
@@ -112,12 +145,36 @@ class QpSolver:
             self._persistent = None
             self.counts["failed"] += 1
             return Status.REFUSED
-        if self.settings.active_set_changes and self._fast.solve():
+        if self._by_active_set and self._steady and self._fast.solve():
             self.iterations = self._fast.iterations
             self.counts["active set"] += 1
             self._keep()
             return Status.SOLVED
-        return self._solve_by_proxqp()
+        hessian, gradient = p.hessian, p.gradient
+        if self._by_daqp and self._solve_by_daqp(hessian, gradient):
+            return Status.SOLVED
+        if self.settings.solver not in ("auto", "proxqp", "daqp"):
+            solution = solve_by_qpsolvers(self.settings.solver, p, hessian, gradient)
+            if solution is not None and self._accept(*solution):
+                self.counts["other"] += 1
+                return Status.SOLVED
+        self._by_daqp = self.settings.solver in ("auto", "daqp")  # ProxQP takes the first tick
+        self._steady = True
+        return self._solve_by_proxqp(hessian, gradient)
+
+    def _solve_by_daqp(self, hessian: Array, gradient: Array) -> bool:
+        """Solve with DAQP from the active set of the last tick; return True if its solution is accepted."""
+        solution = self._daqp.solve(hessian, gradient, self._guess[2])
+        self.iterations = self._daqp.iterations
+        if solution is None or not self._accept(solution[0], solution[2]):
+            return False
+        active = solution[2] != 0.0
+        self._steady = bool((active == (self._guess[2] != 0.0)).all())
+        for guess_of, result in zip(self._guess, solution, strict=True):
+            guess_of[:] = result
+        self._fast.guess(self.multipliers)
+        self.counts["DAQP"] += 1
+        return True
 
     def _keep(self) -> None:
         """Store an exact solution as the next start of ProxQP."""
@@ -125,9 +182,8 @@ class QpSolver:
         x[:], z[:] = self.x, self.multipliers
         np.negative(self._fast.equality_multipliers, out=y)
 
-    def _solve_by_proxqp(self) -> Status:
+    def _solve_by_proxqp(self, hessian: Array, gradient: Array) -> Status:
         p = self.problem
-        hessian, gradient = p.hessian, p.gradient
         data = (hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
         first = self._persistent is None
         if self._persistent is not None:
@@ -144,18 +200,24 @@ class QpSolver:
             logger.info("ProxQP failed with its last result as guess; a fresh solver succeeded")
             return self._finish("fresh ProxQP", Status.RECOVERED, hessian, gradient)
         self._persistent = None
-        solution = self._daqp(hessian, gradient)
-        if solution is not None and self._accept(*solution):
+        if self._by_daqp_alone(hessian, gradient):
             logger.info("ProxQP failed (%s); DAQP succeeded", qp.results.info.status)
-            self.counts["DAQP"] += 1
+            self.counts["DAQP without a guess"] += 1
             return Status.FALLBACK
-        if self.settings.relaxation is not None and p.n_physics < p.n_eq:
-            solution = self._daqp(hessian, gradient, self.settings.relaxation)
-            if solution is not None and self._accept(*solution, n_eq=p.n_physics):
-                self.counts["relaxed"] += 1
-                return Status.RELAXED
+        relaxation = self.settings.relaxation
+        relaxed = relaxation is not None and p.n_physics < p.n_eq
+        if relaxed and self._by_daqp_alone(hessian, gradient, relaxation, p.n_physics):
+            self.counts["relaxed"] += 1
+            return Status.RELAXED
         self.counts["failed"] += 1
         return Status.INFEASIBLE
+
+    def _by_daqp_alone(
+        self, hessian: Array, gradient: Array, relaxation: float | None = None, n_eq: int | None = None
+    ) -> bool:
+        """Solve with DAQP without a guess; return True if its solution is accepted."""
+        solution = self._daqp.solve(hessian, gradient, self._no_guess, relaxation)
+        return solution is not None and self._accept(solution[0], solution[2], n_eq)
 
     def _run(self, qp: proxsuite.proxqp.dense.QP, guess: tuple[Array, Array, Array] | None = None) -> bool:
         """Solve with ProxQP; return True if its solution is accepted."""
@@ -179,8 +241,7 @@ class QpSolver:
         """
         self.counts[name] += 1
         if self.settings.active_set_changes and not self._polish():
-            solution = self._daqp(hessian, gradient)
-            if solution is None or not self._accept(*solution):
+            if not self._by_daqp_alone(hessian, gradient):
                 logger.debug("neither the active set nor DAQP confirms ProxQP's answer")
                 self._cut_off()
             self._fast.guess(self.multipliers)
@@ -258,57 +319,8 @@ class QpSolver:
         options.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
         return qp
 
-    def _daqp(
-        self, hessian: Array, gradient: Array, relaxation: float | None = None
-    ) -> tuple[Array, Array] | None:
-        """Return x and multipliers from DAQP through qpsolvers, which splits two-sided rows into one-sided ones.
-
-        With a relaxation, all equalities but the physics become costs of that weight.
-        """
-        p = self.problem
-        problem = standard_form(p, hessian, gradient)
-        if relaxation is not None:
-            rows, target = p.equality[p.n_physics :], p.equality_target[p.n_physics :]
-            problem.P = hessian + relaxation * np.dot(rows.T, rows)
-            problem.q = gradient - relaxation * np.dot(target, rows)
-            problem.A, problem.b = p.equality[: p.n_physics].copy(), p.equality_target[: p.n_physics].copy()
-        try:
-            solution = qpsolvers.solve_problem(problem, solver="daqp")
-        except (qpsolvers.QPError, ValueError, ArithmeticError) as error:
-            logger.warning("DAQP failed: %s", error)
-            return None
-        if not solution.found or solution.x is None:
-            return None
-        multipliers = np.zeros(p.lower.size)
-        if solution.z is not None:
-            above, below = p.upper < 1e20, p.lower > -1e20
-            multipliers[above] += solution.z[: above.sum()]
-            multipliers[below] -= solution.z[above.sum() :]
-        return solution.x, multipliers
-
 
 def _cut(multipliers: Array) -> Array:
     """Multipliers rounded to a millionth of the greatest."""
     quantum = 1e-6 * float(np.abs(multipliers).max(initial=0.0))
     return multipliers if quantum == 0.0 else quantum * np.rint(multipliers / quantum)
-
-
-def standard_form(
-    p: Problem, hessian: Array | None = None, gradient: Array | None = None
-) -> qpsolvers.Problem:
-    """Return a problem in the form of qpsolvers, for cross-checks with any of its solvers.
-
-    Args:
-        p: The problem.
-        hessian: `p.hessian`, if it has been computed already.
-        gradient: `p.gradient`, if it has been computed already.
-    """
-    above, below = p.upper < 1e20, p.lower > -1e20
-    return qpsolvers.Problem(
-        p.hessian if hessian is None else hessian,
-        p.gradient if gradient is None else gradient,
-        np.vstack([p.inequality[above], -p.inequality[below]]),
-        np.concatenate([p.upper[above], -p.lower[below]]),
-        np.array(p.equality),
-        np.array(p.equality_target),
-    )

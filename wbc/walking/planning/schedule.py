@@ -12,6 +12,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
+from wbc.core.hull import convex_hull
 from wbc.core.settings import settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 
@@ -134,31 +135,13 @@ def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0
         for fx, fy in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
             x, y = fx * (0.5 * length - margin), fy * (0.5 * width - margin)
             corners.append((foot.x + c * x - s * y, foot.y + s * x + c * y))
-    hull = _hull(corners)
+    # 1e-9 m² drops corners on an edge, such as those of parallel feet side by side.
+    hull = convex_hull(corners, tolerance=1e-9)
     normals, offsets = np.zeros((EDGES, 2)), np.ones(EDGES)
-    for row, (a, b) in enumerate(zip(hull, hull[1:] + hull[:1], strict=True)):
+    for row, (a, b) in enumerate(zip(hull, np.roll(hull, -1, axis=0), strict=True)):
         edge = np.array([b[0] - a[0], b[1] - a[1]])
         normals[row] = np.array([edge[1], -edge[0]]) / np.hypot(*edge)
         offsets[row] = normals[row] @ a
     normals.setflags(write=False)
     offsets.setflags(write=False)
     return normals, offsets
-
-
-def _hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Convex hull, counter-clockwise (A. M. Andrew, Information Processing Letters 9(5), 1979)."""
-    points = sorted(points)
-
-    def chain(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        result: list[tuple[float, float]] = []
-        for p in points:
-            while len(result) >= 2:
-                (ax, ay), (bx, by) = result[-2:]
-                # 1e-9 m² drops corners on an edge, such as those of parallel feet side by side.
-                if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 1e-9:
-                    break
-                result.pop()
-            result.append(p)
-        return result[:-1]
-
-    return chain(points) + chain(points[::-1])

@@ -1,7 +1,7 @@
 """Distribution of the desired wrench of the whole robot over its feet.
 
-One QP of fixed size serves double and single support. Its unknowns are both foot wrenches, in the axes of their soles
-at the points under the ankles, and a shortfall s in newtons and newton metres, so that there always is a solution:
+One QP of fixed size serves double and single support. Its unknowns are both foot wrenches in their sole frames, and a
+shortfall s in newtons and newton metres, so that there always is a solution:
 
     minimise    net |s|² + ankle |ankle torques|² + … + pressure ((1 − r) f_L − r f_R)²
     subject to  wrench_L + wrench_R + s = desired, about the target ZMP
@@ -17,7 +17,6 @@ whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -29,13 +28,9 @@ from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.core.vectors import add_cross
 
 ROWS = 17
 """Inequalities of a foot: 16 of its wrench cone, then its normal force."""
-
-Rectangle = tuple[float, float, float, float]
-"""Part of a sole that carries: least and greatest x, least and greatest y in the sole frame, m."""
 
 
 @settings
@@ -49,7 +44,7 @@ class DistributionSettings:
     Attributes:
         friction: Coulomb coefficient.
         min_force: Least normal force of a foot in contact, N.
-        margin: Distance of the CoP from the edge of the carrying rectangle, m.
+        margin: Distance of the CoP from the edge of the sole, m.
         net_force: Cost of missing force, 1/N².
         net_moment: Cost of missing moment about the target ZMP, 1/(Nm)².
         ankle_torque: Cost of roll and pitch torque at the ankle, 1/(Nm)².
@@ -115,7 +110,6 @@ class WrenchDistribution:
 
     Attributes:
         settings: Limits and costs.
-        rectangles: Part of each sole that carries, left then right; assign to shrink it to the part on the ground.
     """
 
     @checked
@@ -123,38 +117,34 @@ class WrenchDistribution:
         self,
         sizes: Sequence[tuple[float, float]],
         settings: DistributionSettings | None = None,
-        ankles: Sequence[tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0)),
     ) -> None:
         """Set up the QP.
 
         Args:
             sizes: (length, width) of the left and of the right sole, m.
             settings: Limits and costs; the defaults when None.
-            ankles: Point of each sole under its ankle, in the sole frame, m.
 
         Raises:
             InputError: A margin that leaves nothing of a sole.
         """
         self.settings = s = settings or DistributionSettings()
-        self.rectangles: list[Rectangle] = [
-            (-0.5 * length, 0.5 * length, -0.5 * width, 0.5 * width) for length, width in sizes
-        ]
-        for rectangle in self.rectangles:
-            _cone(rectangle, s.margin, s.friction)
         self._problem = p = Problem(0, 0, 18, 6, 1, 2 * ROWS)
-        for column, row in ((0, 0), (6, ROWS)):
+        for column, row, (length, width) in zip((0, 6), (0, ROWS), sizes, strict=True):
+            half_length, half_width = 0.5 * length - s.margin, 0.5 * width - s.margin
+            if not (half_length > 0.0 and half_width > 0.0):
+                raise InputError(
+                    f"a margin of {s.margin:g} m leaves nothing of a sole of {length:g} × {width:g} m"
+                )
+            p.inequality[row : row + ROWS - 1, column : column + 6] = rectangle_wrench_cone(
+                half_length, half_width, s.friction
+            )
             p.diagonal[column : column + 3] = (s.ankle_shear, s.ankle_shear, s.ankle_normal)
             p.diagonal[column + 5] = s.ankle_yaw
             p.inequality[row + ROWS - 1, column + 2] = 1.0
         p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
         p.equality[:, 12:] = np.eye(6)
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
-        self._ankles = [(float(x), float(y)) for x, y in ankles]
-        self._cones_of: list[Rectangle | None] = [None, None]  # rectangles whose cones are written
-        self._bounds: list[tuple[float, float, float] | None] = [
-            None,
-            None,
-        ]  # those of normal forces and cones
+        self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
         # In newtons: a residual of a millinewton is negligible.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
@@ -201,28 +191,14 @@ class WrenchDistribution:
         p.target[:6] = (fx, fy, fz, mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)
         status = self._solver.solve()
         solution = self._solver.x.copy()
-        wrenches = solution[:12].reshape(2, 6)
-        for wrench, (x, y) in zip(wrenches, self._ankles, strict=True):
-            if x or y:  # from under the ankle to the sole centre
-                wrench[3:] = add_cross(wrench[3:].tolist(), (x, y, 0.0), wrench[:3].tolist())
-        return FootWrenches(wrenches, solution[12:], status)
+        return FootWrenches(solution[:12].reshape(2, 6), solution[12:], status)
 
     def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
-        """Write the part of a foot on the ground in the sum of wrenches, and its wrench cone."""
-        p, s = self._problem, self.settings
-        column, row = 6 * foot, ROWS * foot
-        rotation, at, ankle = sole.rotation, sole.translation, self._ankles[foot]
-        if ankle != (0.0, 0.0):
-            at = sole.act(np.array((*ankle, 0.0)))
+        """Write the part of a foot on the ground in the sum of wrenches."""
+        p, column, rotation = self._problem, 6 * foot, sole.rotation
         force, moment = slice(column, column + 3), slice(column + 3, column + 6)
         p.equality[:3, force] = p.equality[3:6, moment] = rotation
-        p.equality[3:6, force] = pin.skew(at - zmp).dot(rotation)
-        rectangle = self.rectangles[foot]
-        if rectangle != self._cones_of[foot]:
-            p.inequality[row : row + ROWS - 1, column : column + 6] = _cone(
-                rectangle, s.margin, s.friction, ankle
-            )
-            self._cones_of[foot] = rectangle
+        p.equality[3:6, force] = pin.skew(sole.translation - zmp).dot(rotation)
 
     def _bound(self, foot: int, contact: bool, max_force: float) -> None:
         """Write least and greatest normal force; a foot in the air gets bounds that do not act."""
@@ -234,18 +210,3 @@ class WrenchDistribution:
         self._bounds[foot] = bounds
         if not contact:
             p.equality[:6, 6 * foot : 6 * foot + 6] = 0.0
-
-
-@lru_cache(maxsize=256)
-def _cone(
-    rectangle: Rectangle, margin: float, friction: float, ankle: tuple[float, float] = (0.0, 0.0)
-) -> Array:
-    """Return rows F, shape (16, 6), with F w ≤ 0 for a wrench under the ankle and a rectangle anywhere in the sole."""
-    x0, x1, y0, y1 = rectangle
-    half_length, half_width = 0.5 * (x1 - x0) - margin, 0.5 * (y1 - y0) - margin
-    if not (half_length > 0.0 and half_width > 0.0):
-        raise InputError(f"a margin of {margin:g} m leaves nothing of the rectangle {rectangle} m of a sole")
-    move = np.eye(6)
-    move[3:, :3] = -pin.skew(np.array((0.5 * (x0 + x1) - ankle[0], 0.5 * (y0 + y1) - ankle[1], 0.0)))
-    cone: Array = rectangle_wrench_cone(half_length, half_width, friction) @ move
-    return cone

@@ -1,0 +1,339 @@
+"""Served pages answer whom they should, obey whom they should, and nobody makes them grow."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import os
+import re
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pages import PAUSE, Answer, close_code, facts, get, page_url
+from tornado.websocket import websocket_connect
+
+import wbc
+from wbc.app import cli
+from wbc.app.address import Address, ServedAddress
+from wbc.app.replay.page_server import PageServer
+from wbc.app.view import MeshcatView, PortError
+from wbc.app.view.controls import LiveControls
+from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
+from wbc.core.errors import InputError
+from wbc.sim.walks import WalkSpec, WalkTrial
+
+
+@pytest.fixture(scope="module")
+def plant() -> wbc.Plant:
+    return wbc.Plant(wbc.load_robot("hrp4_class"))
+
+
+@pytest.fixture(scope="module")
+def view(plant: wbc.Plant) -> Iterator[MeshcatView]:
+    with MeshcatView(plant, port=0, rate=1e6) as view:
+        yield view
+
+
+# ---- who is answered ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["/", "/scene.html", "/main.min.js", "/stream", "/nothing"])
+def test_requests_for_another_site_are_refused(view: MeshcatView, path: str) -> None:
+    port = urlsplit(view.url).port
+    for host in (
+        "evil.example",
+        f"evil.example:{port}",
+        f"localhost.evil.example:{port}",
+        f"127.0.0.1.nip.io:{port}",
+        f"{os.uname().nodename}:{port}",
+        f"127.0.0.2:{port}",
+        f"127.0.0.1:{port}0",
+        "127.0.0.1",
+    ):
+        for headers in ({"Host": host}, {"Host": host, "Origin": f"http://{host}"}):
+            answer = get(view.url, path, **headers)
+            assert answer.status == 403 and b"link" in answer.body, host
+    for origin in ("http://evil.example", "null", "http://127.0.0.1", f"https://127.0.0.1:{port}"):
+        assert get(view.url, path, Origin=origin).status == 403, origin
+    expected = {"/stream": 400, "/nothing": 404}.get(path, 200)  # no WebSocket was asked for
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"LOCALHOST:{port}", f"[::1]:{port}"):
+        assert get(view.url, path, Host=host, Origin=f"http://{host}").status == expected, host
+
+
+def test_a_rebound_name_cannot_give_orders(view: MeshcatView) -> None:
+    evil = f"evil.example:{urlsplit(view.url).port}"
+    path = "/stream?" + urlsplit(view.url).query
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+    upgrade["Sec-WebSocket-Key"] = "A" * 22 + "=="
+    for headers in (
+        {"Host": evil, "Origin": f"http://{evil}"},
+        {"Host": evil, "Origin": f"http://{evil}", "Sec-Fetch-Site": "same-origin"},
+        {"Origin": f"http://{evil}"},
+        {"Origin": f"http://{evil}", "Sec-Fetch-Site": "same-origin"},
+    ):
+        assert get(view.url, path, **upgrade, **headers).status == 403
+    assert get(view.url, path, **upgrade).status == 101
+
+
+def test_addresses_answer_to_their_names_and_no_others() -> None:
+    here = os.uname().nodename.lower()
+    for served, url, admitted, refused in (
+        (
+            ServedAddress("127.0.0.1", "127.0.0.1", 7000),
+            "http://127.0.0.1:7000/",
+            ["127.0.0.1:7000", "localhost:7000", "[::1]:7000"],
+            [
+                f"{here}:7000",
+                "127.0.0.1:7001",
+                "127.0.0.1:",
+                "127.0.0.1",
+                "",
+                ":7000",
+                "::1:7000",
+                "u@localhost:7000",
+            ],
+        ),
+        (
+            ServedAddress("::1", "::1", 7000),
+            "http://[::1]:7000/",
+            ["[::1]:7000", "localhost:7000"],
+            ["::1:7000", "[::2]:7000", "[::1]"],
+        ),
+        (
+            ServedAddress("0.0.0.0", "0.0.0.0", 7000),
+            f"http://{os.uname().nodename}:7000/",
+            [f"{here}:7000", "192.0.2.1:7000", "[2001:db8::1]:7000", "localhost:7000"],
+            [
+                "evil.example:7000",
+                "192.0.2.1:80",
+                f"{here}.evil.example:7000",
+                "192.0.2:7000",
+                "2001:db8::1:7000",
+            ],
+        ),
+        (
+            ServedAddress("robot.example", "192.0.2.7", 80),
+            "http://robot.example:80/",
+            ["Robot.Example", "192.0.2.7", "robot.example:80"],
+            ["robot.example:8080", "example", "192.0.2.8"],
+        ),
+    ):
+        assert served.url == url
+        assert [host for host in admitted if not served.admits(host)] == []
+        assert [host for host in refused if served.admits(host)] == []
+    assert ServedAddress("0", "0.0.0.0", 7000).everywhere  # what is meant counts, not how it is written
+    assert ServedAddress("::", "::", 7000).local_url == "http://[::1]:7000/"
+    assert ServedAddress("0.0.0.0", "0.0.0.0", 7000).local_url == "http://127.0.0.1:7000/"
+
+
+@pytest.mark.parametrize("host", ["", " ", "a b", "127.0.0.1\0", "a" * 64, "a..b", "\ud800", "x\n"])
+def test_hosts_that_name_nothing_are_refused(host: str) -> None:
+    with pytest.raises(InputError, match=re.escape(repr(host))):
+        Address(host)
+    with pytest.raises(InputError, match=re.escape(repr(host))):
+        PageServer(host)
+
+
+@pytest.mark.parametrize("command", [["stand", "--view"], ["walk", "--view"], ["view", "none.arrow"]])
+@pytest.mark.parametrize(("option", "value"), [("--host", ""), ("--port", "70000"), ("--port", "-1")])
+def test_commands_refuse_addresses_in_one_line(
+    command: list[str], option: str, value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main([*command, f"{option}={value}"]) == cli.BAD_INPUT
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.count("\n") == 1
+    assert option.strip("-") in captured.err and (value or "''") in captured.err
+
+
+def test_an_unknown_host_is_asked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def unknown(address: Any, **_: Any) -> Any:
+        asked.append(address)
+        raise socket.gaierror(-2, "Name or service not known")
+
+    monkeypatch.setattr(socket, "create_server", unknown)
+    with pytest.raises(PortError, match=r"at nowhere\.example: Name or service not known$"):
+        PageServer("nowhere.example")
+    assert len(asked) == 1
+
+
+def has_ipv6() -> bool:
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(not has_ipv6(), reason="no IPv6 on this machine")
+def test_ipv6_addresses_open(view: MeshcatView) -> None:
+    token = urlsplit(view.url).query
+    with MeshcatView(wbc.load_robot("hrp4_class"), host="::1", port=0) as other:
+        assert re.match(r"http://\[::1\]:\d+/\?token=", other.url)
+        assert urlsplit(other.url).query != token
+        assert "hrp4_class" in other.html()
+        port = urlsplit(other.url).port
+        with pytest.raises(PortError, match=rf"\[::1\]:{port}.*another port"):
+            PageServer("::1", port)
+
+
+# ---- who is obeyed --------------------------------------------------------------------------------------------------
+
+
+def test_the_token_is_in_the_link_alone(view: MeshcatView) -> None:
+    token = urlsplit(view.url).query.removeprefix("token=")
+    assert len(base64.urlsafe_b64decode(token + "==")) >= 16
+    for path in ("/", "/scene.html"):  # pages are for everybody
+        assert token.encode() not in get(view.url, path).body
+    for process in (os.getpid(), view.pid):  # as are arguments of processes
+        arguments = Path(f"/proc/{process}/cmdline")
+        assert not arguments.exists() or token.encode() not in arguments.read_bytes()
+
+
+@pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=%E2%82%AC", "{right}x", "?other=1"])
+def test_who_has_not_the_link_watches_and_is_not_obeyed(view: MeshcatView, query: str) -> None:
+    async def order() -> tuple[dict[str, Any], int | None]:
+        address = page_url(view, "stream", token=False) + query.format(right="?" + urlsplit(view.url).query)
+        page = await websocket_connect(address)
+        hello = await facts(page, lambda said: "hello" in said)
+        await facts(page, lambda said: "time" in said)
+        await page.write_message(PAUSE)
+        return hello, await close_code(page)
+
+    view.update()
+    hello, code = asyncio.run(order())
+    assert hello["hello"]["may_change"] is False and code == 1008
+    view.update()  # would wait
+    assert view.interventions == []
+
+
+def test_a_pause_ends_with_the_last_page_that_could_end_it(view: MeshcatView) -> None:
+    async def both() -> None:
+        watching = await websocket_connect(page_url(view, "stream", token=False))
+        pausing = await websocket_connect(page_url(view, "stream"))
+        assert (await facts(pausing, lambda said: "hello" in said))["hello"]["may_change"] is True
+        await pausing.write_message(PAUSE)
+        await facts(watching, lambda said: said.get("paused") is True)
+        pausing.close()
+        await close_code(pausing)
+        await facts(watching, lambda said: said.get("paused") is False)
+        assert view.pages == 1
+        watching.close()
+        await close_code(watching)
+
+    asyncio.run(both())
+
+
+# ---- what is obeyed -------------------------------------------------------------------------------------------------
+
+
+def test_deep_and_broken_messages_are_dropped(view: MeshcatView) -> None:
+    async def send() -> None:
+        page = await websocket_connect(page_url(view, "stream"))
+        for message in ("[" * MAX_MESSAGE, '{"order":' * 400, '{"a":[' * 600, b"\xff", "", '"\\ud800"'):
+            await page.write_message(message, binary=isinstance(message, bytes))
+        await page.write_message('{"speed": 3}')
+        await facts(page, lambda said: said.get("speed") == 3.0)
+        await page.write_message('{"speed": null}')
+        await facts(page, lambda said: "speed" in said and said["speed"] is None)
+        page.close()
+        await close_code(page)
+
+    asyncio.run(send())
+
+
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.just(10**400),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=8,
+)
+
+NAMES = st.sampled_from(["push", "stop", "gain", "stiffness", "left", "dcm_p", "cop_admittance"])
+
+ORDERS = st.fixed_dictionaries(
+    {"do": NAMES | JSON_VALUES},
+    optional={name: NAMES | JSON_VALUES for name in ("direction", "impulse", "name", "value")},
+)
+
+
+@pytest.fixture(scope="module")
+def trial() -> WalkTrial:
+    return WalkTrial(WalkSpec(foot="variable", timestep=0.0025))
+
+
+@settings(max_examples=60, deadline=None)
+@given(order=ORDERS | JSON_VALUES)
+def test_no_order_raises_in_the_control_loop(trial: WalkTrial, order: Any) -> None:
+    controls = LiveControls(trial.plant, trial.walking)
+    controls.apply(order)  # however it has got there
+    waiting = UserInput(1.0)
+    waiting.take(json.dumps({"order": order}))
+    packed = unpack(waiting.pack())
+    assert packed is not None
+    for _, request in packed.orders:
+        controls.apply(request)
+    assert controls.message
+
+
+def test_whatever_fails_in_an_order_is_said_and_the_run_goes_on(
+    trial: WalkTrial, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: Any) -> None:
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr(trial.plant, "push", fail)
+    controls = LiveControls(trial.plant, trial.walking)
+    controls.apply({"do": "push", "direction": "left", "impulse": 0.1})
+    assert controls.message == "refused: of all things" and controls.interventions == []
+    assert "ZeroDivisionError" in caplog.text
+
+
+@pytest.mark.parametrize("text", [b"", b"no JSON", b"[" * 4096, b'{"paused": 1}', b"\xff" * 100, b"null"])
+def test_garbage_in_shared_memory_changes_nothing(view: MeshcatView, text: bytes) -> None:
+    view._process.channel.write_input(text)
+    view.update()
+    assert view.interventions == [] and not view._paused
+
+
+# ---- what a page may do ---------------------------------------------------------------------------------------------
+
+
+def policy(answer: Answer) -> dict[str, list[str]]:
+    text = answer.headers["Content-Security-Policy"]
+    return {name: values for name, *values in (rule.split() for rule in text.split(";"))}
+
+
+@pytest.mark.parametrize("path", ["/", "/scene.html"])
+def test_a_page_runs_its_own_scripts_and_no_others(view: MeshcatView, path: str) -> None:
+    nonces = set()
+    for _ in range(2):
+        answer = get(view.url, path)
+        rules, page = policy(answer), answer.body.decode()
+        assert rules["frame-ancestors"] == rules["default-src"] == rules["base-uri"] == ["'none'"]
+        (script,) = rules["script-src"]
+        nonces.add(script)
+        scripts = re.findall(r"<script\b([^>]*)>", page)
+        assert len(scripts) == 2
+        for attributes in scripts:
+            assert re.findall(r'nonce="([^"]+)"', attributes) == [script[len("'nonce-") : -1]]
+        assert not re.search(r"<[^>]+\son[a-z]+=", re.sub(r"<script.*?</script>", "", page, flags=re.S))
+        assert f"ws://127.0.0.1:{urlsplit(view.url).port}" in rules["connect-src"]
+    assert len(nonces) == 2
+
+
+@pytest.mark.parametrize("path", ["/", "/main.min.js", "/nothing"])
+def test_nothing_is_framed_or_embedded(view: MeshcatView, path: str) -> None:
+    for headers in ({}, {"Host": "evil.example"}):
+        answer = get(view.url, path, **headers)
+        assert policy(answer)["frame-ancestors"] == ["'none'"]
+        assert answer.headers["X-Frame-Options"] == "DENY"
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert answer.headers["Referrer-Policy"] == "no-referrer"

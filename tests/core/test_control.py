@@ -1,0 +1,103 @@
+"""Torque and position control of a moving robot, without a simulator: failed ticks, references, closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from task_factory import standing
+
+from wbc.core.control import FailurePolicy, PositionControl, TorqueControl
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solver import Status
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.signals import Measurement
+
+DT = 0.005
+
+
+def sensors(robot: Robot, time: float, velocity: np.ndarray) -> Measurement:
+    """Half-sitting, half the weight on each foot, joints moving."""
+    wrench = np.zeros((2, 6))
+    wrench[:, 2] = 0.5 * robot.mass * GRAVITY
+    upright = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
+    return Measurement(time, robot.half_sitting[7:].copy(), velocity, np.zeros(3), upright, wrench)
+
+
+def speeds(robot: Robot, seed: int = 0) -> np.ndarray:
+    """Speeds of both signs, none near zero, rad/s."""
+    rng = np.random.default_rng(seed)
+    return np.asarray(rng.uniform(0.05, 0.2, robot.na) * rng.choice([-1.0, 1.0], robot.na))
+
+
+def fail_from_now_on(controller: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
+    solve = controller.solve
+    failed = next(status for status in Status if not status.ok)
+    monkeypatch.setattr(controller, "solve", lambda m=None: replace(solve(m), status=failed))
+
+
+def test_a_failed_tick_brakes_every_joint_that_moves_and_a_stopped_robot_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    controller = standing("hrp4_class", DT)
+    robot, policy = controller.robot, FailurePolicy()
+    control = TorqueControl(controller)
+    held = control.command(sensors(robot, 0.0, np.zeros(robot.na))).joint_torque.copy()
+    assert control.solution is not None and control.solution.ok and np.abs(held).max() > 1.0
+    fail_from_now_on(controller, monkeypatch)
+    stopped = False
+    for tick in range(1, 40):
+        moving = speeds(robot, tick)
+        torque = control.command(sensors(robot, tick * DT, moving)).joint_torque
+        braking = torque if control.stopped else torque - held
+        assert (braking * moving < 0.0).all()
+        np.testing.assert_allclose(braking, -policy.joint_damping * robot.torque_limit * moving, rtol=1e-9)
+        stopped |= control.stopped
+    assert stopped
+
+
+def test_held_references_slow_down_to_a_stop_as_the_policy_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    controller = standing("hrp4_class", DT)
+    robot, policy = controller.robot, FailurePolicy(damping_time=0.04)
+    control = PositionControl(controller, policy=policy)
+    control.command(sensors(robot, 0.0, np.zeros(robot.na)))
+    control.v[6:] = start = speeds(robot)
+    fail_from_now_on(controller, monkeypatch)
+    left = 1.0 - DT / policy.damping_time
+    for tick in range(1, 11):
+        before = control.q[7:].copy()
+        command = control.command(sensors(robot, tick * DT, np.zeros(robot.na)))
+        np.testing.assert_allclose(command.joint_velocity, start * left**tick, rtol=1e-9)
+        # Over a tick the reference moves by the mean of its speeds at both ends.
+        mean = 0.5 * (1.0 + left) * start * left ** (tick - 1)
+        np.testing.assert_allclose(command.joint_position - before, DT * mean, rtol=1e-9)
+    for tick in range(11, 40):
+        command = control.command(sensors(robot, tick * DT, np.zeros(robot.na)))
+    assert control.stopped
+    np.testing.assert_allclose(command.joint_velocity, 0.0, atol=1e-12)
+    frozen = command.joint_position
+    command = control.command(sensors(robot, 40 * DT, np.zeros(robot.na)))
+    np.testing.assert_allclose(command.joint_position, frozen, atol=1e-12)
+
+
+@pytest.mark.parametrize("time", [0.05, 0.2])
+def test_in_closed_loop_references_are_drawn_to_the_estimate_of_a_moving_robot(time: float) -> None:
+    """Both fade into the estimate as (1 − e^{−dt/T}), and the accelerations of the solution come on top."""
+    controller = standing("hrp4_class", DT)
+    robot = controller.robot
+    control = PositionControl(controller, feedback="closed", reference_time=time)
+    control.q[7:] += 0.02 * np.sign(speeds(robot, 1))
+    control.v[6:] = speeds(robot, 2)
+    share = -np.expm1(-DT / time)
+    for tick in range(5):
+        q, v = control.q.copy(), control.v.copy()
+        control.command(sensors(robot, tick * DT, speeds(robot, 3)))
+        estimate, solution = control.observer.robot, control.solution
+        assert solution is not None and solution.ok
+        drawn = v + share * (estimate.v - v)
+        np.testing.assert_allclose(control.v, drawn + DT * solution.accelerations, atol=1e-9)
+        q = pin.integrate(robot.model, q, share * pin.difference(robot.model, q, estimate.q))
+        q = pin.integrate(robot.model, q, DT * drawn + 0.5 * DT**2 * solution.accelerations)
+        np.testing.assert_allclose(pin.difference(robot.model, control.q, q), 0.0, atol=1e-9)

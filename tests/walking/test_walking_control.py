@@ -1,0 +1,220 @@
+"""The parts of a walk as one control, against analytic answers: a robot whose sensors are made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.signals import Measurement
+from wbc.robots import load
+from wbc.tasks import CoMTask, OrientationTask
+from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.falls import FallReason, FallSettings
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.planners import walk_distance
+from wbc.walking.stabilizer.gains import StabilizerGains
+
+DESCRIPTION = load("hrp4_class")
+DT = 0.005
+
+
+def standing(settings: WalkingControlSettings) -> tuple[Robot, WalkingControl]:
+    robot = DESCRIPTION.robot()
+    return robot, WalkingControl(DESCRIPTION.robot(), FootstepPlan.standing(robot), DT, settings)
+
+
+def sensors(
+    robot: Robot, tick: int, q: np.ndarray, cop: tuple[float, float] = (0.0, 0.0), left: float = 0.5
+) -> Measurement:
+    """An upright robot at rest; a share of its weight on the left foot, both feet at a CoP (m, in the sole)."""
+    wrench = np.zeros((2, 6))
+    for foot, share in enumerate((left, 1.0 - left)):
+        force = share * robot.mass * GRAVITY
+        wrench[foot, 2:5] = force, cop[1] * force, -cop[0] * force
+    up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
+    return Measurement(tick * DT, q[7:].copy(), np.zeros(robot.na), np.zeros(3), up, wrench)
+
+
+@pytest.mark.parametrize(("depth", "reason"), [(0.03, None), (0.07, FallReason.HEIGHT)])
+def test_a_robot_that_sinks_below_its_target_has_fallen(depth: float, reason: FallReason | None) -> None:
+    """Its knees give way while it stands; 50 mm are allowed."""
+    robot, walking = standing(WalkingControlSettings(falls=FallSettings(drop=0.05)))
+    stand, bend, q = float(robot.com[2]), 0.0, np.array(robot.half_sitting)
+    legs = [
+        (f"{side}_{joint}", sign)
+        for side in ("left", "right")
+        for joint, sign in (("hip_pitch", -1.0), ("knee_pitch", 2.0), ("ankle_pitch", -1.0))
+    ]
+    for tick in range(200):
+        if stand - robot.com[2] < depth:
+            bend += 0.003
+        q = robot.configuration(
+            {j: robot.half_sitting[7 + robot.joint_index(j)] + sign * bend for j, sign in legs}
+        )
+        robot.update(q, np.zeros(robot.nv))
+        walking.command(sensors(robot, tick, q))
+    assert stand - robot.com[2] == pytest.approx(depth, abs=5e-3)
+    assert walking.fallen is reason
+
+
+def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wrenches() -> None:
+    """Of a commanded robot that moves, while pushed feet make the stabilizer want other wrenches than the QP."""
+    settings = WalkingControlSettings()
+    robot, walking = standing(settings)
+    control, rng = walking.control, np.random.default_rng(4)
+    for tick in range(10):
+        control.v[:] = 0.1 * rng.normal(size=robot.nv)
+        q, v = control.q.copy(), control.v.copy()
+        command = walking.command(sensors(robot, tick, robot.half_sitting, (0.02, -0.01), left=0.6))
+        solution, output = control.solution, walking.output
+        assert solution is not None and solution.ok and output is not None
+        model, data = robot.model, robot.model.createData()
+        generalised = pin.rnea(model, data, q, v, solution.accelerations)
+        own = generalised.copy()
+        for sole, wrench in zip(robot.soles, output.feet.wrenches, strict=True):
+            jacobian = pin.computeFrameJacobian(model, data, q, robot.frame_id(sole.frame), pin.LOCAL)
+            generalised -= jacobian.T @ wrench
+            own -= jacobian.T @ solution.wrenches[sole.name]
+        assert (np.abs(generalised[6:]) < robot.torque_limit).all()
+        np.testing.assert_allclose(command.joint_torque, generalised[6:], atol=1e-6)
+        assert np.abs(generalised[6:] - own[6:]).max() > 1.0  # not those of the QP
+
+
+def test_the_shifted_target_of_the_com_moves_as_its_feed_forwards_say() -> None:
+    """The ZMP is off, and the CoM admittance shifts the target over a pendulum that rests."""
+    robot, walking = standing(WalkingControlSettings(gains=StabilizerGains(com_admittance=1.0)))
+    task = next(task for task in walking.controller.tasks if isinstance(task, CoMTask))
+    places, speeds, accelerations = [], [], []
+    for tick in range(60):
+        cop = (0.02 * np.sin(0.1 * tick), 0.01)
+        walking.command(sensors(robot, tick, robot.half_sitting, cop))
+        places.append(task.target[:2].copy())
+        speeds.append(task.feedforward_velocity[:2].copy())
+        accelerations.append(task.feedforward_acceleration[:2].copy())
+    moved = np.diff(places, axis=0) / DT
+    assert np.abs(moved).max(axis=0).min() > 1e-3
+    np.testing.assert_allclose(speeds[1:], moved, atol=1e-9)
+    np.testing.assert_allclose(accelerations[1:], np.diff(speeds, axis=0) / DT, atol=1e-7)
+
+
+def turned(yaw: float) -> Robot:
+    """The robot, standing where it stands, with another heading."""
+    robot = DESCRIPTION.robot()
+    q = np.array(robot.half_sitting)
+    q[:7] = pin.SE3ToXYZQUAT(
+        pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.zeros(3)) * pin.XYZQUATToSE3(q[:7])
+    )
+    robot.update(q, np.zeros(robot.nv))
+    return robot
+
+
+def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
+    """A walk whose servos are perfect and whose feet carry what the planned ZMP says."""
+    robot = turned(yaw)
+    start = FootstepPlan.standing(robot)
+    plan = walk_distance(start, distance)
+    walking = WalkingControl(robot, plan, DT, WalkingControlSettings(bias=None))
+    control, real = walking.control, turned(yaw)
+    imu, share, out = real.frame_id(real.imu_frame), 0.5, {"joints": [], "feet": [], "com": []}
+    acceleration = np.zeros(real.nv)
+    for tick in range(round(20.0 / DT)):
+        real.update(control.q, control.v)
+        pin.forwardKinematics(real.model, real.data, real.q, real.v, acceleration)
+        gyro = pin.getFrameVelocity(real.model, real.data, imu, pin.LOCAL).angular
+        push = pin.getFrameClassicalAcceleration(real.model, real.data, imu, pin.LOCAL).linear
+        up = real.placement(imu).rotation.T @ np.array([0.0, 0.0, GRAVITY])
+        wrench = np.zeros((2, 6))
+        wrench[:, 2] = np.array([share, 1.0 - share]) * real.mass * GRAVITY
+        command = walking.command(
+            Measurement(tick * DT, real.q[7:].copy(), real.v[6:].copy(), gyro, push + up, wrench)
+        )
+        reference = walking.reference
+        assert control.solution is not None and control.solution.ok and reference is not None
+        acceleration = control.solution.accelerations
+        soles = [real.placement(sole.frame).translation for sole in real.soles]
+        out["joints"].append(command.joint_position)
+        out["feet"].append([
+            np.linalg.norm(sole - motion.placement.translation)
+            for sole, motion in zip(soles, reference.feet, strict=True)
+        ])  # fmt: skip
+        out["com"].append(real.com - reference.pendulum.com)
+        left, right = (motion.placement.translation[:2] for motion in reference.feet)
+        share = float(np.clip((reference.pendulum.zmp[:2] - right) @ (left - right), 0.0, None))
+        share = min(share / float((left - right) @ (left - right)), 1.0)
+        if not all(reference.contact):
+            late = walking.walk.phases.elapsed >= walking.walk.phases.duration - 1e-9
+            share = float(reference.contact[0]) * (0.8 if late else 1.0) + 0.2 * late * reference.contact[1]
+        if walking.finished:
+            break
+    assert walking.finished and walking.fallen is None and walking.steps_done == len(plan)
+    return {name: np.array(values) for name, values in out.items()}
+
+
+def test_the_commanded_robot_follows_its_references_over_a_walk_in_any_direction() -> None:
+    ahead, turned_away = (walk_as_commanded(yaw, 0.15) for yaw in (0.0, 2.0))
+    assert ahead["feet"].max() < 5e-3 and np.abs(ahead["com"]).max() < 5e-3
+    np.testing.assert_allclose(turned_away["joints"], ahead["joints"], atol=1e-7)
+
+
+def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The CoM is 30 mm ahead of a ZMP that does not hold it: a bias is found, and taken off."""
+    robot, walking = standing(WalkingControlSettings())
+    given = []
+    update = walking.walk.update
+    monkeypatch.setattr(
+        walking.walk, "update", lambda loads, soles, dcm: given.append(dcm) or update(loads, soles, dcm)
+    )
+    speed = np.zeros(robot.na)
+    for joint, sign in (("hip_pitch", -1.0), ("ankle_pitch", 1.0)):
+        speed[[robot.joint_index(f"{side}_{joint}") for side in ("left", "right")]] = 0.1 * sign
+    for tick in range(40):
+        walking.command(replace(sensors(robot, tick, robot.half_sitting, (0.03, 0.0)), joint_velocity=speed))
+        estimate = walking.control.observer.robot
+        assert walking.bias is not None
+        dcm = estimate.com[:2] + estimate.com_velocity[:2] / walking.walk.omega
+        np.testing.assert_allclose(given[-1][:2], dcm - walking.bias.bias, atol=1e-9)
+    assert np.abs(walking.bias.bias).max() > 1e-3 and np.abs(estimate.com_velocity[0]) > 0.02
+
+
+def test_in_torque_control_the_qp_gives_the_wrenches_and_the_acceleration_that_are_desired() -> None:
+    """The CoM is off by 10 mm, so the stabilizer wants other loads than the pendulum at rest."""
+    robot, walking = standing(WalkingControlSettings(mode="torque", bias=None))
+    q = np.array(robot.half_sitting)
+    for side in ("left", "right"):
+        q[7 + robot.joint_index(f"{side}_hip_roll")] += 0.015
+        q[7 + robot.joint_index(f"{side}_ankle_roll")] -= 0.015
+    for tick in range(5):
+        command = walking.command(sensors(robot, tick, q))
+        solution, output = walking.control.solution, walking.output
+        assert solution is not None and solution.ok and output is not None and command.joint_position is None
+        # The robot is at rest, so the Jacobian of the CoM has no drift.
+        com = walking.controller.robot.com_jacobian @ solution.accelerations
+        np.testing.assert_allclose(com[:2], output.com_acceleration[:2], atol=1e-3)
+        assert np.abs(output.com_acceleration[1]) > 0.1
+        for sole, wrench in zip(robot.soles, output.feet.wrenches, strict=True):
+            np.testing.assert_allclose(solution.wrenches[sole.name], wrench, atol=0.5)  # N, Nm
+            assert abs(wrench[2] - 0.5 * robot.mass * GRAVITY) > 10.0
+
+
+def test_the_lean_turns_the_trunk_as_its_velocity_says() -> None:
+    """The CoM is so far ahead that the feet cannot give the moment: the trunk leans."""
+    robot, walking = standing(WalkingControlSettings(bias=None))
+    q = np.array(robot.half_sitting)
+    for side in ("left", "right"):
+        q[7 + robot.joint_index(f"{side}_hip_pitch")] -= 0.12
+        q[7 + robot.joint_index(f"{side}_ankle_pitch")] += 0.12
+    tasks = [task for task in walking.controller.tasks if isinstance(task, OrientationTask)]
+    before, most = None, 0.0
+    for tick in range(60):
+        walking.command(sensors(robot, tick, q))
+        now = [(task.target.copy(), task.feedforward_velocity.copy()) for task in tasks]
+        for (was, _), (target, velocity) in zip(before or now, now, strict=True):
+            if before is not None:
+                np.testing.assert_allclose(pin.log3(target @ was.T) / DT, velocity, atol=1e-2)
+                most = max(most, float(np.abs(velocity).max()))
+        before = now
+    assert most > 0.1

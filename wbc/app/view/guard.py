@@ -1,0 +1,121 @@
+"""Guard of served pages: which requests are answered, what an answer may do in a browser, and its limits.
+
+A page is asked for by the address that it is served at, never by the name of another site (DNS rebinding) and never by
+another site's page. No page frames it, and its own scripts run, no others.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from typing import Any
+
+import tornado.httpserver
+import tornado.web
+from tornado.http1connection import HTTP1Connection
+
+from wbc.app.address import ServedAddress
+from wbc.app.view.user_input import MAX_MESSAGE
+
+SEND_TIME = 60.0
+"""Longest time for an answer to be taken, s; a client that is slower is dropped."""
+
+PING_TIME = 20.0
+"""Period of the pings of a WebSocket, and longest time for the answer, s; a client that does not read is dropped."""
+
+IDLE_TIME = 60.0
+"""Longest time for a request to come in over an open connection, s."""
+
+CLOSED_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""Content security policy of everything that is served."""
+
+PAGE_POLICY = (
+    "script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src 'self' data: blob:; "
+    "connect-src 'self' ws://{host}; " + CLOSED_POLICY
+)
+"""Content security policy of a page: MeshCat's viewer adds styles, and takes textures from data and blob URLs."""
+
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": CLOSED_POLICY,
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+"""Headers of every answer."""
+
+
+def new_nonce() -> str:
+    """Return a random number for the content security policy of a page."""
+    return secrets.token_urlsafe(16)
+
+
+class GuardedHandler(tornado.web.RequestHandler):
+    """Handler that answers only requests for the address that is served; others get status 403."""
+
+    def set_default_headers(self) -> None:
+        """See tornado."""
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+
+    def prepare(self) -> None:
+        """Refuse a request with the host or the origin of another site."""
+        served: ServedAddress = self.settings["served"]
+        host = self.request.host
+        if (
+            not served.admits(host)
+            or self.request.headers.get("Origin", f"http://{host}") != f"http://{host}"
+        ):
+            raise tornado.web.HTTPError(403, reason="Refused")
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        """See tornado; the answer says nothing of the request."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        hint = ": open the page by the link that the program printed" if status_code == 403 else ""  # noqa: PLR2004
+        self.finish(f"{status_code} {self._reason}{hint}\n")
+
+    async def answer(self, body: bytes | str, nonce: str | None = None) -> None:
+        """Send a body; drop a client that does not take it.
+
+        Args:
+            body: The body.
+            nonce: Number that the scripts of a page carry; None for anything else than a page.
+        """
+        if nonce is not None:
+            policy = PAGE_POLICY.format(nonce=nonce, host=self.request.host)
+            self.set_header("Content-Security-Policy", policy)
+        sent = self.finish(body)
+        await asyncio.wait([sent], timeout=SEND_TIME)
+        if not sent.done() and isinstance(self.request.connection, HTTP1Connection):
+            self.request.connection.close()
+
+
+class _NotFound(GuardedHandler):
+    """Handler of all other paths."""
+
+    def prepare(self) -> None:
+        """Refuse, after the guard has."""
+        super().prepare()
+        raise tornado.web.HTTPError(404)
+
+
+def guarded_server(served: ServedAddress, routes: list[Any]) -> tornado.httpserver.HTTPServer:
+    """Return a server of pages.
+
+    Args:
+        served: The address that it is asked for by.
+        routes: Rules of tornado; the handlers derive from `GuardedHandler`.
+    """
+    application = tornado.web.Application(
+        routes,
+        served=served,
+        default_handler_class=_NotFound,
+        websocket_max_message_size=MAX_MESSAGE,
+        websocket_ping_interval=PING_TIME,
+        websocket_ping_timeout=PING_TIME,
+    )
+    return tornado.httpserver.HTTPServer(
+        application, max_body_size=MAX_MESSAGE, idle_connection_timeout=IDLE_TIME
+    )

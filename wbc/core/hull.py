@@ -1,0 +1,64 @@
+"""Convex hulls of points in the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array
+
+
+def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
+    """Return the corners of the convex hull, counter-clockwise from the leftmost one.
+
+    Args:
+        points: Shape (n, 2), m.
+        tolerance: Corners are dropped that span less than twice this area with their neighbours, m².
+
+    Returns:
+        Shape (k, 2) without points on edges; k < 3 when the points do not span an area.
+
+    Raises:
+        InputError: Not finite points of the plane.
+
+    Source: A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", Information Processing
+    Letters 9(5), 1979.
+    """
+    array = finite_array("points (m)", points)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise InputError(f"points must have shape (n, 2), got {array.shape}")
+    ordered = sorted({(float(x), float(y)) for x, y in array})
+    chains: list[list[tuple[float, float]]] = []
+    for side in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in side:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > tolerance:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1]).reshape(-1, 2)
+
+
+def hull_and_area(points: Array) -> tuple[Array, float]:
+    """Return the convex hull of many points and its area, by Qhull.
+
+    Args:
+        points: Shape (n, 2), m; rounded to nanometres.
+
+    Returns:
+        Corners counter-clockwise, shape (k, 2), m, and area, m²; points on a line have their ends and no area.
+    """
+    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415 - slow to import
+
+    unique = np.unique(np.round(points, 9), axis=0)
+    if len(unique) < 3:
+        return unique, 0.0
+    try:
+        hull = ConvexHull(unique)
+    except QhullError:
+        along = unique @ np.linalg.svd(unique - unique.mean(axis=0))[2][0]
+        return unique[[int(along.argmin()), int(along.argmax())]], 0.0
+    return unique[hull.vertices], float(hull.volume)  # in the plane, "volume" is the area
