@@ -15,7 +15,7 @@ import functools
 import inspect
 import types
 import typing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
@@ -163,13 +163,15 @@ def _rule(hint: Any) -> Any:
         return Annotated[Any, PlainValidator(_mapping_check(_rule(inside[0]), _rule(inside[1])))]
     if origin is Literal:
         return hint
+    if origin is Iterable:
+        return _instance(Iterable)
     if hint in SIMPLE:
         return bounded(hint)
     special = getattr(hint, "_is_protocol", False) or hasattr(hint, "__total__") or hint is object
     return _instance(hint) if isinstance(hint, type) and origin is None and not special else Any
 
 
-def _instance(kind: type) -> Any:
+def _instance(kind: Any) -> Any:
     def check(given: Any) -> Any:
         if not isinstance(given, kind):
             raise ValueError("another class")
