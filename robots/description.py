@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import check_fields, checked
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, non_negative, positive
 from wbc.core.registry import named_parameters
 from wbc.core.robot import GRAVITY, Robot, Sole
@@ -63,6 +64,7 @@ class RobotDescription:
     derived: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for mapping in ("half_sitting", "armature", "hands", "gains"):
             object.__setattr__(self, mapping, MappingProxyType(dict(getattr(self, mapping))))
         if tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
@@ -92,6 +94,7 @@ class RobotDescription:
 
     @classmethod
     @named_parameters("RobotDescription.from_urdf")
+    @checked
     def from_urdf(
         cls,
         source: str | Path,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
+from wbc.core.arguments import checked
 from wbc.core.registry import Registry
 from wbc.robots.description import RobotDescription
 from wbc.robots.models import example_robots, hrp4_class
@@ -33,6 +34,7 @@ def register(name: str, factory: Callable[[], RobotDescription]) -> None:
     _FACTORIES.add(name, factory)
 
 
+@checked
 def load(name: str) -> RobotDescription:
     """Return the description of a robot, the same object at every call.
 

@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, ModelError, choose
+from wbc.core.errors import Array, InputError, ModelError, choose, shown
+from wbc.core.files import read_text
 from wbc.core.robot import GRAVITY
 
 Element = ElementTree.Element
@@ -24,6 +25,9 @@ CONTINUOUS_RANGE = math.pi
 
 DEFAULT_VELOCITY = {"revolute": 6.0, "prismatic": 0.5}
 """Velocity limit of a joint that has none, rad/s and m/s: between Talos (3.9–7) and HRP-4C (4.1–9.8) for legs."""
+
+LARGEST_COORDINATE = 1e4
+"""Largest coordinate of a placement or an axis, m."""
 
 MOVING = ("revolute", "prismatic")
 """Joint types that a robot may have after tidying; all others but "fixed" are refused."""
@@ -42,23 +46,44 @@ def read(source: str | Path) -> Element:
         InputError: The file does not exist.
         ModelError: Not XML, or not a URDF.
     """
+    if not isinstance(source, (str, Path)):
+        raise InputError(f"a URDF must be a path or the XML itself, as text, got {shown(source)}")
     text = str(source)
     where = "URDF string"
     if is_file(source):
-        path = Path(source).expanduser()
-        where = f"'{path}'"
-        if not path.is_file():
+        path = Path(source).expanduser() if text.isprintable() else Path(shown(text))
+        where = shown(str(path))
+        try:
+            known = path.is_file()
+        except OSError:  # a name that is too long
+            known = False
+        if not known:
             raise InputError(f"no URDF file {where}; give a path or the XML itself")
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, "URDF")
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:
         raise ModelError(f"{where} is not well-formed XML: {error}") from error
     if root.tag != "robot":
         raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>")
     if root.find("link") is None:
         raise ModelError(f"{where} has no links")
     return root
+
+
+def triple(what: str, text: str) -> Array:
+    """Return three finite numbers of an attribute, shape (3,).
+
+    Raises:
+        ModelError: Not three, or none that a robot can have.
+    """
+    try:
+        values = np.array([float(part) for part in text.split()])
+    except ValueError:
+        values = np.zeros(0)
+    if values.shape != (3,) or not (np.abs(values) <= LARGEST_COORDINATE).all():
+        raise ModelError(f"{what} must be three numbers within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
+    return values
 
 
 def is_file(source: str | Path) -> bool:
@@ -154,6 +179,7 @@ def tidy(root: Element) -> list[str]:
         ModelError: A tree with several roots, a joint of a type that is not supported or whose limits are empty.
     """
     notes = _drop_world(root)
+    _check_tree(root)
     for name, joint in joints(root).items():
         kind = joint.get("type")
         if kind == "continuous":
@@ -192,6 +218,29 @@ def tidy(root: Element) -> list[str]:
         if not 0.0 < _number(limit, "effort", name) < math.inf:
             limit.set("effort", "0")
     return notes
+
+
+def _check_tree(root: Element) -> None:
+    """Check that every link hangs on the root, and that placements and axes are numbers."""
+    parents: dict[str, str] = {}
+    for name, joint in joints(root).items():
+        parent, child = parent_and_child(joint)
+        if child in parents:
+            raise ModelError(f"link '{child}' is the child of two joints")
+        parents[child] = parent
+        origin, axis = joint.find("origin"), joint.find("axis")
+        placement = {} if origin is None else origin.attrib
+        for key in ("xyz", "rpy"):
+            triple(f"joint '{name}': {key} of its origin", placement.get(key, "0 0 0"))
+        if axis is not None:
+            triple(f"joint '{name}': its axis", axis.get("xyz", "1 0 0"))
+    for link in parents:
+        above, seen = link, set[str]()
+        while above in parents:
+            if above in seen:
+                raise ModelError(f"link '{link}' hangs on itself: its joints form a circle")
+            seen.add(above)
+            above = parents[above]
 
 
 def set_limits(

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, finite_array, positive, shown
 from wbc.core.settings import Positive, settings
 
 PROFILE_STEP = 0.007
@@ -111,6 +112,7 @@ class GroundScan:
         outside: Hits beyond the capacity since the start; not used.
     """
 
+    @checked
     def __init__(self, settings: ScanSettings | None = None) -> None:
         """Start along the world's x axis."""
         self.settings = ScanSettings() if settings is None else settings
@@ -224,6 +226,7 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     )
 
 
+@checked
 def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
     """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
 
@@ -237,7 +240,10 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     """
     given = ScanSettings() if settings is None else settings
     places = finite_array("places of a profile (m)", x)
-    heights = np.asarray(z, dtype=np.float64)
+    try:
+        heights = np.asarray(z, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"heights of a profile (m) must be numbers, got {shown(z)}") from error
     if places.ndim != 1 or heights.shape != places.shape:
         raise InputError(f"x and z must have the same shape (n,), got {places.shape} and {heights.shape}")
     seen = np.isfinite(heights)
@@ -252,6 +258,7 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     return _broken_line(cell, mean, np.array([1.0, 0.0]), given)
 
 
+@checked
 def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
     """Return overlapping windows of a long profile, each as long as what a foot sees in one swing.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from wbc.core.arguments import checked
 from wbc.core.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
@@ -26,6 +27,7 @@ def foot_names() -> tuple[str, ...]:
     return tuple(_FEET)
 
 
+@checked
 def foot(name: str, **parameters: Any) -> Foot:
     """Return a foot by name, with some of its parameters changed.
 
@@ -42,6 +44,7 @@ def foot(name: str, **parameters: Any) -> Foot:
     return call_checked(f"foot '{name}'", _FEET[name], parameters)
 
 
+@checked
 def foot_name(design: Foot) -> str:
     """Return the name under which a foot's class is registered, or the name of the class if it is not."""
     return next((name for name, kind in _FEET.items() if kind is type(design)), type(design).__name__)

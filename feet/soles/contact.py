@@ -8,8 +8,9 @@ from typing import Annotated, Literal, NamedTuple, get_args
 import numpy as np
 from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, positive
-from wbc.core.settings import Count, NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, Positive, settings
 
 Integrator = Literal["discrete", "implicitfast", "implicit", "Euler"]
 ConstraintRow = Literal["normal", "friction", "equality"]
@@ -97,6 +98,7 @@ With 2 ms it chatters in 1 case of 14, and the soles sink by less than 0.05 mm (
 """
 
 
+@checked
 def solver_parameters(law: ConstraintLaw) -> SolverParameters:
     """Return a constraint law as MuJoCo's parameters: solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2).
 
@@ -105,6 +107,7 @@ def solver_parameters(law: ConstraintLaw) -> SolverParameters:
     return SolverParameters((law.time_constant, law.damping_ratio), (*law.impedance, law.width, 0.5, 2.0))
 
 
+@checked
 def effective_time_constant(
     law: ConstraintLaw,
     timestep: float,
@@ -172,8 +175,8 @@ class ContactSpheres:
     spin_friction: Annotated[NonNegative, "m"] = 0.005
     rolling_friction: Annotated[NonNegative, "m"] = 0.0001
     radius: Annotated[Positive, "m"] = 0.007
-    columns: Annotated[int, Field(ge=2)] = 3
-    rows_per_phalanx: Count = 2
+    columns: Annotated[int, Field(ge=2, le=100)] = 3
+    rows_per_phalanx: Annotated[int, Field(ge=1, le=100)] = 2
     row_spacing: Annotated[Positive, "m"] = 0.015
     inset: Annotated[NonNegative, "m"] = 0.0
 

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import field
 from typing import Any
 
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, finite_scalar, positive
 from wbc.core.settings import check_inherited, settings
 from wbc.feet.soles.contact import ContactSpheres
@@ -60,6 +61,7 @@ class Foot(ABC):
         """
 
 
+@checked
 def fitted_sole(
     sole: SoleGeometry,
     *,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.settings import Count, settings
 from wbc.feet.soles.actuator import StiffnessActuator
@@ -60,6 +61,7 @@ class VariableStiffnessFoot(SoftFoot):
         self.actuator.check(self.stiffness)
 
 
+@checked
 def toe_sensor(foot: SoftFoot) -> Array:
     """Return the position of a soft foot's range sensor, the middle of its toe, in the sole frame, shape (3,), m."""
     return np.array([(foot.length - foot.length / foot.phalanges) / 2.0, 0.0, foot.hinge_height])

@@ -111,7 +111,7 @@ class SoftDesign(Foot):
 
     stiffness: Annotated[NonNegative, "Nm/rad"] = 5.0
     damping: Annotated[NonNegative, "Nms/rad"] = 2.0
-    phalanges: Annotated[int, Field(ge=2)] = 10
+    phalanges: Annotated[int, Field(ge=2, le=100)] = 10
     length: Annotated[Positive, "m"] = SOFT_LENGTH
     width: Annotated[Positive, "m"] = SOFT_WIDTH
     thickness: Annotated[Positive, "m"] = 0.014

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
@@ -30,6 +31,7 @@ class LearningCurve:
     mean_error: Array
 
 
+@checked
 def learning_curve(
     table: StiffnessTable,
     candidate: Candidate | ModelSettings | None = None,
@@ -97,6 +99,7 @@ class PrincipalComponents:
     scores: Array
 
 
+@checked
 def principal_components(
     table: StiffnessTable, features: Sequence[str] = PAPER_FEATURES
 ) -> PrincipalComponents:
@@ -122,6 +125,7 @@ def stiffness_by_amplitude(table: StiffnessTable) -> dict[str, tuple[Array, Arra
     return curves
 
 
+@checked
 def amplitude_trends(table: StiffnessTable) -> dict[str, float]:
     """Return Spearman's rank correlation between amplitude and mean best stiffness on each ground.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from wbc.core.arguments import checked
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import WINDOW_FEATURES
@@ -54,6 +55,7 @@ def candidates() -> tuple[Candidate, ...]:
     )
 
 
+@checked
 def compare(
     table: StiffnessTable,
     models: Sequence[Candidate] | None = None,
@@ -70,6 +72,7 @@ def compare(
     ]
 
 
+@checked
 def comparison_table(results: Sequence[Validation]) -> str:
     """Return results as a Markdown table."""
     lines = [

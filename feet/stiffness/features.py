@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import qr, svd
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.settings import settings
 from wbc.feet.stiffness.roughness import PARAMETERS
@@ -149,6 +150,7 @@ class Selection:
         return "\n".join(lines)
 
 
+@checked
 def select_features(
     values: ArrayLike,
     *,

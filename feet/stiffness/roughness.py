@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, positive
 from wbc.core.settings import Positive, settings
 from wbc.feet.sensing.scan import PROFILE_STEP, Profile
@@ -114,6 +115,7 @@ class Roughness:
         return dict(zip(PARAMETERS, self.values.tolist(), strict=True))
 
 
+@checked
 def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = None) -> Roughness:
     """Return the roughness of profiles on a uniform grid.
 
@@ -130,6 +132,7 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     return Roughness(_roughness(heights, step, given))
 
 
+@checked
 def profile_roughness(profile: Profile, settings: RoughnessSettings | None = None) -> Roughness:
     """Return the roughness of one scanned profile; see `roughness`."""
     return roughness(profile.x, profile.z, settings)
@@ -219,6 +222,7 @@ def detrend(z: Array, kind: Detrend = "line") -> Array:
     return z
 
 
+@checked
 def low_pass(z: Array, step: float, corner: float) -> Array:
     """Return heights after a first-order Butterworth low-pass, forwards and backwards, same shape, m.
 
@@ -238,7 +242,8 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
 
     Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
     """
-    if corner >= 0.5 / step:
+    positive("corner (cycles/m)", corner)
+    if corner >= 0.5 / positive("step (m)", step):
         return z
     bands = _bands(z.shape[-1], corner * step)
     padded = np.concatenate([z[..., :1], z, z[..., -1:]], axis=-1)

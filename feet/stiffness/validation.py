@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, whole_number
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import StiffnessTable
@@ -123,6 +124,7 @@ class Validation:
         return names, counts
 
 
+@checked
 def cross_validate(
     table: StiffnessTable,
     candidate: Candidate | ModelSettings | None = None,

@@ -30,6 +30,9 @@ REPAIRED_RADIUS = 1e-3
 REPAIRED_MASS = 1e-3
 """Mass given to a massless moving link, kg."""
 
+HEAVIEST = 1e6
+"""Largest mass, kg, and largest moment of inertia, kg m², of a link."""
+
 _ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -153,6 +156,15 @@ def _mass_and_inertia(link: str, inertial: Element) -> tuple[float, Array]:
     matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     if not (np.isfinite(kilograms) and np.isfinite(matrix).all()):
         raise ModelError(f"link '{link}': mass and inertia must be finite")
+    if abs(kilograms) > HEAVIEST or np.abs(matrix).max() > HEAVIEST:
+        raise ModelError(
+            f"link '{link}': mass (kg) and inertia (kg m²) must be at most {HEAVIEST:g}, got {kilograms:g}"
+        )
+    # The URDF parser drops the whole inertia if it cannot read the origin.
+    origin = inertial.find("origin")
+    placement = {} if origin is None else origin.attrib
+    for name in ("xyz", "rpy"):
+        urdf.triple(f"link '{link}': {name} of the inertial origin", placement.get(name, "0 0 0"))
     return kilograms, matrix
 
 

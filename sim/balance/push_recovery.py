@@ -9,6 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.control import Mode
 from wbc.core.errors import InputError, positive
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
@@ -67,6 +68,7 @@ class PushResult:
     failures: int
 
 
+@checked
 def push_standing(spec: StandPushSpec) -> PushResult:
     """Push a standing robot; the same spec gives the same result.
 
@@ -93,6 +95,7 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     )
 
 
+@checked
 def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
     """Return the largest impulse from which a robot recovers, found by bisection.
 
@@ -215,6 +218,7 @@ class PushCell:
     impulse: float
 
 
+@checked
 def push_table(table: PushTableSpec) -> Iterator[PushCell]:
     """Find the largest push for every robot, mode and direction.
 

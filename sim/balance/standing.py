@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.control import Mode, PositionControl, TorqueControl
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, Seed, settings
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
@@ -29,6 +30,10 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002}
 """Default control period, s: servos hold the robot between ticks, torques do not."""
+
+
+LEAST_TICKS = 2
+"""Shortest stand, control periods: the result is about its second half."""
 
 
 @settings(kw_only=True)
@@ -66,6 +71,10 @@ class StandSpec:
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
+        if self.seconds < LEAST_TICKS * self.period:
+            raise InputError(
+                f"seconds (s) must be at least {LEAST_TICKS} control periods of {self.period:g} s, got {self.seconds:g}"
+            )
 
     @property
     def period(self) -> float:
@@ -119,6 +128,7 @@ class StandTrial:
         fallen: True once the robot has fallen or the simulation has diverged.
     """
 
+    @checked
     def __init__(self, spec: StandSpec) -> None:
         """Build robot, plant and controller.
 
@@ -203,6 +213,7 @@ class StandTrial:
         )
 
 
+@checked
 def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
     """Simulate a standing robot.
 

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
 from wbc.core.errors import (
     Array,
@@ -98,6 +99,7 @@ class Plant:
     _truth: GroundTruth | None
     _measurement: Measurement | None
 
+    @checked
     def __init__(
         self,
         description: RobotDescription,
@@ -406,6 +408,7 @@ class Plant:
                 self._chain.push(signals.values)
 
 
+@checked
 def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
     """Return simulated time over wall time of a plant that holds its posture; its state moves on.
 

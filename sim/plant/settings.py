@@ -5,10 +5,17 @@ from __future__ import annotations
 from typing import Annotated
 
 import mujoco
+from pydantic import Field
 
-from wbc.core.errors import InputError, positive
+from wbc.core.errors import InputError, finite_scalar
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import Count, NonNegative, Positive, settings
+from wbc.core.settings import Positive, settings
+
+SHORTEST_STEP = 1e-5
+"""Shortest physics step, s: a hundredth of the reference; a second of simulation then takes minutes."""
+
+LONGEST_PERIOD = 1.0
+"""Longest physics step and control period, s."""
 
 
 @settings
@@ -30,10 +37,10 @@ class PhysicsSettings:
     Source: measured on soft feet over 60 grounds and stiffnesses with mujoco 4.0 and again 3.17.
     """
 
-    timestep: Annotated[Positive, "s"] = 0.001
-    iterations: Count = 20
-    impratio: Positive = 10.0
-    gravity: Annotated[NonNegative, "m/s²"] = GRAVITY
+    timestep: Annotated[float, Field(ge=SHORTEST_STEP, le=LONGEST_PERIOD), "s"] = 0.001
+    iterations: Annotated[int, Field(ge=1, le=10_000)] = 20
+    impratio: Annotated[Positive, Field(le=1e4)] = 10.0
+    gravity: Annotated[float, Field(ge=0.0, le=1000.0), "m/s²"] = GRAVITY
 
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Write the settings into a model under construction."""
@@ -62,8 +69,8 @@ def steps_per_tick(control_period: float, timestep: float) -> int:
     Raises:
         InputError: One of them is not above zero, or the period is not a whole multiple of the step.
     """
-    positive("control period (s)", control_period)
-    positive("physics timestep (s)", timestep)
+    finite_scalar("control period (s)", control_period, low=SHORTEST_STEP, high=LONGEST_PERIOD)
+    finite_scalar("physics timestep (s)", timestep, low=SHORTEST_STEP, high=LONGEST_PERIOD)
     ratio = control_period / timestep
     steps = round(ratio)
     if steps < 1 or abs(ratio - steps) > 1e-6 * ratio:

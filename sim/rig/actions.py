@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.hull import hull_and_area
 from wbc.sim.rig.fixture import Rig
@@ -29,6 +30,7 @@ _RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft
 _SAMPLE = 0.005  # s between samples of the centre of pressure
 
 
+@checked
 def press(test: FootTest, *, support: bool = True) -> PressResult:
     """Drop the foot onto the ground, let it settle under its load and measure it at rest.
 
@@ -50,6 +52,7 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
     return PressResult(True) if polygon is None else PressResult(False, impact, hold, polygon)
 
 
+@checked
 def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
     """Drop the foot from higher up, for the share of a hard landing that its sole absorbs.
 
@@ -60,6 +63,7 @@ def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
     return press(replace(test, drop=positive("drop height (m)", height)), support=False)
 
 
+@checked
 def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> SlideResult:
     """Push a loaded foot forward: first gently, to measure creep, then harder until it slides.
 
@@ -89,6 +93,7 @@ def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> Sli
     return SlideResult(rig.diverged, shear_share, creep)
 
 
+@checked
 def pitch(
     test: FootTest, *, amplitude: float = math.radians(5.0), rate: float = math.radians(10.0)
 ) -> PitchResult:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from wbc.core.arguments import checked
 from wbc.core.registry import Registry
 from wbc.sim.studies.stiffness_studies import (
     arches,
@@ -123,6 +124,7 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
 """Studies by name."""
 
 
+@checked
 def study_by_name(name: str) -> Study:
     """Return one of `STUDIES`.
 

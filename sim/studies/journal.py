@@ -27,6 +27,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, get_args
 
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, choose
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
@@ -118,6 +119,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
+@checked
 def read_journal(path: Path | str) -> dict[str, Entry]:
     """Return all entries of a journal, by key; the last one of each.
 
@@ -163,7 +165,7 @@ def _parsed(line: bytes) -> Entry | None:
             return None
         key = data.pop("key")
         entry = Entry(**data)
-    except (ValueError, TypeError, KeyError, AttributeError):
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
     return entry if entry.key == key else None
 
@@ -180,6 +182,7 @@ class Journal:
         entries: Its entries, by key.
     """
 
+    @checked
     def __init__(self, path: Path | str, *, sync: Sync = "second") -> None:
         """Open or begin a journal, lock it, and cut off a torn last line.
 

@@ -14,7 +14,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from wbc.core.errors import InputError, choose, unknown_name
 from wbc.core.settings import Count, Seed, from_json, settings, to_json
@@ -81,7 +83,7 @@ class SeedRange:
     """
 
     first: Seed
-    count: Count
+    count: Annotated[Count, Field(le=100_000)]
 
 
 @settings(kw_only=True)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name
 from wbc.core.settings import to_json
 from wbc.sim.studies.intervals import CONFIDENCE, Estimate, mean_interval, paired_difference
@@ -157,6 +158,7 @@ class _Column:
             self.directions[result["fall"]["direction"]] += 1
 
 
+@checked
 def study_table(
     study: Study,
     entries: Mapping[str, Entry],
@@ -252,6 +254,7 @@ def _value(entry: Entry | None, name: str, completed_only: bool) -> float | None
     raise InputError(f"'{name}' of a result is no number but {value!r}")
 
 
+@checked
 def study_rows(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> tuple[list[str], list[list[Any]]]:

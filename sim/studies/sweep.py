@@ -30,6 +30,7 @@ from concurrent.futures import (
 from dataclasses import dataclass, field
 from typing import Any
 
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, positive
 from wbc.core.settings import to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
@@ -94,6 +95,7 @@ Progress = Callable[[SweepSummary], None]
 """Function that is called when a sweep begins and after each trial."""
 
 
+@checked
 def sweep(
     specs: Iterable[Trial],
     journal: Journal,
@@ -357,6 +359,7 @@ def _start_worker(begun: Any = None) -> None:
     threading.Thread(target=follow, daemon=True, name="follow the sweep").start()
 
 
+@checked
 def cluster_executor(
     address: str, *, workers: int | None = None
 ) -> contextlib.AbstractContextManager[Executor]:

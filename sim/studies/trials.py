@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Protocol
 
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, positive
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
@@ -95,6 +96,7 @@ def trial_from_json(data: Mapping[str, Any]) -> Any:
     return _KINDS[data.get("kind", WalkSpec.kind)].read(data)
 
 
+@checked
 def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
     """Run a trial. Nothing is raised: an error is an outcome.
 

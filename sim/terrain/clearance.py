@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+from wbc.core.arguments import checked
 from wbc.core.errors import non_negative
 from wbc.sim.terrain.spec import Terrain
 
@@ -12,6 +13,7 @@ class ClearanceWarning(UserWarning):
     """The ground is higher than the swing foot is lifted."""
 
 
+@checked
 def check_clearance(terrain: Terrain, clearance: float) -> bool:
     """Warn when a foot lifted by `clearance` cannot pass over the ground.
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import mujoco
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
 from wbc.sim.terrain.heightmap import HeightMap
@@ -99,6 +100,7 @@ class AddedTerrain:
         return 0 if field is None else int(field.z.size)
 
 
+@checked
 def add_to_spec(
     spec: mujoco.MjSpec,
     terrain: Terrain,

@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -33,6 +35,15 @@ CELLS_PER_FEATURE = 3
 
 MAX_NODES = 20_000_000
 """Largest height field, nodes: 80 MB in single precision."""
+
+MAX_SOLIDS = 100_000
+"""Largest number of features of a ground of solids: each is a geometry of the simulation."""
+
+LARGEST_AMPLITUDE = 100.0
+"""Largest amplitude, m."""
+
+LONGEST_TRACK = 1000.0
+"""Longest and widest track, m."""
 
 AMPLITUDE_TOLERANCE = 1e-9
 """Largest difference between the amplitude asked for and the one built, m."""
@@ -58,12 +69,12 @@ class Terrain:
     """
 
     parameters: Family
-    amplitude: Annotated[NonNegative, "m"]
+    amplitude: Annotated[NonNegative, Field(le=LARGEST_AMPLITUDE), "m"]
     seed: Seed = 0
-    length: Annotated[Positive, "m"] = 3.0
-    width: Annotated[Positive, "m"] = 1.0
-    start: Annotated[float, "m"] = 0.3
-    strip: Annotated[Positive, "m"] = 1.0
+    length: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 3.0
+    width: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 1.0
+    start: Annotated[float, Field(ge=-LONGEST_TRACK, le=LONGEST_TRACK), "m"] = 0.3
+    strip: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 1.0
     rendering: Rendering = "auto"
     resolution: Annotated[Positive, "m"] | None = None
     sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
@@ -77,6 +88,7 @@ class Terrain:
             )
         self.parameters.check_track(self.length, self.width)
         self._check_rendering()
+        self._check_size()
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields alone: the surface is built again."""
@@ -120,6 +132,23 @@ class Terrain:
             raise InputError(
                 f"a height field of {self.length:g} m x {self.width:g} m in cells of {cell:.3g} m has "
                 f"{nodes:.3g} nodes; at most {MAX_NODES:.3g} are drawn: shorten the track or coarsen the family"
+            )
+
+    def _check_size(self) -> None:
+        """Check that the ground has a number of features that can be built, and its fingerprint one of points."""
+        feature = self._feature
+        across = 1.0 if self.parameters.unidirectional else max(1.0, self.width / feature)
+        count = max(1.0, self.length / feature) * across
+        if isinstance(self.parameters, ShapeFamily) and count > MAX_SOLIDS:
+            raise InputError(
+                f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} features of "
+                f"{feature:.3g} m; at most {MAX_SOLIDS} are built: shorten the track or coarsen the family"
+            )
+        x0, x1, y0, y1 = self.extent
+        points = (x1 - x0) * (y1 - y0) / 1e-4
+        if points > MAX_NODES:
+            raise InputError(
+                f"a track of {x1 - x0:g} m x {y1 - y0:g} m is larger than {1e-4 * MAX_NODES:g} m²: shorten it"
             )
 
     @property
@@ -310,6 +339,7 @@ def _jsonable(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
+@checked
 def terrain(
     name: str | Family,
     amplitude: float | None = None,

@@ -11,7 +11,7 @@ from pydantic import PlainValidator
 
 from wbc.core.changes import Changes, as_changes, changed, normal_changes
 from wbc.core.control import Mode
-from wbc.core.errors import InputError, choose
+from wbc.core.errors import InputError, choose, shown
 from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, to_json
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
@@ -33,7 +33,7 @@ from wbc.walking.planning.gait import Gait
 def _named_values(values: Any) -> Changes:
     """Return a mapping, or pairs in Python, as sorted pairs; JSON has no pairs."""
     if not isinstance(values, (Mapping, tuple)):
-        raise ValueError(f"must be an object of names and values, got {values!r}")
+        raise ValueError(f"must be an object of names and values, got {shown(values)}")
     return as_changes(values)
 
 

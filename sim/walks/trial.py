@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
@@ -39,6 +40,7 @@ PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 
+@checked
 def walk(
     spec: WalkSpec | None = None,
     *,
@@ -118,6 +120,7 @@ class WalkTrial:
         walking: The controller.
     """
 
+    @checked
     def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None) -> None:
         """Build plant and controller.
 

@@ -7,6 +7,7 @@ from typing import Unpack
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, check_options
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import ComplianceOptions, OffsetOptions
@@ -27,6 +28,7 @@ class AdmittanceTask(ComplianceTask):
 
     _kind = "admittance"
 
+    @checked
     def __init__(
         self,
         frame: str,
@@ -78,6 +80,7 @@ class DampingTask(AdmittanceTask):
     integrates = False
     _kind = "damping"
 
+    @checked
     def __init__(
         self,
         frame: str,

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import (
     Array,
     InputError,
@@ -59,6 +60,7 @@ class ComplianceTask(FrameTask):
     integrates = True
     _kind = "compliance"
 
+    @checked
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[OffsetOptions]) -> None:
         """Describe the task.
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import Robot
 from wbc.tasks.force.admittance import DampingTask
@@ -40,6 +41,7 @@ class CoPTask(DampingTask):
 
     _kind = "CoP"
 
+    @checked
     def __init__(
         self,
         sole: str,

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, check_options
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import OffsetOptions
 
@@ -42,6 +43,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
 
     _kind = "first-order impedance"
 
+    @checked
     def __init__(
         self,
         frame: str,
@@ -115,6 +117,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
 
     _kind = "impedance"
 
+    @checked
     def __init__(
         self,
         frame: str,
@@ -141,6 +144,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
             UnknownNameError: An unknown option or axis.
             InputError: A value out of range; a spring of zero without a damper.
         """
+        check_options(self, OffsetOptions, options)
         if damper is None:
             name = options.get("name") or f"{frame} {self._kind}"
             stiffness = six(name, "spring (N/m, Nm/rad)", spring)

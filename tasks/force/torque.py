@@ -7,6 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, check_options
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
@@ -24,6 +25,7 @@ class JointTorqueTask(JointTask, VariableTask):
 
     unit = "Nm"
 
+    @checked
     def __init__(
         self,
         target: JointValues | None = None,

@@ -8,6 +8,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, check_options, finite_array, unknown_name
 from wbc.core.qp.contact import AXES, Contact
 from wbc.core.qp.problem import Problem
@@ -26,6 +27,7 @@ class WrenchTask(VariableTask):
 
     unit = "N|Nm"
 
+    @checked
     def __init__(
         self,
         contact: Contact | str,

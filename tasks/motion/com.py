@@ -7,6 +7,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, finite_array
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
@@ -22,6 +23,7 @@ class CoMTask(AxesTask):
 
     unit = "m"
 
+    @checked
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES, AxesTask
@@ -66,6 +67,7 @@ class FrameTask(AxesTask):
         frame: Frame of the robot.
     """
 
+    @checked
     def __init__(self, frame: str, name: str, choices: Sequence[str], options: MotionOptions) -> None:
         """Describe the task.
 
@@ -100,6 +102,7 @@ class PositionTask(FrameTask):
 
     unit = "m"
 
+    @checked
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
@@ -148,6 +151,7 @@ class OrientationTask(FrameTask):
 
     unit = "rad"
 
+    @checked
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
@@ -208,6 +212,7 @@ class PoseTask(FrameTask):
 
     unit = "m|rad"
 
+    @checked
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import POSE_AXES, AxesTask
@@ -31,6 +32,7 @@ class MomentumTask(AxesTask):
 
     unit = "kg m/s|kg m²/s"
 
+    @checked
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 

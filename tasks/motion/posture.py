@@ -8,6 +8,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, check_options, non_negative
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import BASE_DOF, Robot
@@ -24,6 +25,7 @@ class PostureTask(JointTask, SelectionTask):
 
     unit = "rad"
 
+    @checked
     def __init__(
         self,
         target: JointValues | None = None,

@@ -7,6 +7,7 @@ from typing import Unpack
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES
@@ -24,6 +25,7 @@ class RelativeFrameTask(FrameTask):
 
     unit = "m|rad"
 
+    @checked
     def __init__(
         self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
     ) -> None:

@@ -11,7 +11,8 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, finite_scalar, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
 from wbc.feet.sensing.scan import Profile, ScanSettings
@@ -204,6 +205,7 @@ def stiffness_policy_names() -> tuple[str, ...]:
     return tuple(_POLICIES)
 
 
+@checked
 def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
     """Make a policy: `stiffness_policy("fixed", stiffness=5.0)`, `stiffness_policy("model", path="model.json")`.
 
@@ -239,6 +241,6 @@ def as_policy(policy: PolicyLike) -> StiffnessPolicy:
         return policy
     if not callable(policy) or inspect.isclass(policy):
         raise InputError(
-            f"a stiffness policy is a StiffnessPolicy or a function of a SwingScan, got {policy!r}"
+            f"a stiffness policy is a StiffnessPolicy or a function of a SwingScan, got {shown(policy)}"
         )
     return FunctionPolicy(policy)

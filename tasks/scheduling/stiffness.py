@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -41,6 +42,7 @@ class StiffnessScheduler:
         steps: Records of the last swings, the latest last; each is added when its foot lands.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

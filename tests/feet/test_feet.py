@@ -97,7 +97,7 @@ def test_a_design_made_with_dataclass_alone_is_checked_like_the_others() -> None
     assert changed(design, {"contact.friction": 1, "phalanges": 8.0}).phalanges == 8
     for values, said in (
         ({"stiffness": -1.0}, r"stiffness \(Nm/rad\) must be .* at least 0, got -1"),
-        ({"phalanges": 1}, "phalanges must be an integer of at least 2, got 1"),
+        ({"phalanges": 1}, "phalanges must be an integer of at least 2 and of at most 100, got 1"),
         ({"loop_phalanx": 12}, r"\[1, 11\]"),
     ):
         with pytest.raises(InputError, match=said):

@@ -537,7 +537,7 @@ REFUSED: dict[str, tuple[Callable[[], object], type[Exception], str]] = {
     "speed infinite": (
         lambda: make(biped(), velocity_limits={"l_knee": np.inf}),
         InputError,
-        "velocity limit",
+        "velocity_limits",
     ),
     "range turned": (
         lambda: make(biped(), position_limits={"l_knee": (1.0, 0.0)}),

@@ -23,7 +23,10 @@ def test_unknown_names_get_the_nearest_ones() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"amplitude": -0.01}, r"^amplitude \(m\) must be a finite number of at least 0, got -0.01$"),
+        (
+            {"amplitude": -0.01},
+            r"^amplitude \(m\) must be a finite number of at least 0 and of at most 100, got -0.01$",
+        ),
         ({"amplitude": float("nan")}, "finite"),
         ({"seed": -1}, "seed"),
         ({"seed": 1.5}, "seed"),
@@ -36,7 +39,7 @@ def test_unknown_names_get_the_nearest_ones() -> None:
         ({"rendering": "mesh"}, "^no rendering 'mesh'; choices: auto, geoms, height_field$"),
         ({"resolution": 0.005}, "no resolution"),
         ({"sole_radius": 0.0, "rendering": "height_field"}, r"^sole_radius \(m\)"),
-        ({"length": 50_000.0, "rendering": "height_field"}, "nodes"),
+        ({"length": 1000.0, "rendering": "height_field", "resolution": 1e-5}, "nodes"),
     ],
 )
 def test_values_out_of_range_are_named(arguments: dict[str, object], message: str) -> None:

@@ -577,7 +577,7 @@ def test_timing_is_checked(timing: dict[str, object], message: str) -> None:
 
 
 def test_bad_input_is_refused() -> None:
-    with pytest.raises(InputError, match="foot of variable stiffness is needed, got SoftFoot"):
+    with pytest.raises(InputError, match="foot must be VariableStiffnessFoot, got SoftFoot"):
         StiffnessScheduler(ROBOT, SoftFoot(), FixedPolicy(5.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="commanded sole stiffness"):
         make_task(fallback=100.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import json
 import tomllib
 import types
 import typing
@@ -18,7 +17,7 @@ from cyclopts import App, Argument, ArgumentCollection, Parameter, Token
 from cyclopts.config import Dict
 
 from wbc.core.errors import InputError
-from wbc.core.files import read_text
+from wbc.core.files import read_json, read_text
 
 CONFIG, SPEC = "--config", "--spec"
 
@@ -56,11 +55,13 @@ def read_options(path: Path) -> dict[str, Any]:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("toml", "json"):
         raise InputError(f"the name of a file of options must end in .toml or .json, got '{path.name}'")
-    text = read_text(path)
-    try:
-        data = tomllib.loads(text) if kind == "toml" else json.loads(text, object_pairs_hook=_unique)
-    except ValueError as error:
-        raise InputError(f"{path} is not {kind.upper()}: {error}") from error
+    if kind == "json":
+        data = read_json(path, object_pairs_hook=_unique)
+    else:
+        try:
+            data = tomllib.loads(read_text(path))
+        except (tomllib.TOMLDecodeError, RecursionError) as error:
+            raise InputError(f"{path} is not TOML: {error}") from error
     if not isinstance(data, dict):
         raise InputError(f"{path} must hold options with their values, got {type(data).__name__}")
     return data

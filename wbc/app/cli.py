@@ -18,6 +18,9 @@ from wbc.core.errors import InputError, WbcError
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""
 
+LONGEST_LINE = 1000
+"""Longest line that says why a command line is refused, characters."""
+
 
 def make_app(first_word: str | None = None) -> App:
     """Build the command-line application from the table of commands.
@@ -76,6 +79,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
         return FAILED
+    except MemoryError:
+        print("wbc: out of memory; ask for less", file=sys.stderr)
+        return FAILED
     except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return RAN
@@ -97,7 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+    line = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
+    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."
 
 
 if __name__ == "__main__":

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from wbc.core.errors import InputError
-from wbc.core.files import check_writable, read_text, same_file
+from wbc.core.files import check_writable, read_json, same_file
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
@@ -57,11 +56,7 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
     Raises:
         InputError: The file cannot be read, is not JSON or holds no object.
     """
-    text = read_text(path)
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+    data = read_json(path)
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")
     return data

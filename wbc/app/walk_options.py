@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from wbc.app.files import read_object
 from wbc.core.changes import read_changes
 from wbc.core.control import Mode
-from wbc.core.errors import finite_scalar
+from wbc.core.errors import InputError, finite_scalar, shown
 from wbc.core.settings import from_json, settings
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 from wbc.walking.planning.gait import Gait
@@ -141,7 +141,9 @@ def read_spec(path: Path) -> WalkSpec:
     """
     data = read_object("walk", path)
     spec = data.get("spec")
-    return WalkSpec.from_json(spec if isinstance(spec, dict) else data)
+    if spec is not None and not isinstance(spec, dict):
+        raise InputError(f"spec in {path} must be an object, got {shown(spec)}")
+    return WalkSpec.from_json(data if spec is None else spec)
 
 
 def read_push(text: str) -> WalkPush:

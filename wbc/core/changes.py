@@ -11,7 +11,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.settings import may_be_none, nested_settings
 
 T = TypeVar("T")
@@ -35,10 +35,13 @@ def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes
         InputError: A name that is not text or is given twice, or a value that is not plain.
     """
     pairs = list(values.items() if isinstance(values, Mapping) else values)
+    for pair in pairs:
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise InputError(f"settings are given as names with values, got {shown(pair)}")
     names = [pair[0] for pair in pairs]
     for name in names:
         if not isinstance(name, str):
-            raise InputError(f"the name of a setting must be text, got {name!r}")
+            raise InputError(f"the name of a setting must be text, got {shown(name)}")
         if names.count(name) > 1:
             raise InputError(f"setting '{name}' is given twice")
     return tuple(sorted((name, _plain(name, value)) for name, value in pairs))
@@ -49,7 +52,7 @@ def _plain(name: str, value: Any) -> Value:
         return tuple(value)
     if not _is_scalar(value):
         raise InputError(
-            f"setting '{name}' must be a number, a truth value, text, null or a list of these, got {value!r}"
+            f"setting '{name}' must be a number, a truth value, text, null or a list of these, got {shown(value)}"
         )
     return typing.cast(Scalar, value)
 

@@ -16,6 +16,7 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.observer import Observer
@@ -206,6 +207,7 @@ class TorqueControl(_Control):
         gate: Limits of commands.
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,
@@ -278,6 +280,7 @@ class PositionControl(_Control):
         v: Its velocity, shape (nv,).
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,

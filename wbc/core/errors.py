@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NoReturn
 
 import numpy as np
@@ -39,6 +39,21 @@ class MeasurementError(WbcError):
     """A measurement that cannot be used, such as one with NaN in it."""
 
 
+LONGEST = 80
+"""Longest text of a value in a message, characters."""
+
+
+def shown(value: object) -> str:
+    """Return a value as messages show it: on one line, shortened, printable."""
+    try:
+        text = value if isinstance(value, str) else repr(value)
+    except Exception:  # nested too deep, or a broken `__repr__`
+        text = f"<{type(value).__name__}>"
+    text = " ".join(text[: 4 * LONGEST].split()) if not isinstance(value, str) else repr(text[: 4 * LONGEST])
+    text = text.encode("utf-8", "backslashreplace").decode()
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` for a name that is not among the choices.
 
@@ -51,14 +66,15 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
         UnknownNameError: Always.
     """
     names = sorted(choices)
-    near = difflib.get_close_matches(str(name), names, n=3, cutoff=0.5)
+    given = shown(name).strip("'") if isinstance(name, str) else shown(name)
+    near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
     if near:
         hint = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
     elif len(names) <= 20:
         hint = "choices: " + (", ".join(names) or "none")
     else:
         hint = f"there are {len(names)}, among them " + ", ".join(names[:10])
-    raise UnknownNameError(f"no {kind} '{name}'; {hint}")
+    raise UnknownNameError(f"no {kind} '{given}'; {hint}")
 
 
 def choose(kind: str, name: str, choices: Iterable[str]) -> str:
@@ -68,7 +84,7 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
         UnknownNameError: It is not one of them.
     """
     names = list(choices)
-    if name not in names:
+    if not isinstance(name, str) or name not in names:
         unknown_name(kind, name, names)
     return name
 
@@ -85,10 +101,20 @@ def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
         UnknownNameError: An unknown option; the nearest ones are named.
     """
     known = frozenset(kind.__annotations__)
+    if isinstance(options, Mapping):
+        _check_name_and_hard(options)
     for option in options:
         if option not in known:
             own = frozenset(inspect.signature(type(owner)).parameters) - {"options"}
             unknown_name(f"option of {type(owner).__name__}", option, known | own)
+
+
+def _check_name_and_hard(options: Mapping[str, Any]) -> None:
+    name, hard = options.get("name"), options.get("hard", False)
+    if name is not None and not isinstance(name, str):
+        raise InputError(f"the name of a task or contact must be text, got {shown(name)}")
+    if not isinstance(hard, (bool, np.bool_)):
+        raise InputError(f"hard must be true or false, got {shown(hard)}")
 
 
 def scalar(value: float) -> Array:
@@ -109,13 +135,13 @@ def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = No
     """
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} must be numbers, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise InputError(f"{what} must be numbers, got {shown(value)}") from error
     if shape is not None and array.shape != shape:
         raise InputError(f"{what} must have shape {shape}, got {array.shape}")
     # Three times as fast as NumPy for the small arrays of a tick.
     if not all(map(math.isfinite, array.ravel().tolist())):
-        raise InputError(f"{what} must be finite, got {array}")
+        raise InputError(f"{what} must be finite, got {shown(array)}")
     return array
 
 
@@ -135,11 +161,11 @@ def finite_scalar(
         InputError: Not a number, not finite or out of range.
     """
     if isinstance(value, (str, bytes, bool)):
-        raise InputError(f"{what} must be a number, got {value!r}")
+        raise InputError(f"{what} must be a number, got {shown(value)}")
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} must be a number, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{what} must be a number, got {shown(value)}") from error
     if not math.isfinite(number):
         raise InputError(f"{what} must be finite, got {number}")
     if number < low or number > high or (open_low and number == low):
@@ -172,5 +198,5 @@ def whole_number(what: str, value: Any, *, low: int) -> int:
         InputError: Not an integer, or below `low`.
     """
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
-        raise InputError(f"{what} must be an integer of at least {low}, got {value!r}")
+        raise InputError(f"{what} must be an integer of at least {low}, got {shown(value)}")
     return int(value)

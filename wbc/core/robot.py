@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, ModelError, finite_array, unknown_name
 from wbc.core.settings import Positive, settings
 
@@ -82,6 +83,7 @@ class Robot:
         imu_frame: Frame of the inertial measurement unit.
     """
 
+    @checked
     def __init__(
         self,
         model: pin.Model,

@@ -14,18 +14,21 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import json
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, dataclass_transform, overload
 
 import numpy as np
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from numpy.typing import ArrayLike
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 from pydantic.fields import FieldInfo
 
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import InputError, shown, unknown_name
 
 T = TypeVar("T")
 
@@ -38,11 +41,26 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 """A number from zero to one."""
 
-Count = Annotated[int, Field(ge=1)]
-"""An integer of at least one."""
+MOST = 10_000_000
+"""Largest count: what is counted is made or done."""
+
+Count = Annotated[int, Field(ge=1, le=MOST)]
+"""An integer of at least one, up to ten million."""
 
 Seed = Annotated[int, Field(ge=0)]
 """Seed of a random generator: an integer, zero or above."""
+
+LARGEST = 1e12
+"""Largest number that a setting takes unless its annotation allows infinity; no quantity of a robot comes near."""
+
+SMALLEST = 1e-12
+"""Smallest number above zero that a setting takes whose annotation asks for one above zero."""
+
+WIDEST = 2**63 - 1
+"""Largest integer that a setting takes: what 64 bits hold."""
+
+DEEPEST = 20
+"""Deepest nesting of values in settings."""
 
 CONFIG = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
 
@@ -73,26 +91,94 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
 
 
 def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
+    written = dict(vars(kind).get("__annotations__", {}))
+    kind.__annotations__ = {name: bounded(hint) for name, hint in _hints_of(kind).items() if name in written}
     made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, config=CONFIG)
+    made.__annotations__ = written  # messages and help show what was written
     checked = made.__init__
 
     @functools.wraps(checked)
     def init(self: Any, *args: Any, **values: Any) -> None:
         try:
-            checked(self, *map(_plain, args), **{name: _plain(value) for name, value in values.items()})
+            checked(
+                self, *map(plain_value, args), **{name: plain_value(value) for name, value in values.items()}
+            )
         except ValidationError as error:
             _refuse(type(self), error)
+        except UnicodeError as error:  # half a character, which no file can hold
+            raise InputError(f"{type(self).__name__} takes text of whole characters: {error}") from None
 
     made.__init__ = init
+    _show_written(made)
     return typing.cast(type[T], made)
 
 
-def _plain(value: Any) -> Any:
-    """Return lists and arrays as tuples, and NumPy numbers as Python's."""
+def _show_written(made: Any) -> None:
+    """Give a class the signature with the annotations that were written, without the bounds."""
+    written: dict[str, Any] = {}
+    for base in reversed(made.__mro__):
+        written |= vars(base).get("__annotations__", {})
+    for owner in (made.__init__, made):
+        signature = inspect.signature(owner)
+        parameters = [
+            p.replace(annotation=written.get(p.name, p.annotation)) for p in signature.parameters.values()
+        ]
+        owner.__signature__ = signature.replace(parameters=parameters)
+
+
+def bounded(hint: Any) -> Any:
+    """Return an annotation whose numbers have bounds: magnitudes of `SMALLEST` to `LARGEST`, integers of 64 bits.
+
+    Args:
+        hint: Annotation; bounds that it states stay, and so does infinity where it is allowed.
+    """
+    if hint is float:
+        return Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+    if hint is int:
+        return Annotated[int, Field(ge=-WIDEST, le=WIDEST)]
+    if hint is Path:
+        return Annotated[Path, AfterValidator(_usable)]
+    origin, inside = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        parts = _constraints(inside[1:])
+        if any(getattr(part, "allow_inf_nan", False) for part in parts):
+            return hint
+        least = (
+            [Field(ge=SMALLEST)]
+            if inside[0] is float and any(getattr(p, "gt", None) == 0 for p in parts)
+            else []
+        )
+        return Annotated[(bounded(inside[0]), *inside[1:], *least)]
+    if origin in (typing.Union, types.UnionType):
+        return typing.Union[tuple(map(bounded, inside))]  # noqa: UP007 - of a tuple of types
+    if origin is tuple:
+        return tuple[tuple(each if each is ... else bounded(each) for each in inside)]  # type: ignore[misc]
+    return hint
+
+
+def _usable(path: Path) -> Path:
+    """Return a path that can name a file."""
+    if (
+        not str(path).isprintable()
+        or any(len(part.encode()) > 255 for part in path.parts)
+        or len(str(path)) > 4000
+    ):
+        raise InputError(f"{shown(str(path))} cannot be the name of a file")
+    return path
+
+
+def plain_value(value: Any, depth: int = 0) -> Any:
+    """Return lists and arrays as tuples, and NumPy numbers as Python's.
+
+    Raises:
+        InputError: Values nested deeper than `DEEPEST`.
+    """
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if type(value) in (list, tuple):
-        return tuple(map(_plain, value))
+        if depth > DEEPEST:
+            raise InputError(f"values may be nested {DEEPEST} deep, got {shown(value)}")
+        return tuple(plain_value(item, depth + 1) for item in value)
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -159,6 +245,10 @@ def from_json(kind: type[T], data: Any) -> T:
         return typing.cast(T, _adapter(typing.cast(Any, kind)).validate_json(json.dumps(data)))
     except ValidationError as error:
         _refuse(kind, error)
+    except (RecursionError, TypeError, ValueError) as error:  # values that JSON cannot hold
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{kind.__name__} cannot be read from {shown(data)}: {error}") from None
 
 
 @functools.cache
@@ -186,7 +276,8 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
                 f"{whole.__name__} takes {len(names)} values ({', '.join(names)}), got more"
             ) from None
         loc = (names[loc[0]], *loc[1:])
-    path, hint, unit = _locate(kind, loc)
+    unknown = first["type"].startswith("unexpected")
+    path, hint, unit = _locate(kind, loc[:-1] if unknown else loc)
     if first["type"].startswith("unexpected"):
         names = [field.name for field in dataclasses.fields(_class_of(hint))]
         unknown_name(f"setting of {path or _class_of(hint).__name__}", loc[-1], names)
@@ -195,12 +286,22 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
         raise InputError(f"{what} is missing: {rule_of(hint)}") from None
     if cause is not None:
         raise InputError(f"{what}: {cause}") from None
-    choices = _choices(hint)
+    choices = choices_of(hint)
     if choices and isinstance(value, str):
         unknown_name(what, value, choices)
-    shown = repr(value)
-    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-    raise InputError(f"{what} must be {rule_of(hint)}, got {shown}") from None
+    raise InputError(f"{what} must be {rule_of(hint)}{_bound_of(first, value)}, got {shown(value)}") from None
+
+
+def _bound_of(refusal: Any, value: Any) -> str:
+    """The general bound that a number was outside of, in words; empty if it broke a rule of its annotation."""
+    context = refusal.get("ctx", {})
+    if context.get("le") == LARGEST or context.get("ge") == -LARGEST:
+        return f" within ±{LARGEST:g}"
+    if context.get("ge") == SMALLEST and value > 0.0:
+        return f", at least {SMALLEST:g}"
+    if context.get("le") == MOST:
+        return f" and of at most {MOST}"
+    return f" within ±{WIDEST}" if context.get("le") == WIDEST or context.get("ge") == -WIDEST else ""
 
 
 def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
@@ -226,9 +327,11 @@ def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
     return path, hint, unit
 
 
-@functools.cache
-def _hints(kind: type) -> dict[str, Any]:
+def _hints_of(kind: type) -> dict[str, Any]:
     return typing.get_type_hints(kind, include_extras=True)
+
+
+_hints = functools.cache(_hints_of)
 
 
 def _class_of(hint: Any) -> Any:
@@ -261,7 +364,8 @@ def _unit(hint: Any) -> str:
     return next(filter(None, map(_unit, typing.get_args(inner))), "")
 
 
-def _choices(hint: Any) -> list[str]:
+def choices_of(hint: Any) -> list[str]:
+    """Return the texts that an annotation gives to choose from; empty without any."""
     return [
         choice
         for h in _alternatives(hint)
@@ -283,10 +387,14 @@ def rule_of(hint: Any) -> str:
     """
     inner, metadata = _split(hint)
     origin, args = typing.get_origin(inner), typing.get_args(inner)
+    if inner == ArrayLike or origin is np.ndarray:
+        return "finite numbers"
     if origin in (typing.Union, types.UnionType):
         text = " or ".join(rule_of(arg) for arg in args)
     elif origin is Literal:
         text = " or ".join(repr(arg) for arg in args)
+    elif origin in (Mapping, dict):
+        text = f"a mapping of {rule_of(args[0])} to {rule_of(args[1])}"
     elif origin is tuple and len(args) == 2 and args[1] is ...:
         text = f"a list, each item {rule_of(args[0])}"
     elif origin is tuple:
@@ -296,12 +404,17 @@ def rule_of(hint: Any) -> str:
         )
     else:
         text = NAMES.get(inner, getattr(inner, "__name__", str(inner)))
-    parts = [part for item in metadata for part in (item.metadata if isinstance(item, FieldInfo) else [item])]
+    parts = _constraints(metadata)
     if any(getattr(part, "allow_inf_nan", False) for part in parts):
         text = text.replace("a finite number", "a number")
-    limits = dict(bound for part in parts for bound in _bounds(part))
+    limits = {name: bound for part in parts for name, bound in _bounds(part) if bound != MOST}
     words = [words.format(limits[name]) for name, words in BOUNDS if name in limits]
     return f"{text} {' and '.join(words)}" if words else text
+
+
+def _constraints(metadata: Sequence[Any]) -> list[Any]:
+    """The constraints in the metadata of an annotation."""
+    return [part for item in metadata for part in (item.metadata if isinstance(item, FieldInfo) else [item])]
 
 
 def _bounds(constraint: Any) -> list[tuple[str, float]]:
@@ -336,4 +449,4 @@ def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
         name: Name of the field.
     """
     hint = _hints(kind)[name]
-    return _unit(hint), _choices(hint)
+    return _unit(hint), choices_of(hint)

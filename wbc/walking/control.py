@@ -18,6 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.control import Mode, PositionControl, SafetySettings, TorqueControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
@@ -93,6 +94,7 @@ class WalkingControl:
         time: Time since the start, s.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

@@ -17,6 +17,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Positive, Share, settings
@@ -119,6 +120,7 @@ class Walk:
         omega: Natural frequency of the pendulum, 1/s.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

@@ -143,7 +143,10 @@ def show(
     study: StudyName, /, *, part: Flat[PartOptions] = PartOptions(), output: OutputOptions = Output()
 ) -> Report:
     """Print a study as JSON, to be changed and run."""
-    data = part.part(study).to_json()
+    chosen = part.part(study)
+    for _ in chosen.trials():
+        pass  # what cannot be run is refused, as `run` refuses it
+    data = chosen.to_json()
     return output.report(data, json.dumps(data, indent=2))
 
 

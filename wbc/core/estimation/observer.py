@@ -20,6 +20,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.lag import lag_gain
@@ -69,6 +70,7 @@ class Observer:
             zero if they turn differently, as on stones, or if one carries everything.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

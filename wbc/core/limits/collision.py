@@ -12,6 +12,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, non_negative, positive
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
@@ -88,6 +89,7 @@ class SelfCollisionLimit(RowLimit):
     for links that come within `influence` at no more than the speed allowed there.
     """
 
+    @checked
     def __init__(
         self,
         pairs: Iterable[tuple[str, str]],

@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative, positive, scalar
 from wbc.core.robot import Robot
 
@@ -81,6 +82,7 @@ def _joint_bound(what: str, value: ArrayLike, na: int) -> Array:
 class JointLimits:
     """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
 
+    @checked
     def __init__(
         self,
         *,
@@ -190,6 +192,7 @@ class JointLimits:
 class TorqueLimits:
     """Bounds of the joint torques, and of how fast they change."""
 
+    @checked
     def __init__(self, *, ratio: float = 1.0, rate: ArrayLike | None = None) -> None:
         """Choose the bounds.
 

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, check_options, finite_array, non_negative, positive
 from wbc.core.robot import Robot
 
@@ -291,6 +292,7 @@ class SoleContact(Contact):
 
     dim = 6
 
+    @checked
     def __init__(
         self,
         sole: str,
@@ -364,6 +366,7 @@ class PointContact(Contact):
 
     dim = 3
 
+    @checked
     def __init__(
         self,
         frame: str,

@@ -11,6 +11,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, positive
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
@@ -36,6 +37,7 @@ class Controller:
         model_time: Wall time of the last model update, s; reported in the timings of the next solution.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.errors import Array, InputError, finite_array, shown
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -90,6 +90,10 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         """
         if dim < 1:
             raise InputError(f"task '{name}' must have at least one row, got {dim}")
+        if not isinstance(name, str):
+            raise InputError(f"the name of a task must be text, got {shown(name)}")
+        if not isinstance(hard, (bool, np.bool_)):
+            raise InputError(f"hard of task '{name}' must be true or false, got {shown(hard)}")
         self.name = name
         self.hard = bool(hard)
         self._dim = int(dim)

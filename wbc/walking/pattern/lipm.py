@@ -19,10 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.errors import Array, positive
+from wbc.core.arguments import checked_on_failure
+from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
 
 
+@checked_on_failure
 def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> float:
     """Return ω = √((g + c̈_z) / h), 1/s.
 
@@ -44,6 +46,7 @@ def dcm(com: Array, com_velocity: Array, omega: float) -> Array:
     return com + com_velocity / omega
 
 
+@checked_on_failure
 def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) -> Array:
     """Return the point of the ground to step on to come to rest: the DCM, put on the ground.
 
@@ -96,6 +99,7 @@ class Pendulum(NamedTuple):
         Raises:
             InputError: A CoM that is not above the ground.
         """
+        com = finite_array("com (m)", com, (3,))
         omega = natural_frequency(com[2] - ground)
         zero = np.zeros(3)
         return Pendulum(np.array(com), zero, zero, np.array([com[0], com[1], ground]), zero, omega)

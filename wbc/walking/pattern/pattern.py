@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
@@ -59,6 +60,7 @@ class Pattern:
         height: Height of the CoM over the support, m.
     """
 
+    @checked
     def __init__(
         self,
         times: Array,
@@ -162,6 +164,7 @@ def height_profile(supports: Sequence[SupportPhase], height: float, start: Pendu
     )
 
 
+@checked
 def analytic_pattern(
     supports: Sequence[SupportPhase],
     height: float,

@@ -26,6 +26,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
@@ -74,6 +75,7 @@ class PreviewController:
             too small for it.
     """
 
+    @checked
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
         """Set up the QP.
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.footsteps import Footstep
@@ -84,6 +85,7 @@ class SwingFoot:
         landing: Planned landing.
     """
 
+    @checked
     def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
         """Plan from a foot at rest.
 

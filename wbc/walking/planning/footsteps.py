@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import check_fields
 from wbc.core.errors import Array, InputError, choose, finite_scalar
 from wbc.core.robot import Robot
 from wbc.walking.planning.gait import Gait
@@ -107,9 +108,10 @@ class FootstepPlan:
     gait: Gait
 
     def __post_init__(self) -> None:
+        check_fields(self)
+        object.__setattr__(self, "steps", tuple(self.steps))
         if self.left.side != "left" or self.right.side != "right":
             raise InputError("left and right of a plan must be footsteps of those sides")
-        object.__setattr__(self, "steps", tuple(self.steps))
         for i, (a, b) in enumerate(zip(self.steps, self.steps[1:], strict=False)):
             if a.side == b.side:
                 raise InputError(

@@ -13,6 +13,7 @@ import enum
 from collections.abc import Sequence
 from typing import Annotated
 
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
@@ -86,6 +87,7 @@ class WalkPhases:
         completed: Single supports that have ended with a foot on the ground.
     """
 
+    @checked
     def __init__(self, plan: FootstepPlan, weight: float, settings: PhaseSettings | None = None) -> None:
         """Stand at the start of a plan.
 

@@ -9,13 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, choose, finite_scalar, positive
+from wbc.core.arguments import checked
+from wbc.core.errors import InputError, choose, finite_array, finite_scalar, positive
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
 
 MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
 
 
+@checked
 def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") -> FootstepPlan:
     """Walk straight on with equal steps and close up at the end.
 
@@ -35,6 +37,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
 
+@checked
 def walk_velocity(
     start: FootstepPlan, velocity: Sequence[float], steps: int, *, first: str | None = None
 ) -> FootstepPlan:
@@ -70,6 +73,7 @@ def walk_velocity(
     )
 
 
+@checked
 def turn_in_place(start: FootstepPlan, angle: float, *, per_step: float = 0.25) -> FootstepPlan:
     """Turn on the spot.
 
@@ -93,6 +97,7 @@ def turn_in_place(start: FootstepPlan, angle: float, *, per_step: float = 0.25) 
     )
 
 
+@checked
 def walk_path(
     start: FootstepPlan,
     moves: Iterable[tuple[float, float, float]],
@@ -116,7 +121,8 @@ def walk_path(
     middle = _middle(start.left, start.right)
     steps = []
     side = first
-    for dx, dy, turn in moves:
+    for move in moves:
+        dx, dy, turn = finite_array("a move (m, m, rad)", move, (3,)).tolist()
         share = 1.0 if leader is None else (2.0 if side == leader else 0.0)
         middle = middle * _planar(dx, share * dy, share * turn)
         steps.append(_beside(middle, side, half))
@@ -126,6 +132,7 @@ def walk_path(
     return replace(start, steps=tuple(steps))
 
 
+@checked
 def climb_stairs(
     start: FootstepPlan,
     *,

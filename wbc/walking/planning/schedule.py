@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.settings import settings
@@ -44,6 +45,7 @@ class SupportPhase:
         return len(self.feet) == 1
 
 
+@checked
 def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     """Return the supports of a whole plan, from standing to standing."""
     gait, count = plan.gait, len(plan)

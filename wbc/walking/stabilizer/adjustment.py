@@ -25,6 +25,7 @@ from typing import Annotated
 
 import numpy as np
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
@@ -98,6 +99,7 @@ class StepAdjuster:
         settings: Costs and limits.
     """
 
+    @checked
     def __init__(
         self, omega: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None
     ) -> None:

@@ -21,6 +21,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -61,6 +62,7 @@ class BiasEstimator:
         settings: Noise levels and limits.
     """
 
+    @checked
     def __init__(self, settings: BiasSettings | None = None) -> None:
         self.settings = settings or BiasSettings()
         self._dcm = self._bias = self._zmp = 0j

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, finite_array, positive
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
@@ -65,6 +66,7 @@ class Stabilizer:
         feet: Admittances of the feet; reset a foot when it leaves or meets the ground.
     """
 
+    @checked
     def __init__(
         self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
     ) -> None:

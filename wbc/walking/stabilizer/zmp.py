@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, WbcError
 from wbc.core.vectors import add_cross, turned
 
@@ -18,6 +19,7 @@ class NoContactForceError(WbcError):
     """A normal force too small to have a centre of pressure."""
 
 
+@checked_on_failure
 def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
     """Return the centre of pressure of a contact in its sole plane.
 
@@ -39,6 +41,7 @@ def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
     return np.array([-wrench[4] / force, wrench[3] / force])
 
 
+@checked_on_failure
 def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
     """Return the zero-tilting moment point of a wrench in a plane.
 
@@ -97,6 +100,7 @@ def level_zmp(wrench: Array, point: Array) -> Array:
     return np.array((x - my / fz, y + mx / fz, z))
 
 
+@checked_on_failure
 def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
     """Return the sum of contact wrenches at the world origin in world axes.
 

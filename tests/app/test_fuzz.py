@@ -1,0 +1,138 @@
+"""Hostile input, everywhere: a result, or one line that names value and rule; never a traceback, silence or a hang.
+
+The cases are those of `tests/support/fuzzing.py`: every option of every command with hostile words, every parameter of
+every public constructor and function with hostile values, one at a time. A seeded sample runs by default.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import fuzzing
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import wbc
+from wbc.app.cli import BAD_INPUT, main
+from wbc.core.errors import InputError, ModelError, WbcError
+from wbc.core.settings import LARGEST, from_json
+from wbc.feet import foot
+from wbc.sim import (
+    BalanceGains,
+    GroundContact,
+    PhysicsSettings,
+    StandSpec,
+    WalkSpec,
+    make_terrain,
+    read_journal,
+)
+from wbc.sim.studies.journal import Entry
+from wbc.walking import Gait, StabilizerGains
+
+
+@pytest.mark.parametrize(("kind", "size"), [("commands", 25), ("api", 60)])
+def test_a_sample_of_hostile_input_ends_in_a_result_or_a_refusal(kind: str, size: int) -> None:
+    sample = np.random.default_rng(7).choice(fuzzing.LEAST[kind], size=size, replace=False)
+    ran, failures = fuzzing.fuzz(kind, sorted(sample.tolist()))
+    assert ran == size and not failures, failures
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["commands", "api"])
+def test_all_hostile_input_ends_in_a_result_or_a_refusal(kind: str) -> None:
+    ran, failures = fuzzing.fuzz(kind, range(10**6))
+    assert ran >= fuzzing.LEAST[kind] and not failures, failures
+
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=40, deadline=5000, derandomize=True)
+@given(st.data())
+@pytest.mark.parametrize(
+    "kind", [Gait, StabilizerGains, BalanceGains, PhysicsSettings, GroundContact, WalkSpec]
+)
+def test_settings_of_any_values_are_made_or_refused(kind: type[Any], data: st.DataObject) -> None:
+    names = st.sampled_from(sorted(kind.__dataclass_fields__)) | st.text(max_size=5)
+    values = data.draw(st.dictionaries(names, PLAIN, max_size=3))
+    for make in (lambda: kind(**values), lambda: from_json(kind, values)):
+        try:
+            made = make()
+        except WbcError as error:
+            assert "\n" not in str(error) and len(str(error)) < 1500
+        else:
+            assert isinstance(made, kind)
+
+
+def chain(*joints: str, inertial: str = "") -> str:
+    links = "".join(f'<link name="{name}">{inertial}</link>' for name in "abc")
+    return f'<robot name="r">{links}{"".join(joints)}</robot>'
+
+
+def fixed(name: str, parent: str, child: str) -> str:
+    return f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+LEGS = (fixed("1", "a", "b"), fixed("2", "a", "c"))
+INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+SOLES = {"left_sole": "b", "right_sole": "c"}
+
+
+@pytest.mark.parametrize(
+    ("urdf", "message"),
+    [
+        (None, "URDF must be|source must be"),
+        (b"\xff", "URDF must be|source must be"),
+        ("/", "no URDF file"),
+        ("a\0b", "no URDF file"),
+        (chain(fixed("1", "b", "c"), fixed("2", "c", "b")), "circle"),
+        (
+            chain(*LEGS, inertial=f'<inertial><origin xyz="0 nan 0"/><mass value="1"/>{INERTIA}</inertial>'),
+            "inertial origin must be three numbers",
+        ),
+        (chain(*LEGS, inertial=f'<inertial><mass value="1e300"/>{INERTIA}</inertial>'), "at most 1e"),
+    ],
+)
+def test_a_urdf_that_cannot_be_used_is_refused(urdf: Any, message: str) -> None:
+    with pytest.raises((InputError, ModelError), match=message):
+        wbc.RobotDescription.from_urdf(urdf, **SOLES)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: StandSpec(seconds=1e-3),
+        lambda: StandSpec(timestep=1e-300),
+        lambda: BalanceGains(com_weight=10 * LARGEST),
+        lambda: make_terrain("stones", 1e9),
+        lambda: make_terrain("stones", length=1e9),
+        lambda: make_terrain("stones", rendering="height_field", resolution=1e-300),
+        lambda: foot("soft", phalanges=10**9),
+    ],
+)
+def test_sizes_have_limits(make: Any) -> None:
+    with pytest.raises(InputError):
+        make()
+
+
+def test_a_line_that_is_nested_deeply_does_not_spoil_a_journal(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    entry = Entry({"kind": "walk"}, "done", {}, {}, None, {})
+    path.write_bytes(b"[" * 100_000 + b"\n" + entry.line())
+    assert list(read_journal(path)) == [entry.key]
+
+
+def test_show_refuses_what_run_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "study.json"
+    study = {"name": "s", "cells": {"a": {"robot": "nobody"}}, "arms": {"b": {}}, "seeds": [1]}
+    path.write_text(json.dumps(study))
+    assert main(["study", "show", str(path)]) == BAD_INPUT
+    assert "nobody" in capsys.readouterr().err
