@@ -11,7 +11,7 @@ from wbc.core.errors import InputError, finite_scalar
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive, settings
 
-SHORTEST_STEP = 1e-5
+SHORTEST_STEP = 1e-6
 """Shortest physics step, s: a hundredth of the reference; a second of simulation then takes minutes."""
 
 LONGEST_PERIOD = 1.0

@@ -36,7 +36,7 @@ CELLS_PER_FEATURE = 3
 MAX_NODES = 20_000_000
 """Largest height field, nodes: 80 MB in single precision."""
 
-MAX_SOLIDS = 100_000
+MAX_SOLIDS = 50_000_000
 """Largest number of features of a ground of solids: each is a geometry of the simulation."""
 
 LARGEST_AMPLITUDE = 100.0

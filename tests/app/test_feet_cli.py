@@ -85,9 +85,12 @@ BAD: dict[str, tuple[str, str]] = {
     "unknown robot": ("feet --robot talso", "did you mean 'talos'"),
     "negative amplitude": (
         "foot press --terrain stones --amplitude -0.01",
-        "amplitude (m) must be a finite number of at least 0, got -0.01",
+        "amplitude (m) must be a finite number of at least 0 and of at most 100, got -0.01",
     ),
-    "negative amplitude of a terrain": ("terrain stones --amplitude -0.01", "number of at least 0, got -0.01"),
+    "negative amplitude of a terrain": (
+        "terrain stones --amplitude -0.01",
+        "number of at least 0 and of at most 100, got -0.01",
+    ),
     "amplitude of a study": ("foot stability --amplitude -0.01", "amplitude (m) must be a finite number of at least 0"),
     "amplitude beyond the family": ("terrain small_stones --amplitude 0.2", "must be at most 0.025 m"),
     "unknown family": ("terrain stone", "did you mean 'stones'"),

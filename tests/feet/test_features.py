@@ -152,7 +152,7 @@ def test_bad_input_is_refused(values: np.ndarray) -> None:
         (np.ones((5, 10)), {}, "nothing changes over the 5 profiles"),
         (values, {"bound": 0.5}, "condition number"),
         (values, {"scaling": "standart"}, "did you mean 'standard'"),
-        (values, {"method": "lasso"}, "matrix to pivot"),
+        (values, {"method": "lasso"}, "no method 'lasso'; choices: matrix, subspace"),
     ):
         with pytest.raises(InputError, match=message):
             select_features(bad, **options)  # type: ignore[arg-type]

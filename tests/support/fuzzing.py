@@ -97,7 +97,7 @@ STUBS = (
     "wbc.app.commands.bench:bench_solver",
     "wbc.app.commands.bench:bench_physics",
     "wbc.app.commands.bench:bench_walk",
-    "wbc.app.commands.study:sweep",
+    "wbc.app.commands.study_run:sweep",
     "wbc.app.commands.study_stiffness:run_trials",
     "wbc.app.commands.terrain:plot_families",
     "wbc.app.bench.terrain:terrain_cost",

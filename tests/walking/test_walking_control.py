@@ -36,7 +36,8 @@ def sensors(
         force = share * robot.mass * GRAVITY
         wrench[foot, 2:5] = force, cop[1] * force, -cop[0] * force
     up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
-    return Measurement(tick * DT, q[7:].copy(), np.zeros(robot.na), np.zeros(3), up, wrench)
+    noise = np.full(3, 1e-9 * np.sin(tick))  # sensors that never change are refused
+    return Measurement(tick * DT, q[7:].copy(), np.zeros(robot.na), noise, up, wrench)
 
 
 @pytest.mark.parametrize(("depth", "reason"), [(0.03, None), (0.07, FallReason.HEIGHT)])

@@ -41,7 +41,8 @@ class PlausibilitySettings:
         force_ratio: A sole's force is refused above this multiple of the robot's weight; its moment above that force
             times the length of the sole.
         hold: Time for which a refused signal is replaced by a prediction before the tick fails.
-        frozen_after: Number of identical measurements in a row after which ticks fail.
+        frozen_after: Number of identical measurements in a row after which ticks fail, if the clock stands still or as
+            many measurements in a row had changed before.
         max_gap: Largest step of the time stamp, in control periods.
         resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted.
     """
@@ -120,7 +121,7 @@ class Plausibility:
         self._values: Array | None = None
         self._time, self._other_time = math.nan, math.nan
         self._consistent = 0.0
-        self._identical = 0
+        self._identical, self._changes, self._changed_at = 0, 0, math.nan
         self._lasting = np.zeros(len(self._channels))
 
     def check(self, measurement: Measurement) -> tuple[Measurement, bool]:
@@ -150,9 +151,9 @@ class Plausibility:
         renewed = self._check_time(m.time)
         last = self._values
         if last is not None and values[0] == last[0] and values[2 * self._na] == last[2 * self._na]:
-            self._check_frozen(values, last)
+            self._check_frozen(values, last, m.time)
         else:
-            self._identical = 0
+            self._count_change(m.time)
         distance = np.abs(values - self._middle)
         good = bool((distance <= self._bound).all())
         if good and last is not None:
@@ -228,11 +229,21 @@ class Plausibility:
             f"time stamp {time:.4f} s does not follow {self._time:.4f} s: steps must lie in [0, {largest:g}] s"
         )
 
-    def _check_frozen(self, values: Array, last: Array) -> None:
-        self._identical = self._identical + 1 if np.array_equal(values, last) else 0
-        if self._identical >= self.settings.frozen_after:
+    def _check_frozen(self, values: Array, last: Array, time: float) -> None:
+        if not np.array_equal(values, last):
+            self._count_change(time)
+            return
+        self._identical += 1
+        # Perfect sensors of a robot at rest may repeat themselves; those that have always changed do not.
+        alive = self._changes >= self.settings.frozen_after or time == self._changed_at
+        if alive and self._identical >= self.settings.frozen_after:
             self.faults = ("the same measurement again",)
             raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
+
+    def _count_change(self, time: float) -> None:
+        """Count measurements in a row that differ from the one before."""
+        self._changes = 1 if self._identical else self._changes + 1
+        self._identical, self._changed_at = 0, time
 
     def _repair(self, m: Measurement, values: Array, distance: Array) -> Measurement:
         """Replace impossible readings by predictions, or give up if they last."""
