@@ -31,7 +31,7 @@ def plant() -> Plant:
         ({"terrain": "stone"}, UnknownNameError, "stones"),
         ({"noise": "realistik"}, UnknownNameError, "realistic"),
         ({"interpolation": "linaer"}, UnknownNameError, "linear"),
-        ({"timestep": 0.0}, InputError, "1e-05"),
+        ({"timestep": 0.0}, InputError, r"timestep \(s\) must lie in \[1e-06, 1\], got 0"),
         ({"timestep": float("nan")}, InputError, "finite"),
         ({"control_period": -0.005}, InputError, "control period"),
         ({"control_period": 0.0025}, InputError, "whole multiple"),
