@@ -37,7 +37,7 @@ SLOWEST = 120.0
 """Time after which the tests hang, s: that is noticed, too."""
 
 OUTPUT = "output.txt"
-"""What the last tests printed, in the copy of the tree."""
+"""Output of the last tests, in the copy of the tree."""
 
 PRELOADED = ("numpy", "pinocchio", "coal", "proxsuite", "mujoco", "scipy.signal", "pydantic")
 

@@ -234,7 +234,7 @@ def test_full_disk_ends_the_log_and_not_the_run(
 
 
 def test_full_disk_at_any_moment_leaves_the_old_log(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Whether it is full at the first byte, in the header, in a batch or in the last bytes of the file."""
+    """Full at the first byte, in the header, in a batch or in the last bytes of the file."""
     path = tmp_path / "log.arrow"
     write(path, ROWS + 30).close()
     old = path.read_bytes()

@@ -1,4 +1,4 @@
-"""What goes between run and pages is whole, and nobody makes it grow."""
+"""Messages between a run and its pages arrive whole, and no page makes the server grow."""
 
 from __future__ import annotations
 

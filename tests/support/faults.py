@@ -125,7 +125,7 @@ def faults() -> dict[str, tuple[Fault, bool]]:
 
 @dataclass
 class Report:
-    """What a run with a fault came to.
+    """Outcome of a run with a fault.
 
     Attributes:
         raised: Text of the first exception out of `command`, None if none came.

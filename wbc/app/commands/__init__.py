@@ -34,7 +34,7 @@ COMMANDS = {
     "study list": "wbc.app.commands.study:list_studies",
     "study show": "wbc.app.commands.study:show",
     "study run": "wbc.app.commands.study_run:run",
-    "study rerun": "wbc.app.commands.study_rerun:rerun",
+    "study rerun": "wbc.app.commands.study_run:rerun",
     "study table": "wbc.app.commands.study:table",
     "study plot": "wbc.app.commands.study:plot",
     "study export": "wbc.app.commands.study:export",

@@ -1,11 +1,15 @@
-"""`wbc study run`: the trials of a study, run and written to a journal."""
+"""`wbc study run` and `wbc study rerun`: the trials of a study, or one of them once more."""
 
 from __future__ import annotations
 
+import json
+import shlex
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+from cyclopts import Parameter
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -15,13 +19,127 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from wbc.app.commands.study import PartOptions, StudyName
-from wbc.app.commands.study_rerun import rerun_text, reruns
+from wbc.app.commands.study import JournalOptions, PartOptions, StudyName
+from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.core.errors import InputError, unknown_name
+from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
-from wbc.sim.studies.journal import Journal, Sync, check_journal_path, read_journal
-from wbc.sim.studies.study import Study
+from wbc.sim.studies.journal import Entry, Journal, Sync, canonical, check_journal_path, read_journal
+from wbc.sim.studies.provenance import differences
+from wbc.sim.studies.study import Study, study_entries
 from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
+from wbc.sim.studies.trials import run_trial, trial_from_json
+
+KEY_LENGTH = 12
+"""Digits of a key that are printed: two of 10,000 trials agree in them with a probability of 2e-7."""
+
+PRINTED = 5
+"""Number of commands that are printed in a text; JSON has all."""
+
+
+@settings(kw_only=True)
+class RerunOptions(JournalOptions):
+    """Trial of a journal.
+
+    Attributes:
+        key: Key of the trial, or the beginning of it.
+        timeout: Wall time that the trial may take, s; unlimited when not given.
+        out: File to write the spec to before the trial runs (.json), for `wbc walk --spec`.
+    """
+
+    key: str
+    timeout: Annotated[Positive, "s"] | None = None
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+
+
+@reports
+def rerun(*, options: Flat[RerunOptions], output: OutputOptions = Output()) -> Report:
+    """Run one trial of a journal again, in this process; the journal is only read.
+
+    For trials that diverged, crashed or took too long: `wbc study run` prints the command.
+    """
+    target = None
+    if options.out is not None:
+        target = check_target("a spec", options.out, (".json",), [options.journal])
+    entry = entry_by_key(options.entries(), options.key)
+    spec = trial_from_json(entry.spec)
+    if target is not None:
+        write_text(target, json.dumps(entry.spec, indent=2) + "\n")
+    outcome = run_trial(spec, options.timeout)
+    same = outcome.status == entry.status and canonical(outcome.result) == canonical(entry.result)
+    other = differences(entry.version)
+    facts = {
+        "key": entry.key,
+        "journal": {"status": entry.status, "error": entry.error, "differences": other},
+        "status": outcome.status,
+        "error": outcome.error,
+        "result": outcome.result,
+        "clock": outcome.clock,
+        "same": same,
+        "spec": entry.spec,
+    }
+    lines = [
+        f"{spec.kind} {entry.key}: {outcome.status}, {'the same' if same else 'not the same'} as in the journal "
+        f"({entry.status})"
+    ]
+    if other:
+        lines.append(f"  the journal's is of another version of the code: {', '.join(other)}")
+    lines += [f"  {line}" for line in (outcome.error or "").splitlines()]
+    lines += [f"  {name:<12} {value}" for name, value in (outcome.result or {}).items() if _short(value)]
+    return output.report(facts, "\n".join(lines))
+
+
+def entry_by_key(entries: Mapping[str, Entry], key: str) -> Entry:
+    """Return the entry whose key begins with a text.
+
+    Raises:
+        UnknownNameError: There is none.
+        InputError: There are several.
+    """
+    found = [entry for name, entry in entries.items() if key and name.startswith(key)]
+    if not found:
+        unknown_name("key of the journal", key, entries)
+    if len(found) > 1:
+        raise InputError(f"{len(found)} keys of the journal begin with '{key}'; give more of it")
+    return found[0]
+
+
+def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[dict[str, Any]]:
+    """Return the trials of a study that have ended without a result, each with the command that runs it again.
+
+    Args:
+        study: The study.
+        entries: Entries of its journal, by key.
+        journal: The journal.
+    """
+    return [
+        {
+            "cell": trial.cell,
+            "arm": trial.arm,
+            "seed": trial.seed,
+            "status": entry.status,
+            "error": entry.error,
+            "command": f"wbc study rerun --journal {shlex.quote(str(journal))} --key {entry.key[:KEY_LENGTH]}",
+        }
+        for trial, entry in study_entries(study, entries, any_code=True)
+        if entry is not None and entry.status != "done"
+    ]
+
+
+def rerun_text(found: list[dict[str, Any]]) -> str:
+    """Return the commands as text, each on a line of its own with the trial in a comment."""
+    lines = [
+        f"\n  {one['command']}  # {one['status']}: {one['cell']}, {one['arm']}, seed {one['seed']}"
+        for one in found[:PRINTED]
+    ]
+    if len(found) > PRINTED:
+        lines.append(f"\n  and {len(found) - PRINTED} more, which --json names")
+    return "".join(lines)
+
+
+def _short(value: Any) -> bool:
+    return isinstance(value, (bool, int, float, str))
 
 
 @settings(kw_only=True)
