@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import wbc
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
+from wbc.core.gate import CommandGate
 from wbc.robots import load
 
 QUICK = (
@@ -169,3 +170,21 @@ def test_an_encoder_is_predicted_over_a_gap_while_the_joint_moves() -> None:
         )
         assert used.joint_position[3] == pytest.approx(truth, abs=1e-9)
     assert plausibility.refused == 5 and not plausibility.faults
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e200, math.inf, math.nan])
+def test_the_gate_lets_nothing_beyond_the_limits_out(size: float) -> None:
+    robot, rng = load("hrp4_class").robot(), np.random.default_rng(0)
+    gate, last = CommandGate(robot, 0.005), np.array(robot.q[7:])
+    for _ in range(20):
+        torque, position, velocity = (size * rng.normal(size=robot.na) for _ in range(3))
+        command = gate.pass_on(torque * robot.torque_limit, position, velocity)
+        assert command.joint_position is not None and command.joint_velocity is not None
+        assert (np.abs(command.joint_torque) <= robot.torque_limit).all()
+        assert (np.abs(command.joint_velocity) <= 2.0 * robot.velocity_limit).all()
+        assert (command.joint_position >= robot.position_lower).all()
+        assert (command.joint_position <= robot.position_upper).all()
+        step = np.abs(command.joint_position - last)
+        assert (step <= 2.0 * robot.velocity_limit * 0.005 + 1e-12).all()
+        last = command.joint_position
+    assert gate.clipped == 20 and gate.faults
