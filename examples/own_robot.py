@@ -15,7 +15,6 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim import balance_controller
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -34,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     print(description.report())
 
     plant = wbc.Plant(description)
-    controller = balance_controller(description.robot(), plant.control_period)
+    controller = wbc.balance_controller(description.robot(), plant.control_period)
     control = wbc.PositionControl(controller)
     start = plant.truth().com
     with options.watch(plant) as view:

@@ -14,7 +14,6 @@ import pinocchio as pin
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim import balance_controller
 from wbc.tasks import MotionTask
 
 
@@ -54,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     description = wbc.load_robot("hrp4_class")
     plant = wbc.Plant(description)
     robot = description.robot()
-    controller = balance_controller(robot, plant.control_period)
+    controller = wbc.balance_controller(robot, plant.control_period)
     control = wbc.PositionControl(controller)
 
     com = controller.task("com")

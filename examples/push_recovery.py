@@ -13,7 +13,6 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim import balance_controller
 
 IMPULSE = 0.15
 """Impulse of the push per mass, Ns/kg: the change of the velocity of the centre of mass, m/s."""
@@ -30,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     description = wbc.load_robot("hrp4_class")
     torque = options.mode == "torque"
     plant = wbc.Plant(description, control_period=0.002 if torque else 0.005)
-    controller = balance_controller(description.robot(), plant.control_period)
+    controller = wbc.balance_controller(description.robot(), plant.control_period)
     control = wbc.TorqueControl(controller) if torque else wbc.PositionControl(controller)
 
     start = plant.truth().com

@@ -13,7 +13,6 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim import balance_controller
 
 REACH = np.array([0.30, -0.05, 0.25])
 """Vector from the hand's initial position to the point, m: forward, inward, up."""
@@ -28,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     description = wbc.load_robot("hrp4_class")
     plant = wbc.Plant(description)
     robot = description.robot()
-    controller = balance_controller(robot, plant.control_period)
+    controller = wbc.balance_controller(robot, plant.control_period)
     control = wbc.PositionControl(controller)
 
     controller.task("posture").weight = 1e-3  # the arm's posture gives way to the hand

@@ -13,7 +13,6 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.sim import balance_controller
 
 DEPTH, PERIOD = 0.12, 4.0
 """Amplitude of the centre of mass, m, and duration of down and up together, s."""
@@ -24,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     options = parse(__doc__, arguments, seconds=8.0)
     description = wbc.load_robot("hrp4_class")
     plant = wbc.Plant(description)
-    controller = balance_controller(description.robot(), plant.control_period)
+    controller = wbc.balance_controller(description.robot(), plant.control_period)
     control = wbc.PositionControl(controller)
 
     controller.task("posture").weight = 1e-3  # it gives way to the centre of mass

@@ -4,14 +4,12 @@ A new experiment goes to a room of its own beside `balance` and `walks`: spec, r
 """
 
 from wbc.sim.balance import (
-    BalanceGains,
     PushResult,
     PushTableSpec,
     StandPushSpec,
     StandResult,
     StandSpec,
     StandTrial,
-    balance_controller,
     largest_push,
     push_standing,
     push_table,
@@ -104,14 +102,12 @@ __all__ = [
     "SensorNoise",
     "SignalNoise",
     # Balance: standing and push recovery
-    "BalanceGains",
     "PushResult",
     "PushTableSpec",
     "StandPushSpec",
     "StandResult",
     "StandSpec",
     "StandTrial",
-    "balance_controller",
     "largest_push",
     "push_standing",
     "push_table",

@@ -1,9 +1,11 @@
 """Tasks of the controller, each a plain object whose target is an attribute, and the stiffness scheduler of soles.
 
 A new motion task is a file in `motion/`, a new force task a file in `force/`, each with a line here and a test.
+`balance` has the tasks of a robot that stands.
 """
 
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
+from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.tasks.force.admittance import AdmittanceTask, DampingTask
 from wbc.tasks.force.compliance import ComplianceTask
 from wbc.tasks.force.cop import CoPTask
@@ -31,6 +33,9 @@ from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 __all__ = [
+    # Controller of a standing robot
+    "BalanceGains",
+    "balance_controller",
     # Motion tasks
     "CoMTask",
     "PositionTask",

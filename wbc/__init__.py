@@ -22,6 +22,7 @@ from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.robots import load as load_robot
+from wbc.tasks.balance import balance_controller
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.posture import PostureTask
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from wbc.core.conventions import velocity_from_mujoco, velocity_to_mujoco
     from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
     from wbc.core.limits.com_polygon import CoMPolygonLimit
-    from wbc.sim import Plant, WalkSpec, balance_controller, stand, walk
+    from wbc.sim import Plant, WalkSpec, stand, walk
     from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 __all__ = [
@@ -100,7 +101,6 @@ _LAZY = {
     "velocity_to_mujoco": "wbc.core.conventions",
     "Plant": "wbc.sim",
     "WalkSpec": "wbc.sim",
-    "balance_controller": "wbc.sim",
     "stand": "wbc.sim",
     "walk": "wbc.sim",
     "FootstepPlan": "wbc.walking",

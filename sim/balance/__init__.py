@@ -1,9 +1,8 @@
-"""Simulated standing: the balance controller, stands and push recovery.
+"""Simulated standing: stands and push recovery.
 
 A new kind of experiment on a standing robot goes here, as a module with its spec, its result and one function.
 """
 
-from wbc.sim.balance.controller import BalanceGains, balance_controller
 from wbc.sim.balance.push_recovery import (
     PushCell,
     PushResult,
@@ -17,9 +16,6 @@ from wbc.sim.balance.push_recovery import (
 from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial, centre_of_pressure, stand
 
 __all__ = [
-    # Controller
-    "BalanceGains",
-    "balance_controller",
     # Standing
     "StandResult",
     "StandSpec",

@@ -15,13 +15,13 @@ from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, Seed, settings
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
-from wbc.sim.balance.controller import BalanceGains, balance_controller
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
+from wbc.tasks.balance import BalanceGains, balance_controller
 
 Feedback = Literal["open", "closed"]
 

@@ -19,10 +19,10 @@ from wbc.core.control import FailurePolicy, PositionControl, TorqueControl
 from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
 from wbc.core.qp.solver import SolverSettings, Status
 from wbc.core.signals import Measurement
-from wbc.sim.balance.controller import BalanceGains, balance_controller
 from wbc.sim.balance.push_recovery import PushTableSpec, StandPushSpec
 from wbc.sim.balance.standing import StandSpec
 from wbc.tasks import AdmittanceTask, CoMTask, OrientationTask, PoseTask, PositionTask, PostureTask
+from wbc.tasks.balance import BalanceGains, balance_controller
 
 NAN, INF = float("nan"), float("inf")
 DT = 0.002

@@ -17,8 +17,8 @@ from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import BenchTickOptions, bench_tick, start_configuration
 from wbc.app.bench.walk import CASES, PARTS, BenchWalkOptions, bench_walk
 from wbc.robots import load, names
-from wbc.sim.balance.controller import balance_controller
 from wbc.tasks import PositionTask
+from wbc.tasks.balance import balance_controller
 
 
 @pytest.fixture(scope="module")

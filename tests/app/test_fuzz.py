@@ -22,7 +22,6 @@ from wbc.core.errors import InputError, ModelError, WbcError
 from wbc.core.settings import LARGEST, from_json
 from wbc.feet import foot
 from wbc.sim import (
-    BalanceGains,
     GroundContact,
     PhysicsSettings,
     StandSpec,
@@ -31,6 +30,7 @@ from wbc.sim import (
     read_journal,
 )
 from wbc.sim.studies.journal import Entry
+from wbc.tasks import BalanceGains
 from wbc.walking import Gait, StabilizerGains
 
 

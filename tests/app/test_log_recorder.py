@@ -19,8 +19,8 @@ from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot, foot_names
 from wbc.sim import PhysicsSettings, SensorNoise
-from wbc.sim.balance.controller import balance_controller
 from wbc.sim.terrain import terrain, terrain_families
+from wbc.tasks.balance import balance_controller
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.phases import Event
 from wbc.walking.stabilizer.admittance import FootCorrection

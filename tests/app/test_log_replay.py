@@ -36,7 +36,7 @@ from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.shapes import Surface
 from wbc.app.view import PortError
 from wbc.core.errors import InputError
-from wbc.sim.balance.controller import balance_controller
+from wbc.tasks.balance import balance_controller
 
 SIZE = (96, 72)
 

@@ -20,7 +20,7 @@ from wbc.app.log import Log, Recorder
 from wbc.app.log.stances import SIDES, corners, sole_sizes, stances, support_box, yaw_of
 from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.sim.balance.controller import balance_controller
+from wbc.tasks.balance import balance_controller
 from wbc.walking.planning.footsteps import Footstep
 
 

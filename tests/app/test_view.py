@@ -41,8 +41,8 @@ from wbc.app.view.channel import MAX_ANNOTATIONS, Channel
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
-from wbc.sim.balance.controller import balance_controller
 from wbc.sim.terrain import terrain
+from wbc.tasks.balance import balance_controller
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 Commands = list[dict[str, Any]]

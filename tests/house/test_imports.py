@@ -149,9 +149,7 @@ for name in ("core", "robots", "feet", "tasks", "walking"):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if not module.name.endswith("_mjcf"):
             importlib.import_module(module.name)
-controller = wbc.Controller(wbc.load_robot("hrp4_class").robot(), 0.005)
-controller.add(wbc.CoMTask(), wbc.PostureTask(), wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
-assert controller.solve().ok
+assert wbc.balance_controller(wbc.load_robot("hrp4_class").robot(), 0.005).solve().ok
 assert "mujoco" not in sys.modules, "something imported mujoco"
 assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "something imported a viewer"
 """

@@ -14,16 +14,30 @@ from wbc.core.errors import Array, MeasurementError
 class Measurement:
     """Sensor readings of one instant, without ground truth.
 
+    All of them belong to one instant, once a control period. Joints come in the order of `Robot.joint_names`, by name,
+    whatever the order of drives on a bus or of actuators in a simulator. Angles and torques are those of the joint,
+    behind the gear.
+
     Attributes:
-        time: Time stamp, s.
-        joint_position: Encoders, shape (na,), rad (or m), in the order of `Robot.joint_names`.
-        joint_velocity: Joint velocities from the drives, shape (na,), rad/s (or m/s).
-        angular_velocity: Gyroscope, in the IMU frame, shape (3,), rad/s.
-        specific_force: Accelerometer (acceleration minus gravity), in the IMU frame, shape (3,), m/s².
-        sole_wrench: Wrench of the ground on each sole, [force; moment] in the sole frame at the sole centre,
-            shape (number of soles, 6), N and Nm.
-        sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN without a hit.
+        time: Clock of the sensors when they were read, not of the arrival of the message, s; rises by the control
+            period from one measurement to the next, from any start.
+        joint_position: Encoders, shape (na,), rad (m for prismatic joints); positive about the axis of the joint in the
+            robot's model, zero where the model is at zero.
+        joint_velocity: Joint velocities from the drives, shape (na,), rad/s (or m/s); the derivative of
+            `joint_position`, same sign.
+        angular_velocity: Gyroscope, angular velocity of the IMU against the world, in the IMU frame
+            (`Robot.imu_frame`), shape (3,), rad/s.
+        specific_force: Accelerometer: acceleration minus gravity, in the IMU frame, shape (3,), m/s². At rest it is
+            9.81 m/s² upwards: (0, 0, +9.81) for an IMU that stands upright.
+        sole_wrench: Wrench of the ground on each sole, [force; moment] in the sole frame at the sole centre, left foot
+            first, shape (number of soles, 6), N and Nm. The normal force of a standing robot is positive, both
+            together its weight; zero in the air. The weight of the foot below the sensor may be missing.
+        sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN without a hit or without
+            a sensor.
         sole_stiffness: Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid sole.
+        joint_torque: Torque that each drive applies to its joint as measured or computed from its current, shape
+            (na,), Nm (or N); positive accelerates the joint in the direction of its positive velocity. None: not
+            measured.
     """
 
     time: float
@@ -34,6 +48,7 @@ class Measurement:
     sole_wrench: Array
     sole_range: Array = field(default_factory=lambda: np.full(2, np.nan))
     sole_stiffness: Array = field(default_factory=lambda: np.full(2, np.nan))
+    joint_torque: Array | None = None
 
     def check_finite(self) -> None:
         """Refuse a measurement with NaN or infinity in it.
@@ -64,12 +79,17 @@ class Command:
     """Command of the drives, valid until the next one.
 
     In position control `joint_position` and `joint_velocity` are references of the servos and `joint_torque` is
-    added to them as a feed-forward. In torque control `joint_position` is None and the servos are off.
+    added to them as a feed-forward: each drive applies kp (q_ref − q) + kd (q̇_ref − q̇) + τ, with the gains of
+    `RobotDescription.kp` and `kd`. In torque control `joint_position` is None and the servos are off. Order, signs and
+    units of joints are those of a `Measurement`. A command comes once a control period; a machine that gets none for
+    some periods must not hold the last one for ever.
 
     Attributes:
-        joint_torque: Torque (feed-forward), shape (na,), Nm (or N).
-        joint_position: Servo reference, shape (na,), rad (or m); None in torque control.
-        joint_velocity: Servo velocity reference, shape (na,), rad/s (or m/s); None in torque control.
+        joint_torque: Torque, or feed-forward of the servos, shape (na,), Nm (or N).
+        joint_position: Servo reference, to be reached at the next command, shape (na,), rad (or m); None in torque
+            control: kp and kd are zero.
+        joint_velocity: Servo velocity reference, shape (na,), rad/s (or m/s); None in torque control, and taken as zero
+            where a position reference comes without one.
         sole_stiffness: Commanded stiffness of each sole, shape (number of soles,), Nm/rad; None keeps the last one.
     """
 
