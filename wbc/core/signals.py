@@ -79,10 +79,10 @@ class Command:
     """Command of the drives, valid until the next one.
 
     In position control `joint_position` and `joint_velocity` are references of the servos and `joint_torque` is
-    added to them as a feed-forward: each drive applies kp (q_ref − q) + kd (q̇_ref − q̇) + τ, with the gains of
-    `RobotDescription.kp` and `kd`. In torque control `joint_position` is None and the servos are off. Order, signs and
-    units of joints are those of a `Measurement`. A command comes once a control period; a machine that gets none for
-    some periods must not hold the last one for ever.
+    added to them as a feed-forward: each drive applies kp (q_ref − q) + kd (q̇_ref − q̇) + τ, with the machine's own
+    gains unless the command brings others. In torque control `joint_position` is None and the servos are off. Order,
+    signs and units of joints are those of a `Measurement`. A command comes once a control period; a machine that gets
+    none for some periods must not hold the last one for ever.
 
     Attributes:
         joint_torque: Torque, or feed-forward of the servos, shape (na,), Nm (or N).
@@ -91,9 +91,15 @@ class Command:
         joint_velocity: Servo velocity reference, shape (na,), rad/s (or m/s); None in torque control, and taken as zero
             where a position reference comes without one.
         sole_stiffness: Commanded stiffness of each sole, shape (number of soles,), Nm/rad; None keeps the last one.
+        kp: Stiffness of each servo in this period, shape (na,), Nm/rad (or N/m); None: the machine's own, which are
+            `RobotDescription.kp` in the plant.
+        kd: Damping of each servo in this period, shape (na,), Nms/rad (or Ns/m); None: the machine's own,
+            `RobotDescription.kd`.
     """
 
     joint_torque: Array
     joint_position: Array | None = None
     joint_velocity: Array | None = None
     sole_stiffness: Array | None = None
+    kp: Array | None = None
+    kd: Array | None = None
