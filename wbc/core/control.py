@@ -175,7 +175,7 @@ class _Control:
         measurement, renewed = self.plausibility.check(measurement)
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
-        self.observer.update(measurement, soles)
+        self.observer.update(measurement, soles, plausible=True)
         observer = self.observer
         vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
         self.monitor.update(self.plausibility.values, measurement, vertical, observer.foot_rotation)

@@ -12,6 +12,7 @@ from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.core.settings import settings
 from wbc.core.signals import Command
+from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 
@@ -57,6 +58,10 @@ class CommandGate:
         self._lower, self._upper = robot.position_lower, robot.position_upper
         self._speed = np.minimum(s.speed_margin * robot.velocity_limit, UNLIMITED)
         self._step = self._speed * dt
+        # By how much torque, velocity, change of position and position exceed their limits; the last one twice.
+        self._excess = np.zeros((5, robot.na))
+        self._symmetric, self._all = self._excess[:3], self._excess.reshape(-1)
+        self._bounds = np.array((self._torque, self._speed, self._step))
         self.reset(robot.q[7:])
 
     def reset(self, position: Array) -> None:
@@ -79,16 +84,18 @@ class CommandGate:
             position: Position references, shape (na,), rad (or m); None in torque control.
             velocity: Velocity references, shape (na,), rad/s (or m/s); None in torque control.
         """
-        good = (np.abs(torque) <= self._torque).all()
-        if position is not None and velocity is not None:
-            good = (
-                good
-                and (np.abs(position - self._position) <= self._step).all()
-                and (np.abs(velocity) <= self._speed).all()
-                and (position >= self._lower).all()
-                and (position <= self._upper).all()
-            )
-        if not good:
+        if position is None or velocity is None:
+            most = largest(np.abs(torque) - self._torque)
+        else:
+            excess, symmetric = self._excess, self._symmetric
+            excess[0], excess[1] = torque, velocity
+            np.subtract(position, self._position, out=excess[2])
+            np.abs(symmetric, out=symmetric)
+            symmetric -= self._bounds
+            np.subtract(position, self._upper, out=excess[3])
+            np.subtract(self._lower, position, out=excess[4])
+            most = largest(self._all)
+        if not most <= 0.0:  # or NaN
             return self._clip(torque, position, velocity)
         self.faults = ()
         if position is not None:

@@ -1,4 +1,4 @@
-"""Vectors of three and rotations as plain numbers, for the tick.
+"""Vectors of three and rotations as plain numbers, and the greatest of an array, for the tick.
 
 A call of NumPy costs more than the few products of a vector of three: chains of such products are two to three times
 as fast with plain numbers. `array.tolist()` gives them.
@@ -7,7 +7,9 @@ as fast with plain numbers. `array.tolist()` gives them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+from wbc.core.errors import Array
 
 Vector = Sequence[float]
 """x, y, z."""
@@ -16,11 +18,22 @@ Rows = Sequence[Sequence[float]]
 """A rotation, row by row."""
 
 
+def largest(values: Array) -> float:
+    """Return the same as `values.max()` for one axis, NaN where one is among them, in a quarter of the time."""
+    return float(values[values.argmax()])
+
+
 def turned(rotation: Rows, vector: Vector) -> tuple[float, float, float]:
     """Return rotation times vector."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     x, y, z = vector
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
+def turned_all(rotation: Rows, vectors: Iterable[Vector]) -> list[tuple[float, float, float]]:
+    """Return rotation times each of some vectors."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    return [(a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z) for x, y, z in vectors]
 
 
 def add_cross(vector: Vector, a: Vector, b: Vector) -> tuple[float, float, float]:

@@ -9,14 +9,18 @@ import logging
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, scalar
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Count, Positive, settings
 from wbc.core.signals import Measurement
+from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
+
+_ONE = scalar(1.0)
 
 
 @settings
@@ -70,6 +74,7 @@ class ConsistencyMonitor:
         self._na = robot.na
         self._wrenches = len(channels) - 6 * len(self._names)
         self._gain = lag_gain(dt, s.time_constant)
+        self._gain_scalar, self._dt_scalar = scalar(self._gain), scalar(dt)
         self.reset()
 
     def reset(self) -> None:
@@ -77,8 +82,9 @@ class ConsistencyMonitor:
         self.doubts: tuple[str, ...] = ()
         n = len(self._channels)
         self._last: Array | None = None
-        self._run, self._longest = np.zeros(n), np.ones(n)
+        self._run, self._longest, self._ended = np.zeros(n), np.ones(n), np.zeros(n)
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
+        self._speed = np.zeros(self._na)
         self._share, self._gravity, self._rotation = 1.0, 1.0, 0.0
         self._since = [0.0, 0.0, 0.0, 0.0]
 
@@ -94,7 +100,7 @@ class ConsistencyMonitor:
             foot_rotation: Angular speed with which both feet on the ground turn alike, rad/s.
         """
         gain, s = self._gain, self.settings
-        doubts = self._compare_velocities(values, gain) + self._frozen(values)
+        doubts = self._compare_velocities(values) + self._frozen(values)
         loads = [row[2] for row in measurement.sole_wrench.tolist()]
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
@@ -117,22 +123,22 @@ class ConsistencyMonitor:
             logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
         self.doubts = found
 
-    def _compare_velocities(self, values: Array, gain: float) -> list[str]:
+    def _compare_velocities(self, values: Array) -> list[str]:
         """Compare joint velocities with the speeds of the encoders."""
         na, last = self._na, self._last
         if last is None:
             return []
-        speed = values[:na] - last[:na]
-        speed /= self._dt
+        speed = np.subtract(values[:na], last[:na], out=self._speed)
+        speed /= self._dt_scalar
         speed -= values[na : 2 * na]
         speed -= self._difference
-        speed *= gain
+        speed *= self._gain_scalar
         self._difference += speed
-        largest = np.abs(self._difference)
-        if largest.max() <= self.settings.velocity_difference:
-            self._contradicts[:] = 0.0
+        size = np.abs(self._difference, out=speed)
+        if largest(size) <= self.settings.velocity_difference:
+            self._contradicts.fill(0.0)
             return []
-        wrong = largest > self.settings.velocity_difference
+        wrong = size > self.settings.velocity_difference
         self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
         named = (self._contradicts >= self.settings.lasting).nonzero()[0]
         return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
@@ -142,18 +148,23 @@ class ConsistencyMonitor:
         last, self._last = self._last, values
         if last is None:
             return []
-        same = values == last
-        self._run += 1.0
-        if self._run.max() < self.settings.frozen_after:
-            np.maximum(self._longest, self._run, out=self._longest, where=~same)
-            self._run[~same] = 0.0
+        run = self._run
+        run += _ONE
+        changed = values != last
+        if largest(run) < self.settings.frozen_after:
+            self._end_runs(changed)
             return []
         # A reading of exactly zero force is that of a foot in the air.
-        same[self._wrenches :] &= values[self._wrenches :] != 0.0
-        frozen = same & (self._run >= np.maximum(self.settings.frozen_after, 4.0 * self._longest))
-        np.maximum(self._longest, self._run, out=self._longest, where=~same)
-        self._run[~same] = 0.0
+        changed[self._wrenches :] |= values[self._wrenches :] == 0.0
+        frozen = ~changed & (run >= np.maximum(self.settings.frozen_after, 4.0 * self._longest))
+        self._end_runs(changed)
         return [f"{name} frozen" for name in dict.fromkeys(self._channels[i] for i in frozen.nonzero()[0])]
+
+    def _end_runs(self, changed: NDArray[np.bool_]) -> None:
+        """End the runs of the readings that have changed."""
+        ended = np.multiply(self._run, changed, out=self._ended)
+        np.maximum(self._longest, ended, out=self._longest)
+        self._run -= ended
 
     def _contradiction(self, which: int, loads: list[float]) -> str:
         if which == 0:

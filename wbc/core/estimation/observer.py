@@ -27,7 +27,7 @@ from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import NonNegative, settings
 from wbc.core.signals import Measurement
-from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned
+from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned, turned_all
 
 SHARED = 0.15
 """Part of the load from which a foot counts for the rotation that both feet have in common."""
@@ -190,13 +190,20 @@ class Observer:
         """
         self._time = time
 
-    def update(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> Robot:
+    def update(
+        self,
+        measurement: Measurement,
+        soles: Sequence[pin.SE3 | None] | None = None,
+        *,
+        plausible: bool = False,
+    ) -> Robot:
         """Update the estimate with one measurement.
 
         Args:
             measurement: Measurement; its time stamp gives the period.
             soles: Placements of the soles in the world in the controller's model; loaded feet are drawn there, so
                 that the estimate does not drift away from the controller's world. Odometry when None.
+            plausible: True for a measurement that `Plausibility.check` has returned: it is not checked again.
 
         Returns:
             The estimated robot, the same object each time.
@@ -204,7 +211,8 @@ class Observer:
         Raises:
             MeasurementError: Not finite, of the wrong shape, or older than the last one.
         """
-        self._check(measurement)
+        if not plausible:
+            self._check(measurement)
         first = self._time is None
         dt = 0.0 if self._time is None else measurement.time - self._time
         self._time = measurement.time
@@ -240,17 +248,17 @@ class Observer:
                     continue
                 rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
                 rotating = rate.angular.tolist()
-                sliding = turned(turn, add_cross(rate.linear.tolist(), rotating, arms[i]))
+                at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
+                sliding, (rx, ry, rz), point, axis = turned_all(turn, (at_cop, rotating, points[i], ahead[i]))
                 if share > SHARED:
-                    rx, ry, rz = turned(turn, rotating)
                     rotations.append((rx + turning[0], ry + turning[1], rz + turning[2]))
-                x, y, z = add_cross(sliding, turning, turned(turn, points[i]))
+                x, y, z = add_cross(sliding, turning, point)
                 vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(turned(turn, ahead[i])))
+                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
             velocity = np.array((vx, vy, vz))
         self.foot_rotation = _common(rotations)
-        at_imu = turned(turn, self._imu_position.tolist())
-        imu_arm = np.array(add_cross(turned(turn, imu_rate.linear.tolist()), turning, at_imu))
+        moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
+        imu_arm = np.array(add_cross(moving, turning, at_imu))
         if velocity is not None:
             velocity += imu_arm
             if first:
@@ -357,8 +365,8 @@ class Observer:
             dt: Time since the last measurement, s.
         """
         s, shares, anchors = self.settings, self._shares, self._anchors
-        reach = [turned(base, point) for point in points]
-        yaws = [_yaw(turned(base, axis)) for axis in ahead]
+        reach = turned_all(base, points)
+        yaws = [_yaw(axis) for axis in turned_all(base, ahead)]
         if soles is not None:
             if len(soles) != len(shares):
                 raise InputError(f"one sole placement for each of {len(shares)} soles, got {len(soles)}")

@@ -19,6 +19,7 @@ from wbc.core.errors import Array, MeasurementError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import Measurement
+from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 
@@ -100,6 +101,9 @@ class Plausibility:
             self._bound[at : at + 3], self._bound[at + 3 : at + 6] = force, force * sole.length
         self._step = self._speed * dt + s.position_jump
         self._gyro = slice(2 * na, 2 * na + 3)
+        self._jump = np.full(self._middle.size, np.inf)  # largest change of every number in a period
+        self._jump[:na], self._jump[self._gyro] = self._step, s.gyro_jump
+        self._excess = np.zeros(self._middle.size)
         self._channels = (
             *(f"encoder of {joint}" for joint in robot.joint_names),
             *(f"velocity of {joint}" for joint in robot.joint_names),
@@ -154,17 +158,20 @@ class Plausibility:
             self._check_frozen(values, last, m.time)
         else:
             self._count_change(m.time)
-        distance = np.abs(values - self._middle)
-        good = bool((distance <= self._bound).all())
-        if good and last is not None:
-            moved = np.abs(values - last)
-            good = bool(
-                (moved[: self._na] <= self._step).all() and moved[self._gyro].max() <= self.settings.gyro_jump
-            )
+        good = self._within(values, self._middle, self._bound) and (
+            last is None or self._within(values, last, self._jump)
+        )
         if good and not self.faults:
             self._values = values
             return m, renewed
-        return self._repair(m, values, distance), renewed
+        return self._repair(m, values), renewed
+
+    def _within(self, values: Array, middle: Array, bound: Array) -> bool:
+        """Return True if no number is farther than its bound from the middle; False for NaN."""
+        excess = np.subtract(values, middle, out=self._excess)
+        np.abs(excess, out=excess)
+        excess -= bound
+        return largest(excess) <= 0.0
 
     @property
     def values(self) -> Array:
@@ -245,10 +252,10 @@ class Plausibility:
         self._changes = 1 if self._identical else self._changes + 1
         self._identical, self._changed_at = 0, time
 
-    def _repair(self, m: Measurement, values: Array, distance: Array) -> Measurement:
+    def _repair(self, m: Measurement, values: Array) -> Measurement:
         """Replace impossible readings by predictions, or give up if they last."""
         na, last, dt = self._na, self._values, self._dt
-        wrong = ~(distance <= self._bound)  # NaN is wrong
+        wrong = ~(np.abs(values - self._middle) <= self._bound)  # NaN is wrong
         if last is not None:  # an encoder may have travelled while it was refused
             travel = self._step + self._speed * self._lasting[:na]
             wrong[:na] |= ~(np.abs(values[:na] - last[:na]) <= travel)

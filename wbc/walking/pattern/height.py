@@ -10,8 +10,6 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-import numpy as np
-
 from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.schedule import SupportPhase
 
@@ -79,4 +77,5 @@ def _level(supports: Sequence[SupportPhase], i: int) -> float:
     """Level at the end of a double support."""
     if i + 1 < len(supports):
         return supports[i + 1].feet[0].z
-    return float(np.mean([foot.z for foot in supports[i].feet]))
+    left, right = supports[i].feet
+    return 0.5 * (left.z + right.z)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.core.arguments import checked
+from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
@@ -60,7 +60,7 @@ class Pattern:
         height: Height of the CoM over the support, m.
     """
 
-    @checked
+    @checked_on_failure
     def __init__(
         self,
         times: Array,
@@ -84,16 +84,16 @@ class Pattern:
             dcm_end: DCM at the last knot, shape (2,), m; the last ZMP, over which the CoM comes to rest, when None.
 
         Raises:
-            InputError: Times that do not increase, or a height not above zero.
+            InputError: Times that do not increase, a height not above zero, a number that is not finite.
         """
         self.times, self.zmp = np.asarray(times, dtype=float), np.asarray(zmp, dtype=float)
-        if self.times[0] != 0.0 or (np.diff(self.times) <= 0.0).any():
+        span = np.diff(self.times)
+        if self.times[0] != 0.0 or not (span > 0.0).all():
             raise InputError(f"times of a pattern must increase from 0, got {self.times}")
         self.height = positive("height of the CoM over the support (m)", height)
         self.omega = omega = natural_frequency(self.height)
         self._profile = profile
         self._knots: list[float] = self.times.tolist()
-        span = np.diff(self.times)
         self._rate = np.vstack([np.diff(self.zmp, axis=0) / span[:, None], np.zeros((1, 2))])
         self.dcm = dcm_backwards(self.times, self.zmp, self.zmp[-1] if dcm_end is None else dcm_end, omega)
         convergent = [(np.asarray(com) - np.asarray(com_velocity) / omega).tolist()]
@@ -107,7 +107,10 @@ class Pattern:
                 [lag_x + dt * rate_x + decay * (u - lag_x), lag_y + dt * rate_y + decay * (v - lag_y)]
             )
         # ZMP, its rate, DCM and convergent part at each knot, as plain numbers for `at`.
-        self._pieces: list[list[float]] = np.hstack([self.zmp, self._rate, self.dcm, convergent]).tolist()
+        pieces = np.hstack([self.zmp, self._rate, self.dcm, convergent])
+        if not math.isfinite(pieces.sum()):
+            raise InputError("ZMP, CoM and its velocity of a pattern must be finite")
+        self._pieces: list[list[float]] = pieces.tolist()
 
     @property
     def duration(self) -> float:
