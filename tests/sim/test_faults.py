@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from faults import faults, run
+from faults import CHANGES, faults, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,6 +32,9 @@ QUICK = (
     "sole_wrench transposed",
 )
 """Faults that the default run tries; the slow one tries all."""
+
+QUICK_CHANGES = ("masses +30 %", "hard tasks that contradict each other")
+"""The same of other masses and of what is asked of the robot."""
 
 SILENT = {
     ("gyroscope off by 0.1 rad/s", "stand", "position"),
@@ -72,6 +75,29 @@ def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: st
         assert report.named <= 0.2, f"named after {report.named} s: {report.status}"
     elif (name, task, mode) not in SILENT:
         assert report.upright or math.isfinite(report.named), "fell without a word"
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("name", QUICK_CHANGES)
+def test_other_masses_and_infeasible_tasks_get_no_wild_command(name: str, mode: str) -> None:
+    check_change("stand", mode, name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("task", ["stand", "walk"])
+@pytest.mark.parametrize("name", CHANGES)
+def test_other_masses_and_any_infeasible_task_get_no_wild_command(name: str, task: str, mode: str) -> None:
+    check_change(task, mode, name)
+
+
+def check_change(task: str, mode: str, name: str) -> None:
+    report = run(task, mode, name, lasting=True)
+    assert report.raised is None and report.wild is None
+    if CHANGES[name][1]:
+        assert report.named <= 0.2, f"named after {report.named} s: {report.status}"
+    elif name.startswith("masses"):
+        assert report.upright and not report.stopped and math.isinf(report.named)
 
 
 @cache

@@ -1,25 +1,45 @@
-"""Sensor, clock and shape faults, injected into the loop of a robot that stands or walks.
+"""Faults of sensors, clock, shapes, masses and tasks, injected into the loop of a robot that stands or walks.
 
-`python tests/support/faults.py` runs all of them and prints the table of docs/reliability.md.
+`python tests/support/faults.py` runs all of them and prints the tables of docs/reliability.md; `--reports FILE` keeps
+a line of JSON of each run there, and goes on where it was.
 """
 
 from __future__ import annotations
 
+import argparse
+import dataclasses
 import itertools
+import json
 import logging
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
+from wbc.core.control import PositionControl, TorqueControl
 from wbc.core.errors import Array, MeasurementError
+from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
-from wbc.sim import PelvisLimits, StandSpec, StandTrial, TrueFallDetector, WalkPlan, WalkSpec, WalkTrial
+from wbc.sim import (
+    PelvisLimits,
+    Plant,
+    StandSpec,
+    StandTrial,
+    TrueFallDetector,
+    WalkPlan,
+    WalkSpec,
+    WalkTrial,
+)
+from wbc.tasks import CoMTask
 
 Fault = Callable[[Measurement, "Memory"], Any]
 """Makes a faulty measurement out of a good one; None for a dropped tick."""
+
+Control = PositionControl | TorqueControl
 
 
 @dataclass
@@ -123,6 +143,43 @@ def faults() -> dict[str, tuple[Fault, bool]]:
     return found
 
 
+def _heavier(factor: float) -> Callable[[Plant, Control], None]:
+    def change(plant: Plant, control: Control) -> None:
+        plant.model.body_mass *= factor
+        plant.model.body_inertia *= factor
+        mujoco.mj_setConst(plant.model, mujoco.MjData(plant.model))
+
+    return change
+
+
+def _contradicting_tasks(plant: Plant, control: Control) -> None:
+    for name, height in (("up", 0.1), ("down", -0.1)):
+        target = control.controller.robot.com + (0.0, 0.0, height)
+        control.controller.add(CoMTask(name=name, target=target, stiffness=100.0, hard=True))
+
+
+def _contradicting_limits(plant: Plant, control: Control) -> None:
+    """The torques cannot hold the robot, the accelerations of its joints must not let it sink."""
+    controller = control.controller
+    controller.remove(*[x for x in controller.limits if isinstance(x, (JointLimits, TorqueLimits))])
+    controller.add(JointLimits(acceleration=0.5), TorqueLimits(ratio=0.01))
+
+
+def _far_target(plant: Plant, control: Control) -> None:
+    far = control.controller.robot.com + (10.0, 0.0, 0.0)
+    control.controller.add(CoMTask(name="far", target=far, stiffness=100.0, weight=1e4))
+
+
+CHANGES: dict[str, tuple[Callable[[Plant, Control], None], bool]] = {
+    "masses +30 %": (_heavier(1.3), False),
+    "masses -30 %": (_heavier(0.7), False),
+    "hard tasks that contradict each other": (_contradicting_tasks, True),
+    "limits that contradict each other": (_contradicting_limits, True),
+    "target 10 m away": (_far_target, False),
+}
+"""Faults of the robot and of what is asked of it, each with True if the status names it; they last."""
+
+
 @dataclass
 class Report:
     """Outcome of a run with a fault.
@@ -130,8 +187,8 @@ class Report:
     Attributes:
         raised: Text of the first exception out of `command`, None if none came.
         wild: Description of the first command beyond a limit, None if there was none.
-        named: Time from the fault to the first tick whose status says that something is refused, doubtful, failing or
-            stopped, s; infinite if none did.
+        named: Time from the fault to the first tick whose status says that something is refused, doubtful, relaxed,
+            failing or stopped, s; infinite if none did.
         stopped: True if the control had stopped the robot at the end.
         upright: True if the robot had not fallen at the end.
         status: That status.
@@ -184,7 +241,7 @@ class Injector:
             return self._command
         self._look(sent, now)
         said = status()
-        told = any(word in said for word in ("refused", "doubtful", "failing", "stopped"))
+        told = any(word in said for word in ("refused", "doubtful", "relaxed", "failing", "stopped"))
         if now >= self.start - 1e-9 and told and not self.report.status:
             self.report.named, self.report.status = now - self.start, said
         self._command = sent
@@ -214,7 +271,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
     Args:
         task: "stand" or "walk".
         mode: "position" or "torque".
-        name: One of `faults()`.
+        name: One of `faults()` or of `CHANGES`.
         lasting: From its start to the end of the run; a single tick otherwise.
     """
     if task == "stand":
@@ -227,10 +284,15 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
         plant, control, command = trial.plant, trial.walking.control, trial.walking.command
         start, end = 2.2, 5.0
     robot = control.controller.robot
-    injector = Injector(control, robot, faults()[name][0], start, lasting, plant.control_period)
+    change = CHANGES[name][0] if name in CHANGES else None
+    fault = _good if change else faults()[name][0]
+    injector = Injector(control, robot, fault, start, lasting, plant.control_period)
     report = injector.report
     falls = TrueFallDetector(plant.robot, PelvisLimits.standing(plant.robot))
     while plant.time < end and report.upright:
+        if change is not None and plant.time >= start:
+            change(plant, control)
+            change = None
         try:
             measurement = plant.measure()
         except MeasurementError:  # the simulation has diverged
@@ -245,13 +307,18 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
     return report
 
 
-def main() -> None:
-    """Run everything and print a table in Markdown."""
-    logging.disable(logging.CRITICAL)
-    print("| | runs | exceptions | wild commands | stopped for good | fell | not named in 0.2 s |")
+def _good(measurement: Measurement, memory: Memory) -> Measurement:
+    return measurement
+
+
+TASKS, MODES = ("stand", "walk"), ("position", "torque")
+
+
+def _table(of: Callable[..., Report], options: argparse.Namespace) -> None:
+    print("| | runs | exceptions | commands beyond a limit | stopped for good | fell | not named in 0.2 s |")
     print("|---|---:|---:|---:|---:|---:|---:|")
-    for task, mode, lasting in itertools.product(("stand", "walk"), ("position", "torque"), (False, True)):
-        reports = {name: run(task, mode, name, lasting=lasting) for name in faults()}
+    for task, mode, lasting in itertools.product(options.task, options.mode, options.lasting):
+        reports = {name: of(task, mode, name, lasting=lasting) for name in faults()}
         late = [n for n, r in reports.items() if lasting and faults()[n][1] and r.named > 0.2]
         cells = [
             len(reports),
@@ -263,6 +330,57 @@ def main() -> None:
         ]
         kind = "lasting" if lasting else "one tick"
         print(f"| {task}, {mode}, {kind} | {' | '.join(map(str, cells))} |", flush=True)
+
+
+def _table_of_changes(of: Callable[..., Report], options: argparse.Namespace) -> None:
+    columns = list(itertools.product(options.task, options.mode))
+    print("\n| |" + "".join(f" {task}, {mode} |" for task, mode in columns))
+    print("|---|" + "---|" * len(columns))
+    for name in CHANGES:
+        cells = []
+        for task, mode in columns:
+            report = of(task, mode, name, lasting=True)
+            words = [
+                report.raised or "",
+                report.wild or "",
+                "" if report.upright else "fell",
+                "stopped" if report.stopped else "",
+                f"named after {report.named:.2f} s" if math.isfinite(report.named) else "",
+            ]
+            cells.append(", ".join(filter(None, words)) or "goes on")
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def main() -> None:
+    """Run everything and print the tables in Markdown."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--task", choices=TASKS, nargs="*", default=TASKS)
+    parser.add_argument("--mode", choices=MODES, nargs="*", default=MODES)
+    parser.add_argument("--kind", choices=("single", "lasting"), nargs="*", default=("single", "lasting"))
+    parser.add_argument(
+        "--reports", type=Path, metavar="FILE", help="keep the outcome of each run, and use it"
+    )
+    options = parser.parse_args()
+    options.lasting = [kind == "lasting" for kind in options.kind]
+    logging.disable(logging.CRITICAL)
+    known: dict[tuple[Any, ...], Report] = {}
+    if options.reports is not None and options.reports.exists():
+        for line in options.reports.read_text(encoding="utf-8").splitlines():
+            *key, values = json.loads(line)
+            known[tuple(key)] = Report(**values)
+
+    def of(task: str, mode: str, name: str, *, lasting: bool) -> Report:
+        key = (task, mode, name, lasting)
+        if key not in known:
+            known[key] = run(task, mode, name, lasting=lasting)
+            if options.reports is not None:
+                with options.reports.open("a", encoding="utf-8") as log:
+                    print(json.dumps([*key, dataclasses.asdict(known[key])]), file=log)
+        return known[key]
+
+    _table(of, options)
+    if True in options.lasting:
+        _table_of_changes(of, options)
 
 
 if __name__ == "__main__":

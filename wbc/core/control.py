@@ -25,6 +25,7 @@ from wbc.core.gate import CommandGate, GateSettings
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
+from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement
@@ -126,7 +127,7 @@ class _Control:
         self.gate.reset(self.controller.robot.q[7:])
 
     def status(self) -> str:
-        """Return in one line how the control is: "ok", or what is refused, failing or stopped, and why."""
+        """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
         parts = []
         if self.stopped:
             parts.append(f"stopped: {self.reason}")
@@ -136,6 +137,8 @@ class _Control:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
         if self.monitor.doubts:
             parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
+        if self.solution is not None and self.solution.status is Status.RELAXED and not self._failing:
+            parts.append("relaxed: hard tasks and contacts cannot all be satisfied")
         if self.gate.faults:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
