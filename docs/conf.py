@@ -211,7 +211,7 @@ def list_commands(app: Sphinx, docname: str, source: list[str]) -> None:
         assert found is not None
         source[0] = source[0].replace(COMMANDS, text[found.start() :])
     if STUDIES in source[0]:
-        from wbc.app.commands.study import study_facts  # noqa: PLC0415
+        from wbc.app.commands.study.show import study_facts  # noqa: PLC0415
         from wbc.sim.studies.catalog import STUDIES as NAMES  # noqa: PLC0415
 
         lines = ["| Study | Walks | Question |", "|---|---:|---|"]

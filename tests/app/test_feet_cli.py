@@ -19,7 +19,7 @@ import pytest
 from PIL import Image
 
 from wbc.app import cli
-from wbc.app.commands.feet import attribute_docs, parameters
+from wbc.app.commands.foot.feet import attribute_docs, parameters
 from wbc.core.changes import changed, setting_names
 from wbc.core.errors import InputError
 from wbc.feet import SoftFoot, VariableStiffnessFoot, foot, foot_names

@@ -1,4 +1,4 @@
-"""`wbc study`: the studies, and the tables and figures of their journals; `wbc.app.commands.study_run` runs them."""
+"""`wbc study`: the studies, and the tables and figures of their journals; `wbc.app.commands.study.run` runs them."""
 
 from __future__ import annotations
 

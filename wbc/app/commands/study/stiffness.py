@@ -10,14 +10,14 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from wbc.app.commands.study import (
+from wbc.app.commands.study.run import RunOptions, run_trials, summary_text
+from wbc.app.commands.study.show import (
     JournalOptions,
     PartOptions,
     StudyName,
     note_left_out,
     read_study,
 )
-from wbc.app.commands.study_run import RunOptions, run_trials, summary_text
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError

@@ -19,7 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from wbc.app.commands.study import JournalOptions, PartOptions, StudyName
+from wbc.app.commands.study.show import JournalOptions, PartOptions, StudyName
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError, unknown_name

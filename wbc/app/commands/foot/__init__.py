@@ -1,0 +1,1 @@
+"""`wbc feet` and `wbc foot`: the feet, and tests of one foot on a rig."""

@@ -1,0 +1,1 @@
+"""`wbc study`: studies, their runs, tables and figures."""
