@@ -15,6 +15,7 @@ from wbc.sim.balance import (
     push_table,
     stand,
 )
+from wbc.sim.loop import MujocoLoop
 from wbc.sim.plant import (
     NO_NOISE,
     NOISE_PRESETS,
@@ -95,6 +96,8 @@ __all__ = [
     "TrueFallDetector",
     "real_time_factor",
     "with_feet",
+    # A MuJoCo model of one's own
+    "MujocoLoop",
     # Plant: sensor errors
     "NOISE_PRESETS",
     "NO_NOISE",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -18,6 +19,9 @@ from wbc.robots.description import RobotDescription
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.render import AddedTerrain, add_to_spec
+
+SCENE_PREFIX = "scene/"
+"""Beginning of all names of the furniture."""
 
 UNLIMITED_TORQUE = 1e6
 """Torque limits from this value on are none, Nm."""
@@ -46,6 +50,7 @@ class PlantModel:
         geom_robot: True for geoms of the robot, shape (ngeom,).
         sole_sites: Site at each sole centre, left first.
         imu: First places in `sensordata` of the gyroscope and the accelerometer.
+        furnished: True if other things than robot and ground may touch.
     """
 
     model: mujoco.MjModel
@@ -58,6 +63,7 @@ class PlantModel:
     geom_robot: np.ndarray[tuple[int], np.dtype[np.bool_]]
     sole_sites: tuple[int, ...]
     imu: tuple[int, int]
+    furnished: bool
 
     def body(self, name: str, robot: Robot) -> tuple[int, pin.SE3]:
         """Return the body that carries a frame, and the frame's placement in it.
@@ -138,6 +144,7 @@ def build_model(
     foot: Foot,
     terrain: Terrain,
     physics: PhysicsSettings,
+    scene: mujoco.MjSpec | None = None,
 ) -> PlantModel:
     """Compile the MuJoCo model of a robot on its feet on a terrain.
 
@@ -147,6 +154,7 @@ def build_model(
         foot: Foot under both ankles.
         terrain: The ground.
         physics: Settings of the physics.
+        scene: Furniture, made by `furniture`.
 
     Raises:
         ModelError: MuJoCo cannot use the description, or reads other joints from it than Pinocchio.
@@ -167,13 +175,43 @@ def build_model(
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
     _add_imu(spec, robot, base)
+    if scene is not None:
+        spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
     try:
         model = spec.compile()
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot compile the model of '{robot.name}': {error}") from error
     if _max_pairs(model) <= MAX_PAIRS:  # the contacts are the same, and in the same order
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-    return _plant_model(model, robot, feet, ground, base.name)
+    return _plant_model(model, robot, feet, ground, base.name, furnished=scene is not None)
+
+
+def furniture(source: str | Path | mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return the furniture of a scene, as a copy.
+
+    Args:
+        source: MJCF: a path, the XML itself, or a specification under construction.
+
+    Raises:
+        InputError: A file that cannot be read, or a scene with drives of its own.
+    """
+    try:
+        if isinstance(source, mujoco.MjSpec):
+            scene = source.copy()
+        elif isinstance(source, str) and source.lstrip().startswith("<"):
+            scene = mujoco.MjSpec.from_string(source)
+        else:
+            scene = mujoco.MjSpec.from_file(str(Path(source).expanduser()))
+    except (ValueError, OSError) as error:
+        raise InputError(f"scene cannot be read: {str(error).splitlines()[0]}") from error
+    if list(scene.actuators):
+        raise InputError(
+            f"a scene must be furniture without actuators, it has {len(list(scene.actuators))}; "
+            "`wbc.sim.MujocoLoop` takes a scene with drives of its own"
+        )
+    for key in list(scene.keys):
+        scene.delete(key)
+    return scene
 
 
 def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
@@ -233,7 +271,13 @@ def _max_pairs(model: mujoco.MjModel) -> int:
 
 
 def _plant_model(
-    model: mujoco.MjModel, robot: Robot, feet: Sequence[FootParts], ground: AddedTerrain, base: str
+    model: mujoco.MjModel,
+    robot: Robot,
+    feet: Sequence[FootParts],
+    ground: AddedTerrain,
+    base: str,
+    *,
+    furnished: bool,
 ) -> PlantModel:
     def find(kind: mujoco.mjtObj, name: str) -> int:
         index = mujoco.mj_name2id(model, kind, name)
@@ -267,4 +311,5 @@ def _plant_model(
         geom_robot=model.body_rootid[model.geom_bodyid] == model.body_rootid[base_id],
         sole_sites=tuple(find(kinds.mjOBJ_SITE, foot.wrench_site) for foot in feet),
         imu=(sensor[0], sensor[1]),
+        furnished=furnished,
     )

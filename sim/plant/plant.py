@@ -13,6 +13,7 @@ import logging
 import math
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import get_args
 
 import mujoco
@@ -38,7 +39,7 @@ from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.drives import Drives, Interpolation
 from wbc.sim.plant.foot_devices import FootDevices
-from wbc.sim.plant.model import build_model
+from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import PhysicsSettings, steps_per_tick
@@ -78,6 +79,7 @@ class Plant:
         feet: Names and sizes of what was built under the ankles, left first.
         sole_sites: MuJoCo site at each sole centre, left first.
         terrain: The ground as drawn.
+        scene: MJCF of the furniture; None without.
         physics: Settings of the physics.
         timestep: Physics step, s.
         control_period: Time that `step` advances, s.
@@ -115,6 +117,7 @@ class Plant:
         initial_configuration: ArrayLike | None = None,
         range_sensor: RangeSensor | None = None,
         physics: PhysicsSettings | None = None,
+        scene: str | Path | mujoco.MjSpec | None = None,
     ) -> None:
         """Build the model and put the robot on the ground.
 
@@ -131,6 +134,8 @@ class Plant:
             initial_configuration: Start of the robot, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
             physics: Further settings of the physics; `timestep` is put in place of theirs.
+            scene: Furniture: MJCF, as a path, as XML or as a specification, with bodies that stand or lie about. Of
+                the robot only the feet touch it.
 
         Raises:
             UnknownNameError: No such foot, terrain, noise preset or interpolation.
@@ -149,12 +154,15 @@ class Plant:
         self.seed = whole_number("seed", seed, low=0)
         self.description = description
         self.robot: Robot = description.robot()
+        things = None if scene is None else furniture(scene)
+        self.scene = None if things is None else things.to_xml()
         self._plant = build_model(
             description,
             self.robot,
             foot=self.foot,
             terrain=terrain_by_name(terrain) if isinstance(terrain, str) else terrain,
             physics=self.physics,
+            scene=things,
         )
         self.terrain = self._plant.ground.terrain
         self.feet = self._plant.feet

@@ -102,6 +102,9 @@ class TruthReader:
     def _contacts(self) -> tuple[Array, Array, Array, Index]:
         """Return positions, forces, moments (both in the world, on the robot) and soles of the loaded contacts."""
         active = np.flatnonzero(self._address >= 0)
+        if self._plant.furnished:  # things may touch each other
+            robot = self._plant.geom_robot[self._geom[active]]
+            active = active[robot[:, 0] != robot[:, 1]]
         if not active.size:
             return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp)
         frame = self._frame[active].reshape(-1, 3, 3)

@@ -1,0 +1,191 @@
+"""Commands of joints to the actuators of any MuJoCo model: motors, servos of position and velocity, general ones."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wbc.core.conventions import Index
+from wbc.core.errors import Array, InputError, ModelError
+from wbc.core.signals import Command
+from wbc.robots import RobotDescription
+
+PLAIN_DYNAMICS = (
+    int(mujoco.mjtDyn.mjDYN_NONE),
+    int(mujoco.mjtDyn.mjDYN_FILTER),
+    int(mujoco.mjtDyn.mjDYN_FILTEREXACT),
+)
+"""Dynamics of actuators whose control is, after a lag at most, what they act on."""
+
+
+class JointActuators:
+    """Actuators of the robot's joints, as the file has them.
+
+    An actuator's force on its joint is gear (g u + b₀ + b₁ gear q + b₂ gear q̇): a motor has no b, a position servo
+    b₁ = −kp and b₂ = −kv, a velocity servo b₂ alone, a general actuator any of these. Several actuators of one joint
+    add up. A joint without an actuator gets its torque directly.
+
+    - References without gains go to the servos that there are: they act with the gains of the file, and the
+      feed-forward is added.
+    - Everything else is a torque, computed anew in every physics step: torque control, gains that come with the
+      command, and joints that have no position servo, for which the gains are the description's. What a servo of
+      the file would add to it is subtracted.
+
+    A computed servo acts on the position and velocity at the end of the step, as far as the robot's mass matrix and the
+    forces of the last step foretell them, so that stiff gains are stable at a physics step of a millisecond or two
+    ("stable PD": Tan, Liu & Turk, IEEE CG&A 31(4), 2011).
+
+    Attributes:
+        servo: True for joints with a position servo in the file, shape (na,).
+        kinds: Name of each joint's drive: "motor", "position", "velocity", "none" or a sum of these.
+        applied: Torques that were put on joints without an actuator in the last step, shape (na,), Nm.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, description: RobotDescription, joints: list[int], root: int
+    ) -> None:
+        """Find the actuators.
+
+        Args:
+            model: The model.
+            description: The robot.
+            joints: MuJoCo's joints, in the order of the robot's.
+            root: Body of the floating base.
+
+        Raises:
+            ModelError: A joint whose actuator cannot be commanded.
+        """
+        self._model = model
+        self._names = description.joint_names
+        na = len(joints)
+        self._qpos: Index = model.jnt_qposadr[joints].astype(np.intp)
+        self._dof: Index = model.jnt_dofadr[joints].astype(np.intp)
+        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
+        self._limit = np.array(description.torque_limit)
+        of_joint = {joint: i for i, joint in enumerate(joints)}
+        joint_kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+        found: list[tuple[int, int]] = []  # actuator, joint
+        for actuator in range(model.nu):
+            joint = of_joint.get(int(model.actuator_trnid[actuator, 0]))
+            if int(model.actuator_trntype[actuator]) in joint_kinds and joint is not None:
+                self._check(actuator, self._names[joint])
+                found.append((actuator, joint))
+        self._actuators = np.array([a for a, _ in found], dtype=np.intp)
+        self._joints = np.array([j for _, j in found], dtype=np.intp)
+        gear = model.actuator_gear[self._actuators, 0]
+        self._gear, self._gain = gear, model.actuator_gainprm[self._actuators, 0]
+        affine = model.actuator_biastype[self._actuators] == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        self._bias = np.where(affine[:, None], model.actuator_biasprm[self._actuators, :3], 0.0)
+        names = np.where(self._bias[:, 1] != 0.0, 1, np.where(self._bias[:, 2] != 0.0, 2, 0))
+        self._main = np.zeros(len(found), dtype=bool)  # takes the feed-forward: the motor if there is one
+        self.servo = np.zeros(na, dtype=bool)
+        kinds: list[list[str]] = [[] for _ in range(na)]
+        for joint in range(na):
+            mine = np.flatnonzero(self._joints == joint)
+            if mine.size:
+                self._main[mine[np.argmin(names[mine])]] = True
+                self.servo[joint] = bool((names[mine] == 1).any())
+            kinds[joint] = [("motor", "position", "velocity")[names[i]] for i in mine]
+        self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
+        self._bare = np.array([i for i in range(na) if not kinds[i]], dtype=np.intp)
+        self.applied = np.zeros(na)
+        tree = [
+            d for d in range(model.nv) if model.body_rootid[model.dof_bodyid[d]] == model.body_rootid[root]
+        ]
+        self._tree = np.array(tree, dtype=np.intp)
+        place = {dof: i for i, dof in enumerate(tree)}
+        self._tree_dof = np.array([place[int(dof)] for dof in self._dof], dtype=np.intp)
+        self._mass = np.zeros((model.nv, model.nv))
+
+    def _check(self, actuator: int, joint: str) -> None:
+        model = self._model
+        name = model.actuator(actuator).name or f"number {actuator}"
+        gain, bias = int(model.actuator_gaintype[actuator]), int(model.actuator_biastype[actuator])
+        if gain != int(mujoco.mjtGain.mjGAIN_FIXED) or bias not in (
+            int(mujoco.mjtBias.mjBIAS_NONE),
+            int(mujoco.mjtBias.mjBIAS_AFFINE),
+        ):
+            raise ModelError(
+                f"actuator '{name}' of joint '{joint}' must have a fixed gain and no or an affine bias (motor, "
+                f"position, velocity, general), it has {mujoco.mjtGain(gain).name} and {mujoco.mjtBias(bias).name}"
+            )
+        if int(model.actuator_dyntype[actuator]) not in PLAIN_DYNAMICS:
+            kind = mujoco.mjtDyn(int(model.actuator_dyntype[actuator])).name
+            raise ModelError(f"actuator '{name}' of joint '{joint}' must act on its control, not on {kind}")
+        if model.actuator_gainprm[actuator, 0] == 0.0 or model.actuator_gear[actuator, 0] == 0.0:
+            raise ModelError(f"actuator '{name}' of joint '{joint}' has a gain or a gear of zero")
+
+    def check(self, command: Command) -> None:
+        """Raise InputError for a command of the wrong shape or one that is not finite."""
+        na = len(self._names)
+        for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
+            value = getattr(command, name)
+            if value is None and name != "joint_torque":
+                continue
+            array = np.asarray(value)
+            if array.shape != (na,) or array.dtype.kind not in "iuf":
+                raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
+            if not np.isfinite(array).all():
+                joint = self._names[int(np.argmin(np.isfinite(array)))]
+                raise InputError(f"command: {name} of joint '{joint}' is not finite")
+
+    def apply(self, data: mujoco.MjData, command: Command) -> None:
+        """Write the controls of the coming physics step.
+
+        Args:
+            data: The simulation, positions and velocities up to date.
+            command: A checked command.
+        """
+        position, torque = command.joint_position, command.joint_torque
+        velocity = command.joint_velocity
+        gains = command.kp is not None or command.kd is not None
+        at_servo = self.servo if position is not None and not gains else np.zeros_like(self.servo)
+        desired = torque
+        if (position is not None and not at_servo.all()) or command.kd is not None:
+            desired = self._servo_torque(data, command, at_servo)
+        q, v = data.qpos[self._qpos], data.qvel[self._dof]
+        bias, gear = self._bias, self._gear
+        j = self._joints
+        held = at_servo[j]
+        own = bias[:, 0] + bias[:, 1] * gear * q[j] + bias[:, 2] * gear * v[j]
+        if position is not None:
+            reference = np.zeros(len(q)) if velocity is None else velocity
+            at_reference = bias[:, 0] + bias[:, 1] * gear * position[j] + bias[:, 2] * gear * reference[j]
+            own = np.where(held, at_reference, own)
+        force = np.where(self._main, np.where(held, torque[j], desired[j]) / gear, 0.0)
+        data.ctrl[self._actuators] = (force - own) / self._gain
+        if self._bare.size:
+            clipped = np.clip(desired, -self._limit, self._limit)[self._bare]
+            self.applied[self._bare] = clipped
+            data.qfrc_applied[self._dof[self._bare]] = clipped
+
+    def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: np.ndarray) -> Array:
+        """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
+        q, v = data.qpos[self._qpos], data.qvel[self._dof]
+        position = q if command.joint_position is None else command.joint_position
+        given = command.kp is not None or command.kd is not None
+        kp = command.kp if command.kp is not None else np.zeros_like(q) if given else self._kp
+        kd = command.kd if command.kd is not None else np.zeros_like(q) if given else self._kd
+        if command.joint_position is None:
+            kp = np.zeros_like(q)
+        kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
+        velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
+        dt = self._model.opt.timestep
+        pull: Array = command.joint_torque + kp * (position - q - dt * v) + kd * (velocity - v)
+        damping = kd + dt * kp
+        if not damping.any():
+            return pull
+        mujoco.mj_fullM(self._model, data, self._mass)
+        mass = self._mass[np.ix_(self._tree, self._tree)]
+        force = data.qfrc_passive + data.qfrc_constraint - data.qfrc_bias
+        force = force[self._tree]
+        force[self._tree_dof] += pull
+        mass[self._tree_dof, self._tree_dof] += dt * damping
+        acceleration = np.linalg.solve(mass, force)[self._tree_dof]
+        servo: Array = pull - dt * damping * acceleration
+        return servo
+
+    def torque(self, data: mujoco.MjData) -> Array:
+        """Return the torques of all drives in the last physics step, shape (na,), Nm."""
+        torque: Array = data.qfrc_actuator[self._dof] + self.applied
+        return torque

@@ -1,0 +1,197 @@
+"""A robot in somebody else's MuJoCo model: driven, measured and told apart from everything else in it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+from foreign import KINDS, foreign_model
+
+import wbc
+from wbc import Command
+from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.sim import MujocoLoop, Plant
+
+DESCRIPTION = wbc.load_robot("hrp4_class")
+PREFIX = "mine/"
+
+
+def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
+    """Stand and return how far the true centre of mass has moved, mm."""
+    controller = wbc.balance_controller(DESCRIPTION.robot(), loop.control_period)
+    control: wbc.PositionControl | wbc.TorqueControl = (
+        wbc.PositionControl(controller, feedback="closed")
+        if mode == "position"
+        else wbc.TorqueControl(controller)
+    )
+    start = loop.truth().com
+    while loop.time < seconds:
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0 and control.status() == "ok"
+    return 1e3 * float(abs(loop.truth().com - start).max())
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_robot_stands_on_actuators_of_any_kind(kind: str, mode: str) -> None:
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, kind), prefix=PREFIX)
+    assert stand(loop, 0.2, mode) < 1.0
+    weight = loop.measure().sole_wrench[:, 2].sum()
+    assert weight == pytest.approx(9.80665 * loop.robot.mass, rel=0.02)
+    ball = loop.data.qpos[:3]
+    assert np.allclose(ball, [1.0, 1.0, 0.1], atol=2e-3) and loop.data.ctrl[0] == 0.0  # that of the door
+
+
+@pytest.mark.parametrize("integrator", ["euler", "implicit", "rk4"])
+def test_every_integrator_and_a_gear(integrator: str) -> None:
+    model = foreign_model(DESCRIPTION, "motor", integrator=integrator, gear=-20.0)
+    assert stand(MujocoLoop(DESCRIPTION, model, prefix=PREFIX), 0.1, "position") < 1.0
+
+
+def test_measurements_are_those_of_the_plant() -> None:
+    """The plant of this library, wrapped as somebody else's, is measured as it measures itself."""
+    plant = Plant(DESCRIPTION, foot="flat", control_period=0.001)
+    push = [60.0, 30.0, 0.0]
+    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), 0.001))
+    plant.push("torso", push, 0.3)
+    while plant.time < 0.2:
+        plant.step(control.command(plant.measure()))
+    command = control.command(plant.measure())
+    data = mujoco.MjData(plant.model)
+    mujoco.mj_copyData(data, plant.model, plant.data)
+    loop = MujocoLoop(DESCRIPTION, plant.model, data, control_period=0.001)
+    loop.step(command)
+    data.xfrc_applied[:] = 0.0
+    plant.step(command)
+    own, other = plant.measure(), loop.measure()
+    np.testing.assert_allclose(other.joint_position, own.joint_position, atol=1e-6)
+    np.testing.assert_allclose(other.joint_velocity, own.joint_velocity, atol=1e-3)
+    np.testing.assert_allclose(other.angular_velocity, own.angular_velocity, atol=1e-3)
+    np.testing.assert_allclose(other.specific_force, own.specific_force, atol=0.05)
+    np.testing.assert_allclose(loop.truth().com, plant.truth().com, atol=1e-6)
+    np.testing.assert_allclose(other.sole_wrench, plant.truth().sole_wrench, atol=0.5)
+    assert other.joint_torque is not None
+    np.testing.assert_allclose(other.joint_torque, plant.joint_torque, atol=0.2)
+
+
+def test_imu_readings_are_in_the_frame_of_the_description() -> None:
+    """The same with sensors on a turned site and computed without any."""
+    readings = []
+    for imu in (True, False):
+        loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor", imu=imu), prefix=PREFIX)
+        assert (len(loop.notes) == 0) is imu
+        base = loop.places.base_dof
+        loop.data.qvel[base + 3 : base + 6] = [0.5, -0.4, 0.3]
+        for _ in range(5):
+            loop.step(loop.hold())
+        readings.append(loop.measure())
+    np.testing.assert_allclose(readings[0].angular_velocity, readings[1].angular_velocity, atol=1e-9)
+    # Computed of the velocities at the end of a step, measured of those at its begin.
+    np.testing.assert_allclose(readings[0].specific_force, readings[1].specific_force, atol=2e-3)
+    assert np.abs(readings[0].angular_velocity).max() > 0.01
+
+
+def test_gains_of_a_command_replace_those_of_the_file() -> None:
+    na = DESCRIPTION.robot().na
+    for kind in ("motor", "position"):
+        loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, kind), prefix=PREFIX)
+        q = loop.measure().joint_position
+        off = q + 0.01
+        loop.step(Command(np.zeros(na), off, np.zeros(na), kp=np.full(na, 50.0), kd=np.zeros(na)))
+        torque = loop.measure().joint_torque
+        assert torque is not None
+        np.testing.assert_allclose(torque, 0.5, atol=0.15)  # the joints have begun to move
+
+
+def test_other_parts_than_the_feet_touch() -> None:
+    """The pelvis of a robot that lies on its back hits the ground, which is not measured at the soles."""
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
+    loop.step(loop.hold())
+    assert set(loop.truth().contact_sole.tolist()) == {0, 1}
+    q = np.array(loop.robot.half_sitting)
+    q[2], q[3:7] = 0.099, [0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)]
+    loop.reset(q)
+    loop.step(loop.hold())
+    assert not loop.measure().sole_wrench.any()
+    truth = loop.truth()
+    assert set(truth.contact_sole.tolist()) == {-1} and truth.contact_force[0, 2] > 100.0
+
+
+def test_a_model_of_another_robot_is_refused() -> None:
+    model = foreign_model(DESCRIPTION, "motor")
+    with pytest.raises(UnknownNameError, match="joint of the MuJoCo model"):
+        MujocoLoop(DESCRIPTION, model)
+    with pytest.raises(UnknownNameError, match="no joint 'left_nee'"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX, joints={"left_nee": "x"})
+    with pytest.raises(UnknownNameError, match="sensor of the MuJoCo model"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX, gyroscope="gyro")
+    with pytest.raises(InputError, match="must be gyroscope, it is mjSENS_ACCELEROMETER"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX, gyroscope=PREFIX + "acc")
+    with pytest.raises(InputError, match="whole multiple"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX, control_period=0.0015)
+    with pytest.raises(InputError, match="data must be of the model"):
+        MujocoLoop(DESCRIPTION, model, Plant(DESCRIPTION).data, prefix=PREFIX)
+    knee = model.joint(PREFIX + DESCRIPTION.legs[0][3]).id
+    model.jnt_axis[knee] *= -1.0
+    with pytest.raises(ModelError, match=r"turns the other way .*: its axis is reversed"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+    model.jnt_axis[knee] *= -1.0
+    model.jnt_pos[knee] += [0.0, 0.0, 0.05]
+    with pytest.raises(ModelError, match=r"50\.0 mm off"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+    model = foreign_model(DESCRIPTION, "motor")
+    model.actuator_gaintype[5] = mujoco.mjtGain.mjGAIN_AFFINE
+    with pytest.raises(ModelError, match="must have a fixed gain"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+
+
+def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() -> None:
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
+    command = loop.hold()
+    with pytest.raises(InputError, match="joint_torque of a command must be numbers of shape"):
+        loop.step(dataclasses.replace(command, joint_torque=np.zeros(3)))
+    bad = command.joint_torque.copy()
+    bad[2] = np.nan
+    with pytest.raises(InputError, match=f"kp of joint '{DESCRIPTION.joint_names[2]}' is not finite"):
+        loop.step(dataclasses.replace(command, kp=bad))
+    assert loop.time == 0.0
+
+
+# ---- furniture in the plant ------------------------------------------------------------------------------------------
+
+TABLE = """<mujoco><worldbody>
+  <body name="table" pos="0.5 0 0.35"><geom type="box" size="0.2 0.4 0.35"/></body>
+  <body name="cup" pos="0.5 0 0.75"><freejoint/><geom type="cylinder" size="0.04 0.05" mass="0.3"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_plant_with_furniture_walks_as_without_it() -> None:
+    plants = [Plant(DESCRIPTION, scene=scene) for scene in (None, TABLE)]
+    for plant in plants:
+        for _ in range(10):
+            plant.step(plant.hold())
+    bare, furnished = plants
+    cup = furnished.model.body("scene/cup").id
+    assert furnished.data.xpos[cup][2] == pytest.approx(0.75, abs=2e-3)
+    np.testing.assert_allclose(furnished.truth().q, bare.truth().q, atol=1e-6)
+    assert furnished.truth().contact_sole.min() >= 0  # the cup's contacts with the table are not the robot's
+    assert furnished.scene is not None and "cup" in furnished.scene
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        ("<mujoco><worldbody><body/></mujoco>", "scene cannot be read"),
+        ("missing.xml", "scene cannot be read"),
+        (
+            '<mujoco><worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
+            '<actuator><motor joint="j"/></actuator></mujoco>',
+            "furniture without actuators",
+        ),
+    ],
+)
+def test_a_scene_that_is_no_furniture_is_refused(scene: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Plant(DESCRIPTION, scene=scene)
