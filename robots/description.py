@@ -13,12 +13,13 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import check_fields, checked
-from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, non_negative, positive
+from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, non_negative
 from wbc.core.registry import named_parameters
-from wbc.core.robot import GRAVITY, Robot, Sole
+from wbc.core.robot import Robot, Sole
 from wbc.robots import frames, urdf
-from wbc.robots.derivation import defaults, inertia, posture
-from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule, effective_inertia, leg_joints
+from wbc.robots.derivation import inertia, posture
+from wbc.robots.derivation.complete import complete, from_geometry
+from wbc.robots.derivation.servo import ServoRule, effective_inertia, leg_joints
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.report import report
 
@@ -40,6 +41,9 @@ class RobotDescription:
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
         gains: Joint → (kp, kd) where the rule does not apply, Nm/rad and Nms/rad.
+        damping: Joint → passive damping where there is any, Nms/rad; no model here has it.
+        frictionloss: Joint → dry friction where there is any, Nm; no model here has it.
+        sensors: Role → sensor of the file: "gyroscope", "accelerometer", "<body> force", "<body> torque".
         package_dirs: Folders for `package://` in the URDF, for viewers.
         height: Standing height with straight legs, m; None when unknown.
         source: Origin of the model.
@@ -57,6 +61,9 @@ class RobotDescription:
     hands: Mapping[str, str] = field(default_factory=dict)
     servo: ServoRule = field(default_factory=ServoRule)
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    damping: Mapping[str, float] = field(default_factory=dict)
+    frictionloss: Mapping[str, float] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
     height: float | None = None
     source: str = "given by the user"
@@ -65,7 +72,7 @@ class RobotDescription:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for mapping in ("half_sitting", "armature", "hands", "gains"):
+        for mapping in ("half_sitting", "armature", "hands", "gains", "damping", "frictionloss", "sensors"):
             object.__setattr__(self, mapping, MappingProxyType(dict(getattr(self, mapping))))
         if tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
             raise InputError(f"soles must be {frames.SOLE_NAMES}, got {tuple(s.name for s in self.soles)}")
@@ -77,6 +84,10 @@ class RobotDescription:
         for name, value in self.armature.items():
             choose("joint", name, names)
             non_negative(f"armature of joint '{name}' (kg m²)", value)
+        for what, losses in (("damping", self.damping), ("friction", self.frictionloss)):
+            for name, value in losses.items():
+                choose("joint", name, names)
+                non_negative(f"{what} of joint '{name}'", value)
         for name, (kp, kd) in self.gains.items():
             choose("joint", name, names)
             non_negative(f"kp of joint '{name}' (Nm/rad)", kp)
@@ -114,6 +125,7 @@ class RobotDescription:
         position_limits: Mapping[str, tuple[float, float]] | None = None,
         velocity_limits: Mapping[str, float] | None = None,
         torque_limits: Mapping[str, float] | None = None,
+        turn_root: bool | None = None,
         repair: bool = False,
         height: float | None = None,
         licence: str = "unknown",
@@ -141,6 +153,8 @@ class RobotDescription:
             position_limits: Joint → (lower, upper), in place of the URDF's, rad or m.
             velocity_limits: Joint → largest speed, in place of the URDF's, rad/s or m/s.
             torque_limits: Joint → largest torque or force, in place of the URDF's, Nm or N.
+            turn_root: True or None to turn a root whose x axis does not point forward, by a link above it; False to
+                refuse it.
             repair: Clamp inertias that no body can have instead of refusing them.
             height: Standing height with straight legs, m.
             licence: Licence of the model.
@@ -151,62 +165,106 @@ class RobotDescription:
             InputError: A file, frame, joint or value that cannot be used.
             ModelError: A URDF that cannot be simulated or controlled as it stands.
         """
-        root = urdf.read(source)
-        notes = urdf.tidy(root)
-        urdf.set_limits(root, position=position_limits, velocity=velocity_limits, torque=torque_limits)
-        if repair:
-            notes += inertia.repair(root)
-        inertia.check(root)
-        name = name or str(root.get("name") or "robot")
-        model = urdf.pinocchio_model(urdf.to_string(root), name)
-
         is_file = urdf.is_file(source)
         base = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
-        soles = (
-            defaults.complete_sole(root, model, "left_foot", left_sole, sole_size, directories, base, notes),
-            defaults.complete_sole(
-                root, model, "right_foot", right_sole, sole_size, directories, base, notes
-            ),
-        )
-        for sole in soles:
-            frames.add_frame(model, sole)
-        defaults.check_sides(model, soles)
-
-        joints = defaults.complete_half_sitting(model, soles, half_sitting or {}, notes)
-        q = posture.standing_configuration(model, (soles[0].frame, soles[1].frame), joints)
-        com_height = float(pin.centerOfMass(model, model.createData(), q)[2])
-        mass = pin.computeTotalMass(model)
-        missing = urdf.joints_without_torque_limit(root)
-        if missing:
-            torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
-            urdf.set_limits(root, torque=torques)
-            listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
-            notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
-        rotors = defaults.complete_armature(
-            list(joints), armature, ARMATURE_RATIO * mass * com_height**2, notes
-        )
-        if torso is None:
-            torso = defaults.find_torso(model, soles)
-            notes.append(f"torso: link '{torso}'")
-        choose("link", torso, frames.link_names(model))
         return cls(
-            name=name,
-            urdf=urdf.to_string(root),
-            soles=soles,
-            half_sitting=joints,
-            armature=rotors,
-            imu=defaults.complete_imu(model, imu, notes),
-            torso=torso,
-            hands=hands or {},
-            servo=servo or ServoRule(),
-            gains=gains or {},
-            package_dirs=directories,
-            height=None if height is None else positive("height (m)", height),
-            source=provenance or (str(source) if is_file else "URDF string"),
-            licence=licence,
-            derived=tuple(notes),
+            **complete(
+                urdf.read(source),
+                from_geometry(left_sole, right_sole, sole_size, directories, base),
+                name=name,
+                source=provenance or (str(source) if is_file else "URDF string"),
+                notes=[],
+                package_dirs=directories,
+                half_sitting=half_sitting,
+                torso=torso,
+                imu=imu,
+                hands=hands,
+                armature=armature,
+                servo=servo,
+                gains=gains,
+                position_limits=position_limits,
+                velocity_limits=velocity_limits,
+                torque_limits=torque_limits,
+                turn_root=turn_root,
+                repair=repair,
+                height=height,
+                licence=licence,
+            )
         )
+
+    @classmethod
+    @named_parameters("RobotDescription.from_mjcf")
+    @checked
+    def from_mjcf(
+        cls,
+        source: object,
+        *,
+        left_sole: str | FrameDescription | None = None,
+        right_sole: str | FrameDescription | None = None,
+        name: str | None = None,
+        sole_size: tuple[float, float] | None = None,
+        root: str | None = None,
+        lock: Mapping[str, float] | None = None,
+        meshes: bool = True,
+        use_gains: bool = True,
+        half_sitting: Mapping[str, float] | None = None,
+        torso: str | None = None,
+        imu: str | FrameDescription | None = None,
+        hands: Mapping[str, str] | None = None,
+        armature: float | Mapping[str, float] | None = None,
+        servo: ServoRule | None = None,
+        gains: Mapping[str, tuple[float, float]] | None = None,
+        position_limits: Mapping[str, tuple[float, float]] | None = None,
+        velocity_limits: Mapping[str, float] | None = None,
+        torque_limits: Mapping[str, float] | None = None,
+        turn_root: bool | None = None,
+        repair: bool = False,
+        height: float | None = None,
+        licence: str = "unknown",
+        provenance: str | None = None,
+    ) -> RobotDescription:
+        """Return the description of any humanoid in an MJCF, read through MuJoCo's compiled model.
+
+        Joints, inertias, limits, rotor inertias, damping, friction, gains of position actuators, a keyframe to stand
+        in and the site of the IMU are those of the file; what it does not say is derived as in `from_urdf`.
+
+        Args:
+            source: MJCF, a path or the XML itself, an `mujoco.MjSpec` (not changed) or a compiled `mujoco.MjModel`.
+            left_sole: Body, site or geom of the left foot, or a `SoleDescription`; the lowest limbs when None.
+            right_sole: Same for the right foot.
+            name: Name of the robot; that in the file when None.
+            sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
+            root: Body that floats; the one with a free joint when None. Joints of its own are replaced.
+            lock: Joint → position at which it is fixed, such as those of fingers, rad or m.
+            meshes: False to read a file whose meshes are missing; every body must then give its inertia.
+            use_gains: False to derive all servo gains instead of taking those of the file.
+            half_sitting: As in `from_urdf`; a keyframe when the robot stands in one.
+            torso: As in `from_urdf`.
+            imu: Site or body, or a placement in a body; the site of a gyroscope when None.
+            hands: Role → body.
+            armature: As in `from_urdf`, in place of the file's.
+            servo: As in `from_urdf`.
+            gains: Joint → (kp, kd), in place of the file's, Nm/rad and Nms/rad.
+            position_limits: As in `from_urdf`.
+            velocity_limits: As in `from_urdf`; an MJCF has none, 20 rad/s is the default.
+            torque_limits: As in `from_urdf`; the tightest of the file's otherwise.
+            turn_root: As in `from_urdf`.
+            repair: As in `from_urdf`.
+            height: As in `from_urdf`.
+            licence: As in `from_urdf`.
+            provenance: As in `from_urdf`.
+
+        Raises:
+            UnknownNameError: A parameter, body, site, geom or joint that does not exist.
+            InputError: A file or value that cannot be used.
+            ModelError: No robot or several, no free joint, a closed chain, a tendon drive, or a file that MuJoCo
+                refuses.
+        """
+        from wbc.robots.readers import robot_mjcf  # noqa: PLC0415  MuJoCo is imported with it
+
+        given = {key: value for key, value in locals().items() if key not in ("cls", "source", "robot_mjcf")}
+        return cls(**robot_mjcf.fields(source, **given))
 
     def pinocchio_model(self) -> pin.Model:
         """Return a copy of the Pinocchio model: free-flyer, limits, armature, gravity, frames of soles and IMU."""

@@ -55,6 +55,13 @@ class SoleDescription(FrameDescription):
     width: Annotated[Positive, "m"] = field(kw_only=True)
 
 
+def frame_at(name: str, link: str, placement: pin.SE3) -> FrameDescription:
+    """Return the description of a frame at a placement in a link."""
+    x, y, z = placement.translation.tolist()
+    roll, pitch, yaw = pin.rpy.matrixToRpy(placement.rotation).tolist()
+    return FrameDescription(name, link, (x, y, z), (roll, pitch, yaw))
+
+
 def add_frame(model: pin.Model, description: FrameDescription) -> None:
     """Add a frame to a Pinocchio model unless the very same frame is there already.
 
@@ -106,7 +113,8 @@ def carrier(model: pin.Model, frame: str) -> tuple[str, pin.SE3]:
         UnknownNameError: There is no such frame.
     """
     choose("frame", frame, (str(f.name) for f in model.frames))
-    known = model.frames[model.getFrameId(frame)]
+    # A joint and its link may have one name: the joint comes first, at the very same place.
+    known = next(f for f in model.frames if f.name == frame)
     return carrier_link(model, known.parentJoint), known.placement
 
 

@@ -220,6 +220,28 @@ def tidy(root: Element) -> list[str]:
     return notes
 
 
+def turn_root(root: Element, turn: float) -> str:
+    """Put a link above the root whose x axis points where the old one has the direction `turn` (rad) about z.
+
+    Args:
+        root: The `<robot>` element, tidied; changed.
+        turn: Angle about the z axis of the root, rad.
+
+    Returns:
+        Name of the new root link.
+    """
+    children = {child for _, child in map(parent_and_child, joints(root).values())}
+    links = [str(link.get("name")) for link in root.findall("link")]
+    old = next(name for name in links if name not in children)
+    new = f"{old}_forward"
+    root.insert(0, ElementTree.Element("link", name=new))
+    joint = ElementTree.SubElement(root, "joint", name=f"{new}_fixed", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=new)
+    ElementTree.SubElement(joint, "child", link=old)
+    ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy=f"0 0 {-turn!r}")
+    return new
+
+
 def _check_tree(root: Element) -> None:
     """Check that every link hangs on the root, and that placements and axes are numbers."""
     parents: dict[str, str] = {}

@@ -16,7 +16,7 @@ IMU              a frame of the URDF called so, on the root rather than elsewher
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -51,7 +51,11 @@ ALIGNED = np.cos(np.radians(1.0))
 
 
 def complete_half_sitting(
-    model: pin.Model, soles: Soles, given: Mapping[str, float], notes: list[str]
+    model: pin.Model,
+    soles: Soles,
+    given: Mapping[str, float],
+    notes: list[str],
+    postures: Sequence[tuple[str, Mapping[str, float]]] = (),
 ) -> dict[str, float]:
     """Return the half-sitting position of every joint, rad or m.
 
@@ -60,8 +64,21 @@ def complete_half_sitting(
         soles: Left and right sole.
         given: Joint → position, of some joints or none.
         notes: Gets a line for each rule that was used.
+        postures: Postures of the file. The first in which the robot stands is taken; without one the first gives the
+            joints that are not in the legs.
     """
     frame_names = (soles[0].frame, soles[1].frame)
+    for title, joints in postures:
+        taken = {**joints, **given}
+        if posture.stands(model, soles, taken):
+            notes.append(f"half-sitting: keyframe '{title}'")
+            return {str(name): float(taken[name]) for name in list(model.names)[2:]}
+    if postures:
+        title, joints = postures[0]
+        upper_body = posture.upper_body(model, frame_names, joints)
+        if any(upper_body.values()):
+            given = {**upper_body, **given}
+            notes.append(f"half-sitting of {len(upper_body)} joints above the legs: keyframe '{title}'")
     joints = posture.half_sitting(model, frame_names, given, max(sole.width for sole in soles) + 0.02)
     names = list(model.names)[2:]
     legs = [names[j - 2] for frame in frame_names for j in leg_joints(model, frame)]
@@ -123,7 +140,7 @@ def complete_sole(
         turned = True
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
     probe = model.copy()
-    frames.add_frame(probe, _frame("__probe__", link, placement))
+    frames.add_frame(probe, frames.frame_at("__probe__", link, placement))
     rectangle = sole_rectangle(root, probe, "__probe__", package_dirs, base)
     centre = np.zeros(3)
     if size is not None:
@@ -146,16 +163,10 @@ def complete_sole(
         placement = placement * pin.SE3(np.eye(3), centre)
         x, y, z = np.round(centre * 1e3) + 0.0
         notes.append(f"{name}: sole frame '{frame}' at ({x:.0f}, {y:.0f}, {z:.0f}) mm from '{given}'")
-    place = _frame(frame, link, placement)
+    place = frames.frame_at(frame, link, placement)
     return SoleDescription(
         place.frame, place.link, place.translation, place.rpy, name=name, length=length, width=width
     )
-
-
-def _frame(name: str, link: str, placement: pin.SE3) -> FrameDescription:
-    x, y, z = placement.translation.tolist()
-    roll, pitch, yaw = pin.rpy.matrixToRpy(placement.rotation).tolist()
-    return FrameDescription(name, link, (x, y, z), (roll, pitch, yaw))
 
 
 def check_sides(model: pin.Model, soles: Soles) -> None:
@@ -256,4 +267,4 @@ def complete_imu(
         given = str(called[0].name) if called else frames.carrier_link(model, 1)
         notes.append(f"IMU: frame '{given}'")
     link, placement = frames.carrier(model, given)
-    return _frame(given, link, placement)
+    return frames.frame_at(given, link, placement)

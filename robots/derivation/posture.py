@@ -19,6 +19,12 @@ INSIDE = 0.05
 KNEE_BEND = math.radians(40.0)
 """Knee bend of a derived half-sitting, rad; others: Talos 49°, HRP-2 40°."""
 
+BENT = (math.radians(15.0), math.radians(70.0))
+"""Range of the knee bend of a posture that a file offers as half-sitting, rad."""
+
+FULL_LEG = 6
+"""Joints of a leg that can put its sole anywhere, in any direction."""
+
 FLATNESS = 5e-3
 """Largest tilt of a sole in half-sitting, rad; a sole 0.2 m long is then off the ground by 1 mm at most."""
 
@@ -55,6 +61,51 @@ def half_sitting(
         q[7:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
     check_posture(model, soles, q)
     return dict(zip(names, q[7:].tolist(), strict=True))
+
+
+def stands(
+    model: pin.Model, soles: tuple[SoleDescription, SoleDescription], joints: Mapping[str, float]
+) -> bool:
+    """Return True if a posture can serve as half-sitting: inside all limits, soles flat, knees bent, balanced.
+
+    Args:
+        model: Pinocchio model with the sole frames.
+        soles: Left and right sole.
+        joints: Position of every joint, rad or m.
+    """
+    names = list(model.names)[2:]
+    values = np.array([joints[name] for name in names])
+    if not ((values >= model.lowerPositionLimit[7:]) & (values <= model.upperPositionLimit[7:])).all():
+        return False
+    frame_names = (soles[0].frame, soles[1].frame)
+    q = standing_configuration(model, frame_names, joints)
+    try:
+        check_posture(model, frame_names, q)
+        check_balance(model, soles, q)
+        for frame in frame_names:
+            if not BENT[0] <= _bend(model, leg_joints(model, frame), model.getFrameId(frame), q) <= BENT[1]:
+                return False
+    except InputError:
+        return False
+    return True
+
+
+def upper_body(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, float]) -> dict[str, float]:
+    """Return the positions of the joints that are in no leg, moved inside their limits by `INSIDE` where necessary.
+
+    Args:
+        model: Pinocchio model.
+        soles: Sole frames.
+        joints: Position of every joint, rad or m.
+    """
+    legs = {joint for frame in soles for joint in leg_joints(model, frame)}
+    lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    inside = INSIDE * (upper - lower)
+    kept = {}
+    for i, name in enumerate(list(model.names)[2:]):
+        if i + 2 not in legs:
+            kept[str(name)] = float(np.clip(joints[name], lower[i] + inside[i], upper[i] - inside[i]))
+    return kept
 
 
 def standing_configuration(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, float]) -> Array:
@@ -145,6 +196,9 @@ def _solve(
         if joint - 2 in free:
             q[7 + joint - 2] = np.clip(sign * KNEE_BEND, lower[joint - 2], upper[joint - 2])
 
+    # Legs without an ankle roll cannot shift the centre of mass sideways on flat soles: it stays where it is.
+    sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
+
     def residual(x: Array) -> Array:
         q[[7 + i for i in free]] = x
         com = pin.centerOfMass(model, data, q)
@@ -157,7 +211,7 @@ def _solve(
             [
                 pin.log3(left.rotation),
                 pin.log3(right.rotation),
-                com[:2] - middle[:2],
+                (com[:2] - middle[:2]) * [1.0, sideways],
                 apart - [0.0, width, 0.0],
                 [bend],
             ]
@@ -174,6 +228,18 @@ def _solve(
             f"(largest residual {np.abs(error[:11]).max():.3g}); pass half_sitting with the leg joints"
         )
     return np.array(q[7:])
+
+
+def _bend(model: pin.Model, leg: list[int], frame: int, q: Array) -> float:
+    """Return the angle between the lines from hip to knee and from knee to ankle, rad."""
+    data = model.createData()
+    knee, _ = _knee(model, data, leg, frame)
+    pin.forwardKinematics(model, data, q)
+    hip = max((joint for joint in leg if joint < knee), default=knee)
+    thigh = data.oMi[knee].translation - data.oMi[hip].translation
+    shin = data.oMi[leg[-1]].translation - data.oMi[knee].translation
+    lengths = float(np.linalg.norm(thigh) * np.linalg.norm(shin))
+    return math.acos(min(1.0, float(thigh @ shin) / lengths)) if lengths > 0.0 else 0.0
 
 
 def _knee(model: pin.Model, data: pin.Data, leg: list[int], frame: int) -> tuple[int, float]:

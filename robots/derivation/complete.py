@@ -1,0 +1,219 @@
+"""A description completed from a URDF: soles, heading, posture, limits, rotor inertias, torso, IMU, in this order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import ModelError, choose, positive
+from wbc.core.robot import GRAVITY
+from wbc.robots import frames, urdf
+from wbc.robots.derivation import defaults, inertia, posture
+from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule, leg_joints
+from wbc.robots.frames import FrameDescription
+
+SoleFinder = Callable[[urdf.Element, pin.Model, float, list[str]], defaults.Soles]
+"""Function of the URDF, its model, the turn of the root so far (rad) and the notes that returns the soles."""
+
+AHEAD = 0.01
+"""Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
+
+
+def from_geometry(
+    left: str | FrameDescription,
+    right: str | FrameDescription,
+    size: tuple[float, float] | None,
+    package_dirs: tuple[str, ...],
+    base: Path | None,
+) -> SoleFinder:
+    """Return the finder of soles whose frames are given, from the geometry of a URDF.
+
+    Args:
+        left: Frame, placement or description of the left sole.
+        right: Same for the right one.
+        size: Length and width, m; from the geometry when None.
+        package_dirs: Folders for `package://`.
+        base: Directory of the URDF, for relative paths.
+    """
+
+    def find(root: urdf.Element, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
+        one, other = (
+            defaults.complete_sole(root, model, name, given, size, package_dirs, base, notes)
+            for name, given in zip(frames.SOLE_NAMES, (left, right), strict=True)
+        )
+        return one, other
+
+    return find
+
+
+def complete(
+    root: urdf.Element,
+    find_soles: SoleFinder,
+    *,
+    name: str | None,
+    source: str,
+    notes: list[str],
+    package_dirs: tuple[str, ...] = (),
+    half_sitting: Mapping[str, float] | None = None,
+    postures: Sequence[tuple[str, Mapping[str, float]]] = (),
+    torso: str | None = None,
+    imu: str | FrameDescription | None = None,
+    hands: Mapping[str, str] | None = None,
+    armature: float | Mapping[str, float] | None = None,
+    servo: ServoRule | None = None,
+    gains: Mapping[str, tuple[float, float]] | None = None,
+    position_limits: Mapping[str, tuple[float, float]] | None = None,
+    velocity_limits: Mapping[str, float] | None = None,
+    torque_limits: Mapping[str, float] | None = None,
+    turn_root: bool | None = None,
+    feet_found: bool = False,
+    repair: bool = False,
+    height: float | None = None,
+    licence: str = "unknown",
+    **taken: Any,
+) -> dict[str, Any]:
+    """Return the fields of a `RobotDescription`; see `RobotDescription.from_urdf` for the arguments.
+
+    Args:
+        root: The `<robot>` element; changed.
+        find_soles: Finder of the soles.
+        name: Name of the robot; that in the URDF when None.
+        source: Origin of the model.
+        notes: Remarks so far.
+        package_dirs: Folders for `package://`.
+        half_sitting: Joint → position.
+        postures: Postures of the file, name and joint → position, that may serve as half-sitting.
+        torso: Link of the chest.
+        imu: Frame of the IMU.
+        hands: Role → frame.
+        armature: Rotor inertias.
+        servo: Rule for the servo gains.
+        gains: Joint → (kp, kd).
+        position_limits: Joint → (lower, upper).
+        velocity_limits: Joint → largest speed.
+        torque_limits: Joint → largest torque.
+        turn_root: Turn a root that does not look forward; where the feet leave no doubt when None.
+        feet_found: True if it was left to `find_soles` which foot is the left one.
+        repair: Clamp inertias that no body can have.
+        height: Standing height.
+        licence: Licence of the model.
+        **taken: Further fields, taken over as they are.
+
+    Raises:
+        InputError: As `RobotDescription.from_urdf`.
+    """
+    notes += urdf.tidy(root)
+    urdf.set_limits(root, position=position_limits, velocity=velocity_limits, torque=torque_limits)
+    if repair:
+        notes += inertia.repair(root)
+    inertia.check(root)
+    name = name or str(root.get("name") or "robot")
+    model = urdf.pinocchio_model(urdf.to_string(root), name)
+    remarks: list[str] = []
+    soles = _add_soles(root, model, find_soles, 0.0, remarks)
+    turn = heading(model, soles, feet_found) if turn_root is not False else 0.0
+    if turn:
+        turned = urdf.turn_root(root, turn)
+        notes.append(
+            f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link '{turned}'"
+        )
+        model, remarks = urdf.pinocchio_model(urdf.to_string(root), name), []
+        soles = _add_soles(root, model, find_soles, turn, remarks)
+    notes += remarks
+    defaults.check_sides(model, soles)
+
+    joints = defaults.complete_half_sitting(model, soles, half_sitting or {}, notes, postures)
+    q = posture.standing_configuration(model, (soles[0].frame, soles[1].frame), joints)
+    com_height = float(pin.centerOfMass(model, model.createData(), q)[2])
+    mass = pin.computeTotalMass(model)
+    missing = urdf.joints_without_torque_limit(root)
+    if missing:
+        torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
+        urdf.set_limits(root, torque=torques)
+        listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
+        notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
+    rotors = defaults.complete_armature(list(joints), armature, ARMATURE_RATIO * mass * com_height**2, notes)
+    if torso is None:
+        torso = defaults.find_torso(model, soles)
+        notes.append(f"torso: link '{torso}'")
+    choose("link", torso, frames.link_names(model))
+    return {
+        "name": name,
+        "urdf": urdf.to_string(root),
+        "soles": soles,
+        "half_sitting": joints,
+        "armature": rotors,
+        "imu": defaults.complete_imu(model, imu, notes),
+        "torso": torso,
+        "hands": hands or {},
+        "servo": servo or ServoRule(),
+        "gains": gains or {},
+        "package_dirs": package_dirs,
+        "height": None if height is None else positive("height (m)", height),
+        "source": source,
+        "licence": licence,
+        "derived": tuple(notes),
+        **taken,
+    }
+
+
+def _add_soles(
+    root: urdf.Element, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
+) -> defaults.Soles:
+    soles = find(root, model, turn, notes)
+    for sole in soles:
+        frames.add_frame(model, sole)
+    return soles
+
+
+def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
+    """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
+
+    Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
+    ankles. With one of them alone the soles are more likely to be swapped.
+
+    Args:
+        model: Pinocchio model with the sole frames.
+        soles: Left and right sole.
+        feet_found: True if the left foot is only the one with the larger y.
+    """
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    ids = [model.getFrameId(sole.frame) for sole in soles]
+    if any(not leg_joints(model, sole.frame) for sole in soles):
+        return 0.0
+    places = [np.array(data.oMf[i].translation) for i in ids]
+    ankles = [np.array(data.oMi[model.frames[i].parentJoint].translation) for i in ids]
+    toes = 0.5 * sum(place - ankle for place, ankle in zip(places, ankles, strict=True))
+    left = places[0] - places[1]
+    ahead = np.array([left[1], -left[0], 0.0]) / max(1e-9, float(np.hypot(left[0], left[1])))
+    angle = float(np.arctan2(ahead[1], ahead[0]))
+    turns = round(angle / (0.5 * np.pi))
+    pointing = float(toes @ ahead)
+    if feet_found and turns == 0 and pointing < -AHEAD:
+        return np.pi
+    if turns == 0 or pointing < AHEAD:
+        return 0.0
+    return turns * 0.5 * np.pi
+
+
+def refuse_at_ankle(model: pin.Model, name: str, given: str, placement: pin.SE3, link: str) -> None:
+    """Raise `ModelError` for a sole without geometry whose frame is that of the ankle.
+
+    Args:
+        model: Pinocchio model.
+        name: Name of the sole.
+        given: Frame that was given for it.
+        placement: Its placement in the link.
+        link: Link that carries it.
+    """
+    body = frames.body_frame(model, link)
+    if np.linalg.norm((body.placement * placement).translation) < 1e-3:
+        raise ModelError(
+            f"{name}: '{given}' lies at the ankle, and no geometry of the foot says how far below it the ground is; "
+            "give a frame at the sole, or a SoleDescription"
+        )

@@ -1,0 +1,104 @@
+"""An MJCF as MuJoCo's compiled model: everything else reads defaults, classes and includes wrong."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from wbc.core.errors import InputError, ModelError, shown
+from wbc.core.files import read_text
+
+
+def compiled(source: Any, *, meshes: bool) -> mujoco.MjModel:
+    """Return MuJoCo's compiled model of an MJCF.
+
+    Args:
+        source: Path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
+        meshes: False to leave out meshes, for a file that came without them: every body must then give its inertia.
+
+    Raises:
+        InputError: The file does not exist, or the source is of another kind.
+        ModelError: MuJoCo refuses it: its own words on one line, with the file.
+    """
+    if isinstance(source, mujoco.MjModel):
+        return source
+    where = "MJCF string"
+    try:
+        if isinstance(source, mujoco.MjSpec):
+            where, spec = "MjSpec", source.copy()
+        elif isinstance(source, (str, Path)):
+            where, spec = _parsed(source)
+        else:
+            raise InputError(
+                f"an MJCF must be a path, the XML itself, an MjSpec or an MjModel, got {shown(source)}"
+            )
+        if not meshes:
+            _drop_meshes(spec)
+        return spec.compile()
+    except (ValueError, RuntimeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise ModelError(f"{where}: {one_line(error)}") from error
+
+
+def one_line(error: BaseException) -> str:
+    """Return MuJoCo's message on one line, without its prefix."""
+    line = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
+    return re.sub(r"^((XML )?Error: ?|compile: )+", "", line) or type(error).__name__
+
+
+def _parsed(source: str | Path) -> tuple[str, mujoco.MjSpec]:
+    content = str(source)
+    if content.lstrip().startswith("<"):
+        _refuse_other_formats("MJCF string", content)
+        return "MJCF string", mujoco.MjSpec.from_string(content)
+    path = Path(source).expanduser() if content.isprintable() else Path(shown(content))
+    where = shown(str(path))
+    try:
+        known = path.is_file()
+    except OSError:  # a name that is too long
+        known = False
+    if not known:
+        raise InputError(f"no MJCF file {where}; give a path, the XML itself, an MjSpec or an MjModel")
+    _refuse_other_formats(where, read_text(path, "MJCF"))
+    return where, mujoco.MjSpec.from_file(str(path))
+
+
+def _refuse_other_formats(where: str, content: str) -> None:
+    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, and for NaN."""
+    first = re.search(r"<\s*([A-Za-z]\w*)", re.sub(r"<!--.*?-->", "", content, flags=re.DOTALL))
+    if first is None or first.group(1) == "robot":
+        what = "a URDF; use from_urdf" if first else "no XML"
+        raise ModelError(f"{where} is {what}")
+    wrong = re.search(r"<(\w+)[^<>]*?\s(\w+)\s*=\s*\"[^\"]*\b[Nn][Aa][Nn]\b[^\"]*\"", content)
+    if wrong and wrong.group(2) not in ("name", "class", "childclass", "file"):
+        raise ModelError(f"{where}: {wrong.group(2)} of a <{wrong.group(1)}> is NaN")
+
+
+def _drop_meshes(spec: mujoco.MjSpec) -> None:
+    for body in spec.bodies[1:]:
+        shaped = [geom for geom in body.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
+        if not shaped:
+            continue
+        if not body.explicitinertial:
+            raise ModelError(
+                f"body '{body.name}' has its inertia from meshes: without them its mass would be lost"
+            )
+        for geom in shaped:
+            spec.delete(geom)
+    for mesh in list(spec.meshes):
+        spec.delete(mesh)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in [each for each in spec.textures if each.file]:
+        spec.delete(texture)
+
+
+def limited(low: float, high: float) -> float:
+    """Return the largest size that a range allows on both sides; infinite for an empty one."""
+    sides = [abs(side) for side in (low, high) if side != 0.0 and math.isfinite(side)]
+    return min(sides) if sides else math.inf

@@ -1,0 +1,294 @@
+"""Soles of a robot in a compiled MuJoCo model, from the geoms of its feet that can touch the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
+
+from wbc.core.errors import Array, ModelError, unknown_name
+from wbc.robots.derivation.soles import PLAUSIBLE, SLICE
+from wbc.robots.frames import SoleDescription, SoleName, frame_at
+from wbc.robots.readers.tree_mjcf import Tree
+
+FLAT = np.cos(np.radians(1.0))
+"""Cosine of the tilt of a foot against the base, at qpos0, up to which its sole has the axes of the base."""
+
+STEEPEST = np.cos(np.radians(60.0))
+"""Cosine of the largest such tilt; a facet of the foot that is steeper is not its sole."""
+
+
+@dataclass
+class Foot:
+    """A foot found in the model.
+
+    Attributes:
+        body: Body whose frame moves with the foot.
+        given: Name by which the user gave it; None if it was found.
+        geoms: Geoms that make its outline.
+        origin: Origin of the sole in the frame of the body when a site is given, m.
+    """
+
+    body: int
+    given: str | None
+    geoms: list[int]
+    origin: Array | None = None
+
+
+def find_soles(
+    tree: Tree,
+    names: tuple[str | None, str | None],
+    size: tuple[float, float] | None,
+    turn: float = 0.0,
+) -> tuple[SoleDescription, SoleDescription]:
+    """Return the soles.
+
+    Args:
+        tree: The robot; gets a note for each rule that was used.
+        names: Body, site or geom of the left and the right foot; the two lowest ends of limbs when None.
+        size: Length and width, m; from the geoms when None.
+        turn: Angle from the x axis of the root to where the robot looks, about z, rad.
+
+    Raises:
+        UnknownNameError: A name that is no body, site or geom of the robot.
+        ModelError: No feet, or no geom on them.
+    """
+    data = mujoco.MjData(tree.model)
+    _posture(tree, data)
+    base = data.xmat[tree.root].reshape(3, 3) @ pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+    named = [None if name is None else _named(tree, name) for name in names]
+    found = _lowest(tree, data, base[:, 1], [foot.body for foot in named if foot])
+    left, right = (foot or found.pop(0) for foot in named)
+    return _sole(tree, data, base, "left_foot", left, size), _sole(
+        tree, data, base, "right_foot", right, size
+    )
+
+
+def _posture(tree: Tree, data: mujoco.MjData) -> None:
+    """Set the robot upright at qpos0, with locked joints where they are fixed."""
+    model = tree.model
+    for joint, value in tree.locked.items():
+        data.qpos[model.jnt_qposadr[joint]] = value
+    first = int(model.body_jntadr[tree.root])
+    if first >= 0 and int(model.jnt_type[first]) == mujoco.mjtJoint.mjJNT_FREE:
+        start = int(model.jnt_qposadr[first])
+        data.qpos[start : start + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    mujoco.mj_kinematics(model, data)
+
+
+def _named(tree: Tree, name: str) -> Foot:
+    model, kinds = tree.model, mujoco.mjtObj
+    body = {tree.body_name(b): b for b in tree.bodies}
+    if name in body:
+        return _foot_of(tree, body[name], name)
+    site = mujoco.mj_name2id(model, kinds.mjOBJ_SITE, name)
+    if site >= 0 and int(model.site_bodyid[site]) in tree.carrier:
+        carrier = int(model.site_bodyid[site])
+        foot = _foot_of(tree, carrier, name)
+        foot.origin = np.array(model.site_pos[site])
+        foot.body = carrier
+        return foot
+    geom = mujoco.mj_name2id(model, kinds.mjOBJ_GEOM, name)
+    if geom >= 0 and int(model.geom_bodyid[geom]) in tree.carrier:
+        return Foot(int(model.geom_bodyid[geom]), name, [geom])
+    sites = [model.site(i).name for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier]
+    geoms = [model.geom(i).name for i in range(model.ngeom) if int(model.geom_bodyid[i]) in tree.carrier]
+    unknown_name("body, site or geom", name, [each for each in (*body, *sites, *geoms) if each])
+
+
+def _foot_of(tree: Tree, body: int, given: str | None) -> Foot:
+    """Return a foot with its geoms that touch the ground, or, without any, those of group 3, or all."""
+    model = tree.model
+    group = {b for b, carrier in tree.carrier.items() if carrier == tree.carrier[body]}
+    geoms = [g for g in range(model.ngeom) if int(model.geom_bodyid[g]) in group]
+    if touching := [g for g in geoms if _touches_ground(model, g)]:
+        return Foot(body, given, touching)
+    third = [g for g in geoms if int(model.geom_group[g]) == 3]
+    if geoms:
+        tree.notes.append(
+            f"body '{tree.body_name(body)}': no geom can touch the ground (contype, conaffinity, pairs); "
+            f"the sole is from {'those of group 3' if third else 'all its geoms'}"
+        )
+    return Foot(body, given, third or geoms)
+
+
+def _touches_ground(model: mujoco.MjModel, geom: int) -> bool:
+    """Return True if a geom collides with a floor of contype and conaffinity 1, or is paired with a world geom."""
+    for i in range(model.npair):
+        pair = (int(model.pair_geom1[i]), int(model.pair_geom2[i]))
+        if geom in pair and int(model.geom_bodyid[pair[pair[0] == geom]]) == 0:
+            return True
+    body = int(model.geom_bodyid[geom])
+    for i in range(model.nexclude):
+        signature = int(model.exclude_signature[i])
+        if {signature >> 16, signature & 0xFFFF} == {0, body}:
+            return False
+    floors = [
+        (int(model.geom_contype[g]), int(model.geom_conaffinity[g]))
+        for g in range(model.ngeom)
+        if int(model.geom_bodyid[g]) == 0
+    ]
+    own = int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
+    return any(own[0] & affinity or kind & own[1] for kind, affinity in [*floors, (1, 1)])
+
+
+def _lowest(tree: Tree, data: mujoco.MjData, left: Array, taken: list[int]) -> list[Foot]:
+    """Return the two feet with the lowest ends of limbs, left first, or the one beside a foot that is known."""
+    inner = {
+        tree.carrier[int(tree.model.body_parentid[b])]
+        for b in tree.bodies
+        if b != tree.root and tree.carrier[b] == b
+    }
+    ends = [b for b in tree.bodies if tree.carrier[b] == b and b not in inner]
+    ends = [b for b in ends if b not in {tree.carrier[body] for body in taken}]
+    missing = 2 - len(taken)
+    if not missing:
+        return []
+    if len(ends) < missing:
+        raise ModelError(
+            "no feet: fewer than two limbs end in a body that moves; give left_sole and right_sole"
+        )
+    ends = sorted(ends, key=lambda body: float(data.xpos[body, 2]))[:missing]
+    ends.sort(key=lambda body: -float(data.xpos[body] @ left))
+    for body in ends:
+        tree.notes.append(f"foot: body '{tree.body_name(body)}', the end of one of the two lowest limbs")
+    return [_foot_of(tree, body, None) for body in ends]
+
+
+def _sole(
+    tree: Tree,
+    data: mujoco.MjData,
+    base: Array,
+    name: SoleName,
+    foot: Foot,
+    size: tuple[float, float] | None,
+) -> SoleDescription:
+    model = tree.model
+    link = tree.body_name(foot.body)
+    if not foot.geoms and (size is None or foot.origin is None):
+        raise ModelError(
+            f"{name}: body '{link}' has no geom that says where its sole is; give a site at the sole and sole_size"
+        )
+    normal, points = base[:, 2], np.zeros((0, 3))
+    for _ in range(3):  # the lowest points of round geoms depend on the normal, and the normal on the points
+        clouds = [_points(model, data, geom, normal) for geom in foot.geoms]
+        points = np.concatenate([*clouds, np.zeros((0, 3))])
+        found = _flat_side(points, base[:, 2])
+        if found is None or found @ base[:, 2] > FLAT:
+            normal = base[:, 2]
+            break
+        normal = found
+    if normal @ base[:, 2] < FLAT:
+        tilt = np.degrees(np.arccos(normal @ base[:, 2]))
+        tree.notes.append(f"{name}: at qpos0 the foot is tilted by {tilt:.0f}°; the sole is its flat side")
+    forward = base[:, 0] - (base[:, 0] @ normal) * normal
+    forward /= np.linalg.norm(forward)
+    axes = np.stack([forward, np.cross(normal, forward), normal], axis=1)
+    body = pin.SE3(data.xmat[foot.body].reshape(3, 3), data.xpos[foot.body])
+    if foot.origin is not None:
+        centre = body.act(foot.origin)
+    if foot.geoms:
+        local = points @ axes
+        touching = local[local[:, 2] < local[:, 2].min() + SLICE]
+        low, high = touching.min(axis=0), touching.max(axis=0)
+        length, width = (high - low)[:2].tolist()
+        middle = axes @ np.array([*(0.5 * (low + high))[:2], low[2]])
+        if foot.origin is None:
+            centre = middle
+        if size is None and not (
+            PLAUSIBLE[0] < width <= PLAUSIBLE[1] and PLAUSIBLE[0] < length <= PLAUSIBLE[1]
+        ):
+            raise ModelError(
+                f"{name}: the geoms of '{link}' touch the ground over {1e3 * length:.0f} x {1e3 * width:.0f} mm, "
+                f"which is no sole ({1e3 * PLAUSIBLE[0]:.0f} to {1e3 * PLAUSIBLE[1]:.0f} mm); give sole_size"
+            )
+        if size is None:
+            tree.notes.append(
+                f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from {_kinds(model, foot.geoms)} of body '{link}'"
+            )
+    if size is not None:
+        length, width = size
+    place = body.inverse() * pin.SE3(axes, centre)
+    frame = frame_at(f"{name}_sole", link, place)
+    return SoleDescription(
+        frame.frame, frame.link, frame.translation, frame.rpy, name=name, length=length, width=width
+    )
+
+
+def _kinds(model: mujoco.MjModel, geoms: list[int]) -> str:
+    names = [mujoco.mjtGeom(int(model.geom_type[g])).name.removeprefix("mjGEOM_").lower() for g in geoms]
+    counts = {name: names.count(name) for name in dict.fromkeys(names)}
+    plural = {"box": "boxes", "mesh": "meshes"}
+    return " and ".join(
+        f"a {name}" if count == 1 else f"{count} {plural.get(name, f'{name}s')}"
+        for name, count in counts.items()
+    )
+
+
+def _flat_side(points: Array, up: Array) -> Array | None:
+    """Return the normal, pointing up, of the largest flat side of a foot that looks down; None without one."""
+    points = np.unique(np.round(points, 7), axis=0)
+    if len(points) < 3:
+        return None
+    centred = points - points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(centred)
+    if sizes[1] < 1e-3 * max(sizes[0], 1e-9):
+        return None  # a line
+    if len(points) == 3 or sizes[2] < 1e-3 * sizes[0]:
+        normal = axes[2] * np.sign(axes[2] @ up or 1.0)
+        return np.asarray(normal) if normal @ up > STEEPEST else None
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return None
+    best, largest = None, 0.0
+    for equation in np.unique(np.round(hull.equations, 4), axis=0):
+        normal = -equation[:3] / np.linalg.norm(equation[:3])
+        if normal @ up < STEEPEST:
+            continue
+        height = points @ normal
+        near = points[height < height.min() + SLICE]
+        side = np.cross(normal, [0.0, 1.0, 0.0] if abs(normal[1]) < 0.7 else [1.0, 0.0, 0.0])
+        flat = near @ np.stack([side, np.cross(normal, side)], axis=1)
+        spread = np.ptp(flat, axis=0)
+        if (spread < 1e-3).any() or len(near) < 3:
+            continue
+        try:
+            area = float(ConvexHull(flat).volume)
+        except QhullError:
+            continue
+        # The side that looks straight down wins among equals, such as the bottom and the chamfer of a mesh.
+        if area * (normal @ up) > largest:
+            best, largest = normal, area * float(normal @ up)
+    return best
+
+
+def _points(model: mujoco.MjModel, data: mujoco.MjData, geom: int, up: Array) -> Array:
+    """Return points of a geom in the world that include those on which it stands, shape (n, 3), m."""
+    kinds = mujoco.mjtGeom
+    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
+    place, rotation = np.array(data.geom_xpos[geom]), data.geom_xmat[geom].reshape(3, 3)
+    if kind == kinds.mjGEOM_BOX:
+        local = size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    elif kind == kinds.mjGEOM_SPHERE:
+        return np.array([place - size[0] * up])
+    elif kind == kinds.mjGEOM_CAPSULE:
+        ends = place + np.outer([-size[1], size[1]], rotation[:, 2])
+        return np.asarray(ends - size[0] * up)
+    elif kind == kinds.mjGEOM_CYLINDER:
+        angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+        rim = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), np.full(32, size[1])], axis=1)
+        local = np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
+    elif kind == kinds.mjGEOM_ELLIPSOID:
+        down = rotation.T @ -up
+        return np.array([place + rotation @ (size**2 * down / np.linalg.norm(size * down))])
+    elif kind == kinds.mjGEOM_MESH:
+        mesh = int(model.geom_dataid[geom])
+        start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        local = np.array(model.mesh_vert[start : start + count], dtype=np.float64)
+    else:
+        return np.zeros((0, 3))
+    return np.asarray(place + local @ rotation.T)

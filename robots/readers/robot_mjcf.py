@@ -1,0 +1,103 @@
+"""A robot read from an MJCF: its URDF and everything that the file says beyond it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import ModelError
+from wbc.robots import urdf
+from wbc.robots.derivation.complete import complete
+from wbc.robots.derivation.defaults import Soles
+from wbc.robots.frames import FrameDescription, SoleDescription
+from wbc.robots.readers import drives_mjcf, feet_mjcf, tree_mjcf
+from wbc.robots.readers.compile_mjcf import compiled
+
+
+def fields(
+    source: Any,
+    *,
+    left_sole: str | FrameDescription | None,
+    right_sole: str | FrameDescription | None,
+    name: str | None,
+    sole_size: tuple[float, float] | None,
+    root: str | None,
+    lock: Mapping[str, float] | None,
+    meshes: bool,
+    use_gains: bool,
+    armature: float | Mapping[str, float] | None,
+    gains: Mapping[str, tuple[float, float]] | None,
+    imu: str | FrameDescription | None,
+    provenance: str | None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
+    model = compiled(source, meshes=meshes)
+    _refuse_odd_inertias(model)
+    tree = tree_mjcf.find_tree(model, root, lock or {})
+    drives = drives_mjcf.read_drives(tree)
+    name = name or _model_name(model) or tree.body_name(tree.root)
+    writer = tree_mjcf.write(tree, name, drives.torque)
+    tree.notes.append(
+        f"velocity limits: an MJCF has none; {tree_mjcf.SPEED:g} rad/s (slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
+    )
+    if use_gains:
+        gains = {**drives.gains, **(gains or {})}
+    if armature is None or isinstance(armature, Mapping):
+        armature = {**drives.armature, **(armature or {})}
+    found_imu, sensors = drives_mjcf.sensors(tree)
+    notes = list(tree.notes)
+    given = (left_sole, right_sole)
+
+    def find_soles(_: urdf.Element, pinocchio: pin.Model, turn: float, remarks: list[str]) -> Soles:
+        tree.notes = remarks
+        described = [sole if isinstance(sole, FrameDescription) else None for sole in given]
+        names = tuple(sole if isinstance(sole, str) else None for sole in given)
+        if all(isinstance(sole, SoleDescription) for sole in described):
+            return described[0], described[1]  # type: ignore[return-value]
+        if any(described):
+            raise ModelError("give both soles as a SoleDescription, or none")
+        return feet_mjcf.find_soles(tree, (names[0], names[1]), sole_size, turn)
+
+    where = "MjSpec"
+    if isinstance(source, (str, Path)):
+        where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
+    site = {
+        str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
+    }
+    if isinstance(imu, str) and imu in site and imu not in {tree.body_name(b) for b in tree.bodies}:
+        imu = drives_mjcf.site_frame(tree, site[imu])
+    if imu is None and found_imu is not None:
+        notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
+    return complete(
+        writer.root,
+        find_soles,
+        name=name,
+        source=provenance or where,
+        notes=notes,
+        postures=drives_mjcf.keyframes(tree),
+        imu=imu if imu is not None else found_imu,
+        armature=armature,
+        gains=gains,
+        feet_found=left_sole is None and right_sole is None,
+        damping=drives.damping,
+        frictionloss=drives.frictionloss,
+        sensors=sensors,
+        **options,
+    )
+
+
+def _model_name(model: Any) -> str:
+    name = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace")
+    return "" if name == "MuJoCo Model" else name
+
+
+def _refuse_odd_inertias(model: Any) -> None:
+    for body in range(1, model.nbody):
+        numbers = np.concatenate([[model.body_mass[body]], model.body_inertia[body], model.body_ipos[body]])
+        if not np.isfinite(numbers).all():
+            raise ModelError(f"body '{model.body(body).name}': mass, inertia and its place must be finite")

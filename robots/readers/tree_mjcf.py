@@ -1,0 +1,249 @@
+"""The kinematic tree of a robot in a compiled MuJoCo model, written as a URDF.
+
+A MuJoCo body becomes a link of its name. A joint whose anchor is not the origin of its body, and the first of several
+joints of one body, get a link of their own. q of the URDF means MuJoCo's `qpos`: a reference other than zero goes into
+the placement of the joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
+from wbc.robots.readers.write_urdf import UrdfWriter, about, along
+
+SPEED = 20.0
+"""Velocity limit of every hinge, rad/s, since an MJCF gives none."""
+
+SLIDE_SPEED = 1.0
+"""Velocity limit of every slide joint, m/s."""
+
+BETWEEN = 1e-9
+"""Mass, kg, of the link between two joints of one body, and a thousand times its inertia, kg m²."""
+
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+
+
+@dataclass
+class Tree:
+    """The robot in a compiled model.
+
+    Attributes:
+        model: MuJoCo's model.
+        root: Body that floats.
+        bodies: Bodies of the robot, parents first.
+        joints: Joints of the robot that move, name → number.
+        locked: Joints that are fixed, number → position, rad or m.
+        carrier: Body → the body that it is fixed to: the root, or one with a joint that moves.
+        notes: Remarks on the reading.
+    """
+
+    model: mujoco.MjModel
+    root: int
+    bodies: list[int]
+    joints: dict[str, int]
+    locked: dict[int, float]
+    carrier: dict[int, int]
+    notes: list[str] = field(default_factory=list)
+
+    def body_name(self, body: int) -> str:
+        """Return the name of the link of a body."""
+        return str(self.model.body(body).name) or f"body_{body}"
+
+    def joint_name(self, joint: int) -> str:
+        """Return the name of a joint."""
+        if name := str(self.model.joint(joint).name):
+            return name
+        body = int(self.model.jnt_bodyid[joint])
+        number = joint - int(self.model.body_jntadr[body])
+        return f"{self.body_name(body)}_joint{number or ''}"
+
+    def joints_of(self, body: int) -> list[int]:
+        """Return the joints of a body; none for the root, whose joints the floating base replaces."""
+        first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
+        return [] if body == self.root or count == 0 else list(range(first, first + count))
+
+
+def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]) -> Tree:
+    """Return the robot in a compiled model.
+
+    Args:
+        model: MuJoCo's model.
+        root: Body that floats; the one with a free joint and other joints below it when None.
+        lock: Joint → position at which it is fixed, rad or m.
+
+    Raises:
+        UnknownNameError: No such root or joint.
+        ModelError: No robot, several, a ball joint or a closed chain.
+    """
+    number = _root(model, root)
+    bodies = [b for b in range(1, model.nbody) if int(model.body_rootid[b]) == number]
+    tree = Tree(model, number, bodies, {}, {}, {})
+    tops = {int(model.body_rootid[b]) for b in range(1, model.nbody) if int(model.body_jntnum[b])} - {number}
+    tree.notes += [
+        f"body '{tree.body_name(top)}' and what hangs on it is left out: no part of the robot"
+        for top in sorted(tops)
+    ]
+    known: dict[str, int] = {}
+    for body in bodies:
+        for joint in tree.joints_of(body):
+            name = tree.joint_name(joint)
+            if int(model.jnt_type[joint]) == BALL:
+                raise ModelError(f"joint '{name}' is a ball joint; joints of one coordinate are required")
+            known[name] = joint
+    for name, value in lock.items():
+        tree.locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
+    tree.joints = {name: joint for name, joint in known.items() if joint not in tree.locked}
+    moving = {int(model.jnt_bodyid[joint]) for joint in tree.joints.values()}
+    for body in bodies:
+        tree.carrier[body] = (
+            body if body == number or body in moving else tree.carrier[int(model.body_parentid[body])]
+        )
+    if not tree.joints:
+        raise ModelError(f"the robot at body '{tree.body_name(number)}' has no joint that moves")
+    _refuse_loops(tree)
+    return tree
+
+
+def _root(model: mujoco.MjModel, root: str | None) -> int:
+    names = {str(model.body(b).name) or f"body_{b}": b for b in range(1, model.nbody)}
+    if root is not None:
+        number = names[choose("body", root, names)]
+        if int(model.body_parentid[number]) != 0:
+            top = str(model.body(int(model.body_rootid[number])).name)
+            raise InputError(f"root '{root}' must be a body of the world, it hangs on '{top}'")
+        return number
+    floating, standing = [], []
+    for name, body in names.items():
+        if int(model.body_parentid[body]) != 0:
+            continue
+        below = [b for b in range(1, model.nbody) if int(model.body_rootid[b]) == body]
+        jointed = sum(int(model.body_jntnum[b]) for b in below)
+        first = int(model.body_jntadr[body])
+        free = first >= 0 and int(model.jnt_type[first]) == FREE
+        if free and jointed > 1:
+            floating.append(name)
+        elif not free and jointed:
+            standing.append((jointed, name))
+    if len(floating) == 1:
+        return names[floating[0]]
+    if floating:
+        raise ModelError(
+            f"the MJCF holds {len(floating)} robots, at bodies {', '.join(map(repr, floating))}; choose one with root"
+        )
+    if standing:
+        name = max(standing)[1]
+        raise ModelError(
+            f"no body with joints below it has a free joint; root='{name}' replaces the joints of that body by one"
+        )
+    raise ModelError("the MJCF holds no robot: no body has joints below it")
+
+
+def _refuse_loops(tree: Tree) -> None:
+    """Name closed chains, which cannot be simulated here; a joint equality leaves both joints independent."""
+    model = tree.model
+    kinds = mujoco.mjtEq
+    for i in range(model.neq):
+        kind, one, two = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        name = str(model.equality(i).name) or f"equality {i}"
+        if kind == kinds.mjEQ_JOINT:
+            names = {number: joint for joint, number in tree.joints.items()}
+            if one in names:
+                other = f"'{tree.joint_name(two)}'" if two >= 0 else "a constant"
+                tree.notes.append(f"joint '{names[one]}': equality with {other}, now an independent joint")
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            if int(model.eq_objtype[i]) == mujoco.mjtObj.mjOBJ_SITE:
+                one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
+            ends = [tree.carrier.get(body) for body in (one, two)]
+            if ends[0] is not None and ends[1] is not None and ends[0] != ends[1]:
+                raise ModelError(
+                    f"closed chain: '{name}' ties body '{tree.body_name(one)}' to '{tree.body_name(two)}'; give the "
+                    "serial model, or lock the joints between them"
+                )
+        elif kind == kinds.mjEQ_TENDON:
+            tree.notes.append(f"'{name}': equality of tendons, left out")
+
+
+def placement_of(position: Array, quaternion: Array) -> pin.SE3:
+    """Return a placement from MuJoCo's position (m) and quaternion (wxyz)."""
+    w, x, y, z = (float(value) for value in quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=np.float64))
+
+
+def write(tree: Tree, name: str, torque: Mapping[str, float]) -> UrdfWriter:
+    """Return the URDF of a robot.
+
+    Args:
+        tree: The robot.
+        name: Its name.
+        torque: Joint → largest torque or force, Nm or N, where it is known.
+    """
+    model = tree.model
+    urdf = UrdfWriter(name)
+    for body in tree.bodies:
+        link = tree.body_name(body)
+        inertial = placement_of(model.body_ipos[body], model.body_iquat[body])
+        rotation = inertial.rotation
+        inertia = rotation @ np.diag(model.body_inertia[body]) @ rotation.T
+        if body == tree.root:
+            urdf.link(link, float(model.body_mass[body]), inertial.translation, inertia)
+            continue
+        parent = tree.body_name(int(model.body_parentid[body]))
+        place = placement_of(model.body_pos[body], model.body_quat[body])
+        joints = tree.joints_of(body)
+        for joint in joints:
+            anchor, axis = np.array(model.jnt_pos[joint]), np.array(model.jnt_axis[joint])
+            slides = int(model.jnt_type[joint]) == SLIDE
+            offset = tree.locked.get(joint, 0.0) - float(model.qpos0[model.jnt_qposadr[joint]])
+            # A turn about the anchor; a shift along the axis is the same wherever the anchor lies.
+            place = place * along(anchor)
+            if offset:
+                place = place * (along(axis * offset) if slides else about(axis, offset))
+            if joint in tree.locked:
+                place = place * along(-anchor)
+                continue
+            last = joint == [each for each in joints if each not in tree.locked][-1]
+            own = (
+                link
+                if last and not anchor.any() and joint == joints[-1]
+                else f"{link}_{tree.joint_name(joint)}"
+            )
+            if own != link:
+                between = (
+                    {}
+                    if last
+                    else {"mass": BETWEEN, "com": np.zeros(3), "inertia": 1e-3 * BETWEEN * np.eye(3)}
+                )
+                urdf.link(own, **between)  # type: ignore[arg-type]
+            _write_joint(tree, urdf, joint, parent, own, place, axis, torque)
+            parent, place = own, along(-anchor)
+        urdf.link(link, float(model.body_mass[body]), inertial.translation, inertia)
+        if parent != link:
+            urdf.joint(f"{link}_fixed", "fixed", parent, link, place)
+    return urdf
+
+
+def _write_joint(
+    tree: Tree,
+    urdf: UrdfWriter,
+    joint: int,
+    parent: str,
+    child: str,
+    place: pin.SE3,
+    axis: Array,
+    torque: Mapping[str, float],
+) -> None:
+    model, name = tree.model, tree.joint_name(joint)
+    slides = int(model.jnt_type[joint]) == SLIDE
+    limits = {"velocity": SLIDE_SPEED if slides else SPEED}
+    if model.jnt_limited[joint]:
+        limits["lower"], limits["upper"] = (float(value) for value in model.jnt_range[joint])
+    if name in torque:
+        limits["effort"] = torque[name]
+    urdf.joint(name, "prismatic" if slides else "revolute", parent, child, place, axis, limits)

@@ -1,0 +1,91 @@
+"""A URDF written link by link, with numbers that read back exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.robots.urdf import Element
+
+
+class UrdfWriter:
+    """A URDF under construction.
+
+    Attributes:
+        root: The `<robot>` element.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.root: Element = ElementTree.Element("robot", name=name)
+
+    def link(
+        self, name: str, mass: float = 0.0, com: Array | None = None, inertia: Array | None = None
+    ) -> None:
+        """Add a link.
+
+        Args:
+            name: Its name.
+            mass: Mass, kg; zero for a link without inertia.
+            com: Centre of mass in the link frame, shape (3,), m.
+            inertia: Inertia about the centre of mass in the axes of the link, shape (3, 3), kg m².
+        """
+        link = ElementTree.SubElement(self.root, "link", name=name)
+        if mass == 0.0 or com is None or inertia is None:
+            return
+        inertial = ElementTree.SubElement(link, "inertial")
+        ElementTree.SubElement(inertial, "origin", xyz=text(com), rpy="0 0 0")
+        ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
+        entries = {
+            f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertia[i, j])) for i in range(3) for j in range(i, 3)
+        }
+        ElementTree.SubElement(inertial, "inertia", entries)
+
+    def joint(
+        self,
+        name: str,
+        kind: str,
+        parent: str,
+        child: str,
+        placement: pin.SE3,
+        axis: Array | None = None,
+        limits: dict[str, float] | None = None,
+    ) -> None:
+        """Add a joint.
+
+        Args:
+            name: Its name.
+            kind: "fixed", "revolute", "continuous" or "prismatic".
+            parent: Parent link.
+            child: Child link.
+            placement: Placement of the joint in the parent link.
+            axis: Axis in the joint frame, shape (3,).
+            limits: Attributes of `<limit>`: lower, upper, velocity, effort, those that are known.
+        """
+        joint = ElementTree.SubElement(self.root, "joint", name=name, type=kind)
+        ElementTree.SubElement(joint, "parent", link=parent)
+        ElementTree.SubElement(joint, "child", link=child)
+        rpy = pin.rpy.matrixToRpy(placement.rotation)
+        ElementTree.SubElement(joint, "origin", xyz=text(placement.translation), rpy=text(rpy))
+        if axis is not None:
+            ElementTree.SubElement(joint, "axis", xyz=text(axis))
+            known = {key: repr(float(value)) for key, value in (limits or {}).items()}
+            ElementTree.SubElement(joint, "limit", known)
+
+
+def text(values: Iterable[float]) -> str:
+    """Return numbers as an attribute that reads back exactly."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def about(axis: Array, angle: float) -> pin.SE3:
+    """Return the turn by an angle (rad) about an axis of unit length, shape (3,)."""
+    return pin.SE3(pin.exp3(np.asarray(axis) * angle), np.zeros(3))
+
+
+def along(vector: Array) -> pin.SE3:
+    """Return the shift by a vector, shape (3,), m."""
+    return pin.SE3(np.eye(3), np.asarray(vector, dtype=np.float64))

@@ -1,0 +1,252 @@
+"""Descriptions read from MJCF: the dynamics are MuJoCo's, the file's values are kept, bad files are named."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from mjcf_biped import CAPSULES, MOTORS, biped
+from mujoco_dynamics import acceleration_to_mujoco, force_from_mujoco, mass_matrix_from_mujoco
+
+from wbc.core import conventions
+from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.robots import RobotDescription
+
+
+def assert_same_dynamics(description: RobotDescription, theirs: mujoco.MjModel, states: int = 100) -> None:
+    """Compare mass matrix, bias forces and body placements with MuJoCo's own model at random states."""
+    ours = description.pinocchio_model()
+    data, state = ours.createData(), mujoco.MjData(theirs)
+    ids = [theirs.joint(joint).id for joint in description.joint_names]
+    qpos_index, dof = theirs.jnt_qposadr[ids], theirs.jnt_dofadr[ids]
+    bodies = [theirs.body(b).name for b in range(1, theirs.nbody)]
+    bodies = [name for name in bodies if ours.existFrame(name, pin.FrameType.BODY)]
+    assert bodies
+    base = int(theirs.jnt_dofadr[theirs.jnt_type == mujoco.mjtJoint.mjJNT_FREE][-1])
+    assert base in (0, 6)
+    rng = np.random.default_rng(1)
+    low, high = description.position_limits
+    for _ in range(states):
+        quaternion = rng.normal(size=4)
+        q = np.concatenate(
+            [rng.normal(size=3), quaternion / np.linalg.norm(quaternion), rng.uniform(low, high)]
+        )
+        v = rng.normal(size=ours.nv)
+        qpos = conventions.configuration_to_mujoco(q, qpos_index, np.zeros(theirs.nq))
+        qvel = conventions.velocity_to_mujoco(q, v, dof, np.zeros(theirs.nv))
+        drift = acceleration_to_mujoco(q, v, np.zeros(ours.nv), dof, np.zeros(theirs.nv))
+        if base:  # another free body comes first
+            qpos[7:14], qpos[:7] = qpos[:7].copy(), theirs.qpos0[:7]
+            for vector in (qvel, drift):
+                vector[6:12], vector[:6] = vector[:6].copy(), 0.0
+        state.qpos[:], state.qvel[:] = qpos, qvel
+        mujoco.mj_forward(theirs, state)
+        product, full = np.zeros(theirs.nv), np.zeros((theirs.nv, theirs.nv))
+        mujoco.mj_mulM(theirs, state, product, drift)
+        mujoco.mj_fullM(theirs, state, full)
+        places = [*range(base, base + 6), *dof]
+        matrix = mass_matrix_from_mujoco(q, full[np.ix_(places, places)])
+        bias = force_from_mujoco(q, (state.qfrc_bias + product)[places])
+        np.testing.assert_allclose(matrix, pin.crba(ours, data, q), atol=1e-6)
+        np.testing.assert_allclose(bias, pin.nonLinearEffects(ours, data, q, v), atol=1e-6)
+        pin.framesForwardKinematics(ours, data, q)
+        for name in bodies:
+            placement = data.oMf[ours.getFrameId(name, pin.FrameType.BODY)]
+            np.testing.assert_allclose(placement.translation, state.body(name).xpos, atol=1e-6)
+            np.testing.assert_allclose(placement.rotation, state.body(name).xmat.reshape(3, 3), atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
+def test_the_dynamics_are_those_of_mujoco(kind: str, tmp_path) -> None:
+    """Anchors, references, two joints in a body, frames, slides and a second free body included."""
+    xml = biped()
+    (tmp_path / "biped.xml").write_text(xml)
+    source = {
+        "text": xml,
+        "path": tmp_path / "biped.xml",
+        "spec": mujoco.MjSpec.from_string(xml),
+        "model": mujoco.MjModel.from_xml_string(xml),
+    }[kind]
+    description = RobotDescription.from_mjcf(source)
+    assert description.name == "little_biped"
+    assert_same_dynamics(description, mujoco.MjModel.from_xml_string(xml))
+
+
+def test_what_the_file_says_is_kept() -> None:
+    description = RobotDescription.from_mjcf(biped())
+    names = description.joint_names
+    torque = dict(zip(names, description.torque_limit, strict=True))
+    assert torque["left_knee"] == 80.0 and torque["waist"] == 60.0
+    assert description.gains == {"waist": (200.0, 10.5)}
+    assert set(description.armature.values()) == {0.02}
+    assert description.damping["left_knee"] == 0.5 and description.frictionloss["left_knee"] == 0.1
+    assert description.imu.frame == "imu_here" and description.imu.link == "pelvis"
+    np.testing.assert_allclose(description.imu.rpy, [0.0, 0.0, np.pi / 2], atol=1e-12)
+    assert description.sensors == {
+        "gyroscope": "turning",
+        "accelerometer": "pushing",
+        "left_foot force": "left_load",
+    }
+    low, high = description.position_limits
+    knee = names.index("left_knee")
+    np.testing.assert_allclose(np.degrees([low[knee], high[knee]]), [-5.0, 140.0])
+    assert any("ball" in line for line in description.derived)
+
+
+FEET = {
+    "capsules": CAPSULES,
+    "box": '<geom class="foot" type="box" size="0.105 0.05 0.02" pos="0.035 0 -0.05"/>',
+    "spheres": "".join(
+        f'<geom class="foot" type="sphere" size="0.02" pos="{x} {y} -0.05"/>'
+        for x in (-0.07, 0.14)
+        for y in (-0.05, 0.05)
+    ),
+    "cylinder": '<geom class="foot" type="cylinder" size="0.05 0.02" pos="0.035 0 -0.05"/>',
+    "mesh": '<geom class="foot" type="mesh" mesh="shoe" pos="0.035 0 -0.05" euler="90 0 0"/>',
+}
+SHOE = (
+    '<asset><mesh name="shoe" vertex="-0.105 -0.02 -0.05 0.105 -0.02 -0.05 -0.105 0.02 -0.05 0.105 0.02 -0.05 '
+    '-0.105 -0.02 0.05 0.105 -0.02 0.05 -0.105 0.02 0.05 0.105 0.02 0.05"/></asset>'
+)
+SIZES = {"capsules": (0.19, 0.08), "cylinder": (0.1, 0.1)}
+
+
+@pytest.mark.parametrize("kind", FEET)
+def test_soles_come_from_the_geoms_that_touch_the_ground(kind: str) -> None:
+    description = RobotDescription.from_mjcf(biped(FEET[kind], extra=SHOE if kind == "mesh" else ""))
+    for sole in description.soles:
+        np.testing.assert_allclose((sole.length, sole.width), SIZES.get(kind, (0.21, 0.1)), atol=1e-3)
+        np.testing.assert_allclose(description.ankle(sole.name), [-0.035, 0.0, 0.07], atol=1e-3)
+
+
+def test_feet_are_named_by_body_site_or_geom() -> None:
+    site = (
+        '<site name="{0}_sole" pos="0.03 0 -0.07"/>'
+        '<geom name="{0}_box" class="foot" type="box" size="0.1 0.05 0.02" pos="0.03 0 -0.05"/>'
+    )
+    xml = biped("<site/>")
+    for side in ("left", "right"):
+        xml = xml.replace(
+            f'<site name="{side}_load_cell" pos="0 0 -0.03"/>',
+            f'<site name="{side}_load_cell"/>' + site.format(side),
+        )
+    by = {
+        what: RobotDescription.from_mjcf(xml, left_sole=f"left_{what}", right_sole=f"right_{what}")
+        for what in ("foot", "sole", "box")
+    }
+    for what, description in by.items():
+        np.testing.assert_allclose(
+            description.ankle("left_foot"), [-0.03, 0.0, 0.07], atol=1e-9, err_msg=what
+        )
+        np.testing.assert_allclose(description.soles[1].length, 0.2, atol=1e-9)
+    with pytest.raises(UnknownNameError, match="no body, site or geom 'left_fot'; did you mean 'left_foot'"):
+        RobotDescription.from_mjcf(xml, left_sole="left_fot")
+
+
+def key(name: str, bend: float, arm: float = 0.3) -> str:
+    """Return a keyframe: the ball, the floating base, the legs with a knee bend (rad), the upper body."""
+    leg = f"0 0 {-0.5 * bend} {bend + np.radians(20.0)} {-0.5 * bend} 0"
+    qpos = f"2 0 0.1 1 0 0 0  0 0 0.9 1 0 0 0  {leg} {leg} 0 {arm} 0 {arm} 0"
+    return f'<keyframe><key name="{name}" qpos="{qpos}"/></keyframe>'
+
+
+def test_half_sitting_is_a_keyframe_in_which_the_robot_stands() -> None:
+    stands = RobotDescription.from_mjcf(biped(extra=key("stand", 0.6)))
+    assert "half-sitting: keyframe 'stand'" in stands.derived
+    assert stands.half_sitting["left_knee"] == pytest.approx(0.6 + np.radians(20.0))
+    straight = RobotDescription.from_mjcf(biped(extra=key("stand", 0.0)))
+    assert straight.half_sitting["left_shoulder"] == pytest.approx(0.3)
+    assert straight.half_sitting["left_knee"] == pytest.approx(np.radians(40.0), abs=0.02)
+
+
+def test_locked_joints_are_fixed_where_they_are_told() -> None:
+    xml = biped()
+    description = RobotDescription.from_mjcf(xml, lock={"waist": 0.4, "right_reach": 0.1})
+    assert not {"waist", "right_reach"} & set(description.joint_names)
+    spec = mujoco.MjSpec.from_string(xml)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    robot = description.robot()
+    for name, value in description.half_sitting.items():
+        data.qpos[model.joint(name).qposadr] = value
+    data.joint("waist").qpos, data.joint("right_reach").qpos = 0.4, 0.1
+    data.joint("floating").qpos = [*robot.q[:3], 1.0, 0.0, 0.0, 0.0]
+    mujoco.mj_forward(model, data)
+    for body in ("right_arm", "left_arm", "chest", "left_foot"):
+        np.testing.assert_allclose(robot.placement(body).translation, data.body(body).xpos, atol=1e-9)
+
+
+WAIST = '<position name="wrong_order_first" joint="waist" kp="200" kv="10" forcerange="-60 60"/>'
+OTHER = (
+    '<body name="other" pos="0 3 1"><freejoint/><geom size="0.1"/>'
+    '<body name="arm"><joint name="j"/><geom size="0.1"/></body></body></worldbody>'
+)
+CHAIN = '<equality><connect name="rod" body1="left_arm" body2="right_arm" anchor="0 0 -0.3"/></equality>'
+STRING = '<tendon><fixed name="string"><joint joint="left_shoulder" coef="1"/></fixed></tendon>'
+PULLER = '<motor name="puller" tendon="string"/></actuator>'
+MESH = '<asset><mesh name="m" file="gone.stl"/></asset>'
+INERTIA = "0.08 0.06 0.05"
+END = "</worldbody>"
+BAD = {
+    "two robots": ([(END, OTHER)], "2 robots, at bodies 'pelvis', 'other'; choose one with root"),
+    "no free joint": (
+        [('<freejoint name="floating"/>', "")],
+        "root='pelvis' replaces the joints of that body",
+    ),
+    "closed chain": ([(END, END + CHAIN)], "closed chain: 'rod' ties body 'left_arm' to 'right_arm'"),
+    "tendon drive": (
+        [(END, END + STRING), ("</actuator>", PULLER)],
+        "actuator 'puller' drives tendon 'string', no joint",
+    ),
+    "NaN inertia": ([(INERTIA, "0.08 nan 0.05")], "diaginertia of a <inertial> is NaN"),
+    "negative inertia": ([(INERTIA, "0.08 -0.06 0.05")], "inertia must satisfy A + B >= C"),
+    "negative mass": ([('mass="9"', 'mass="-9"')], "mass"),
+    "missing mesh": ([(END, END + MESH)], "gone.stl"),
+    "missing include": ([("<worldbody>", '<include file="gone.xml"/><worldbody>')], "gone.xml"),
+    "actuator on no joint": ([('joint="waist"', 'joint="wiast"')], "wiast"),
+    "actuator on a site": (
+        [("</actuator>", '<motor name="thruster" site="imu_here"/></actuator>')],
+        "actuator 'thruster' drives a site of the robot, no joint",
+    ),
+    "ball joint": (
+        [('name="waist" axis="0 0 1" range="-80 80"', 'name="waist" type="ball"'), (WAIST, "")],
+        "'waist' is a ball joint",
+    ),
+    "a URDF": ([(biped(), '<robot name="r"/>')], "is a URDF; use from_urdf"),
+    "no XML": ([(biped(), "<<<")], "MJCF string"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_files_are_named_in_one_line(what: str) -> None:
+    changes, message = BAD[what]
+    xml = biped()
+    for old, new in changes:
+        assert old in xml
+        xml = xml.replace(old, new)
+    with pytest.raises(ModelError) as caught:
+        RobotDescription.from_mjcf(xml)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_root_without_free_joint_floats_when_it_is_named() -> None:
+    xml = biped().replace('<freejoint name="floating"/>', '<joint name="lift" type="slide" axis="0 0 1"/>')
+    description = RobotDescription.from_mjcf(xml, root="pelvis")
+    assert "lift" not in description.joint_names
+    with pytest.raises(InputError, match="must be a body of the world"):
+        RobotDescription.from_mjcf(xml, root="chest")
+
+
+def test_sources_that_are_none() -> None:
+    for source, message in ((3, "must be a path"), ("nowhere.xml", "no MJCF file"), ("", "no MJCF file")):
+        with pytest.raises(InputError, match=message):
+            RobotDescription.from_mjcf(source)
+
+
+def test_gains_of_the_file_are_given_and_the_others_derived() -> None:
+    derived = RobotDescription.from_mjcf(biped(drives=MOTORS), use_gains=False)
+    assert not derived.gains
+    own = RobotDescription.from_mjcf(biped(), gains={"left_knee": (150.0, 4.0)})
+    assert dict(own.gains) == {"waist": (200.0, 10.5), "left_knee": (150.0, 4.0)}
