@@ -48,6 +48,7 @@ class PlantModel:
         base: Body of the floating base.
         geom_sole: Index of the sole that a geom belongs to, −1 for none, shape (ngeom,).
         geom_robot: True for geoms of the robot, shape (ngeom,).
+        body_robot: True for bodies of the robot, shape (nbody,).
         sole_sites: Site at each sole centre, left first.
         imu: First places in `sensordata` of the gyroscope and the accelerometer.
         furnished: True if other things than robot and ground may touch.
@@ -61,6 +62,7 @@ class PlantModel:
     base: int
     geom_sole: Index
     geom_robot: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    body_robot: np.ndarray[tuple[int], np.dtype[np.bool_]]
     sole_sites: tuple[int, ...]
     imu: tuple[int, int]
     furnished: bool
@@ -309,6 +311,7 @@ def _plant_model(
         base=base_id,
         geom_sole=body_sole[model.geom_bodyid],
         geom_robot=model.body_rootid[model.geom_bodyid] == model.body_rootid[base_id],
+        body_robot=model.body_rootid == model.body_rootid[base_id],
         sole_sites=tuple(find(kinds.mjOBJ_SITE, foot.wrench_site) for foot in feet),
         imu=(sensor[0], sensor[1]),
         furnished=furnished,

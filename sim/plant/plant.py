@@ -78,6 +78,7 @@ class Plant:
         foot: The feet.
         feet: Names and sizes of what was built under the ankles, left first.
         sole_sites: MuJoCo site at each sole centre, left first.
+        of_robot: True for bodies of the robot and its feet, shape (nbody,).
         terrain: The ground as drawn.
         scene: MJCF of the furniture; None without.
         physics: Settings of the physics.
@@ -167,6 +168,7 @@ class Plant:
         self.terrain = self._plant.ground.terrain
         self.feet = self._plant.feet
         self.sole_sites = self._plant.sole_sites
+        self.of_robot = self._plant.body_robot
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
         self._na = self.robot.na

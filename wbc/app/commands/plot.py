@@ -118,5 +118,5 @@ def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
 
 
 def _brief(log: Log) -> dict[str, Any]:
-    """Return the header without the model of the plant, which only a replay needs."""
-    return {key: value for key, value in log.header.items() if key != "plant"}
+    """Return the header without the models of plant and robot, which only a replay needs."""
+    return {key: value for key, value in log.header.items() if key not in ("plant", "description")}

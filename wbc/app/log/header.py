@@ -5,11 +5,12 @@ program         "wbc" and its version
 versions        of all libraries that the numbers depend on
 created         date and time (UTC)
 title, seed     of the run
-control_period  s
+control_period  s; null for a controller of one's own
 robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
 spec            the specification of the run: its `to_json()`, else as `wbc.app.log.plain` writes dataclasses; null if
                 there was none
-plant           parts of the plant, likewise: description, foot, terrain, physics; null without a plant
+plant           parts of the plant, likewise: description, foot, terrain, physics, scene; null without a plant
+description     the robot of another loop, likewise; null with a plant, or if only its model is known
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from wbc.core.errors import InputError
 from wbc.core.robot import Robot
 
 if TYPE_CHECKING:
+    from wbc.robots import RobotDescription
     from wbc.sim import Plant
 
 FORMAT = 1
@@ -39,8 +41,9 @@ _DISTRIBUTIONS = ("numpy", "scipy", "pin", "proxsuite", "daqp", "mujoco", "pyarr
 
 def make_header(
     robot: Robot,
-    period: float,
+    period: float | None,
     plant: Plant | None,
+    description: RobotDescription | None,
     spec: Any = None,
     title: str = "",
     seed: int | None = None,
@@ -49,8 +52,9 @@ def make_header(
 
     Args:
         robot: The robot.
-        period: Control period, s.
+        period: Control period, s; None if unknown.
         plant: The plant, if there is one.
+        description: The robot of another loop, if it is known.
         spec: Specification of the run: a dataclass, or plain values.
         title: Title of the log; the robot's name when empty.
         seed: Seed of the run; the plant's when None.
@@ -73,6 +77,7 @@ def make_header(
         },
         "spec": spec.to_json() if hasattr(spec, "to_json") else to_plain(spec),
         "plant": None if plant is None else _plant_parts(plant),
+        "description": to_plain(description),
     }
 
 
@@ -114,6 +119,7 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
         "physics": to_plain(plant.physics),
         "noise": to_plain(plant.noise),
         "timestep": plant.timestep,
+        "scene": plant.scene,
     }
 
 

@@ -20,11 +20,16 @@ from wbc.app.log.tick import Control, Source, Tick
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError
+from wbc.core.qp.solution import Solution
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
+from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import WalkHook
+from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
-    from wbc.sim import Plant
+    from wbc.robots import RobotDescription
+    from wbc.sim import GroundTruth, MujocoLoop
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
@@ -63,6 +68,7 @@ class Recorder(WalkHook):
         self._stiffness = stiffness
         self._added: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
         self._sources: list[Source] | None = None
+        self._model: Robot | None = None  # of a controller of one's own
 
     def add(
         self,
@@ -101,12 +107,16 @@ class Recorder(WalkHook):
         self._added[name] = (signal, function, axes)
 
     def __call__(
-        self, plant: Plant | None, control: Control, measurement: Measurement, command: Command
+        self,
+        plant: Plant | MujocoLoop | None,
+        control: Control,
+        measurement: Measurement,
+        command: Command,
     ) -> None:
         """Record one tick, after the command has been computed and before the plant takes it.
 
         Args:
-            plant: The plant, for ground truth; None without one.
+            plant: The plant or loop, for ground truth; None without one.
             control: The walk, or position or torque control.
             measurement: Input of the control.
             command: Output of the control.
@@ -114,7 +124,53 @@ class Recorder(WalkHook):
         Raises:
             InputError: An added signal whose name is taken, whose value cannot be stored or whose length has changed.
         """
-        tick = Tick(plant, control, measurement, command)
+        drives = control.control if isinstance(control, WalkingControl) else control
+        loop = None if plant is None or isinstance(plant, Plant) else plant
+        self._record(
+            Tick(
+                plant,
+                control,
+                measurement,
+                command,
+                None if plant is None else plant.description,
+                drives.solution,
+                None if loop is None else loop.truth(),
+                drives.observer.robot,
+            )
+        )
+
+    def write(
+        self,
+        description: RobotDescription,
+        measurement: Measurement,
+        command: Command,
+        solution: Solution | None = None,
+        *,
+        truth: GroundTruth | None = None,
+        estimate: Robot | None = None,
+    ) -> None:
+        """Record one tick of any loop with any controller.
+
+        The first tick decides which of the optional values the log has columns for.
+
+        Args:
+            description: The robot.
+            measurement: Input of the controller.
+            command: Its output.
+            solution: Solution of the QP.
+            truth: True state, from a simulator.
+            estimate: Estimated robot, up to date.
+
+        Raises:
+            InputError: As for a call.
+        """
+        if self._model is None:
+            self._model = description.robot()
+        self._record(
+            Tick(None, None, measurement, command, description, solution, truth, estimate, self._model)
+        )
+
+    def _record(self, tick: Tick) -> None:
         if self._sources is None:
             self._begin(tick)
             assert self._sources is not None
@@ -146,8 +202,10 @@ class Recorder(WalkHook):
             sources.append(StiffnessSource(columns, stiffness, self._writer.keep))
         for signal, function, axes in self._added.values():
             sources.append(_AddedSignal(self._writer, columns, signal, function, axes, function(tick)))
-        controller = tick.controller
-        header = make_header(controller.robot, controller.dt, tick.plant, self._spec, self._title, self._seed)
+        period = None if tick.controller is None else tick.controller.dt
+        plant = tick.plant if isinstance(tick.plant, Plant) else None
+        description = None if plant is not None else tick.description
+        header = make_header(tick.robot, period, plant, description, self._spec, self._title, self._seed)
         self._writer.begin(columns, header, [source.finish for source in sources])
         self._sources = sources
 

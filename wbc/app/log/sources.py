@@ -21,11 +21,12 @@ from wbc.app.log.columns import (
     torque_units,
 )
 from wbc.app.log.tick import Source, Tick, copy
-from wbc.app.log.truth import TruthSource
+from wbc.app.log.truth import GroundTruthSource, TruthSource
 from wbc.app.log.walking import WalkSource
 from wbc.core.control import PositionControl
 from wbc.core.errors import Array
 from wbc.core.qp.solution import Solution
+from wbc.sim.plant.plant import Plant
 from wbc.walking.control import WalkingControl
 
 
@@ -37,15 +38,20 @@ def sources_for(columns: Columns, tick: Tick) -> list[Source]:
         tick: The first tick.
     """
     sources: list[Source] = [ClockSource(columns)]
-    estimate, omega = EstimateSource(columns, tick), None
-    if isinstance(tick.control, WalkingControl):
+    estimate, omega = None if tick.estimate is None else EstimateSource(columns, tick), None
+    if estimate is not None and isinstance(tick.control, WalkingControl):
         walk = WalkSource(columns, tick, estimate.com, estimate.com_velocity)
         omega = walk.omega
         sources.append(walk)
-    sources += [estimate, MeasurementSource(columns, tick), CommandSource(columns, tick)]
-    sources.append(SolverSource(columns, tick))
-    if tick.plant is not None:
+    if estimate is not None:
+        sources.append(estimate)
+    sources += [MeasurementSource(columns, tick), CommandSource(columns, tick)]
+    if tick.control is not None or tick.solution is not None:
+        sources.append(SolverSource(columns, tick))
+    if isinstance(tick.plant, Plant):
         sources.append(TruthSource(columns, tick.plant, omega))
+    elif tick.truth is not None:
+        sources.append(GroundTruthSource(columns, tick, omega))
     return sources
 
 
@@ -80,11 +86,14 @@ class MeasurementSource(Source):
         about = "range sensor under the toe; NaN without an echo"
         columns.each([f"foot/{foot}/range" for foot in feet], "m", about)
         columns.each([f"foot/{foot}/stiffness" for foot in feet], "Nm/rad", "actual, of the sole")
+        self._torque = tick.measurement.joint_torque is not None
+        if self._torque:
+            columns.group("joint/torque_measured", joints, torque_units(robot), "of the drive")
         self._copied = columns.since(start)
 
     def write(self, tick: Tick, row: Array) -> None:
         m = tick.measurement
-        parts = (  # in the order of the columns
+        parts = [  # in the order of the columns
             m.joint_position,
             m.joint_velocity,
             m.angular_velocity,
@@ -92,7 +101,10 @@ class MeasurementSource(Source):
             m.sole_wrench.ravel(),
             m.sole_range,
             m.sole_stiffness,
-        )
+        ]
+        if self._torque:
+            none = np.full(m.joint_position.size, math.nan)
+            parts.append(none if m.joint_torque is None else m.joint_torque)
         np.concatenate(parts, out=row[self._copied])
 
 
@@ -131,7 +143,8 @@ class EstimateSource(Source):
     """
 
     def __init__(self, columns: Columns, tick: Tick) -> None:
-        robot = tick.drives.observer.robot
+        robot = tick.estimate
+        assert robot is not None
         start = _base(columns, "estimated")
         self.com = columns.group("com/estimated", XYZ, "m", "world")
         self.com_velocity = columns.group("com/estimated_velocity", XYZ, "m/s", "world")
@@ -144,8 +157,8 @@ class EstimateSource(Source):
         self._copied = columns.since(start)
 
     def write(self, tick: Tick, row: Array) -> None:
-        drives = tick.drives
-        robot = drives.observer.robot
+        drives, robot = tick.drives, tick.estimate
+        assert robot is not None
         placements = robot.data.oMf
         # In the order of the columns.
         parts = [robot.q[:7], robot.v[:6], robot.com, robot.com_velocity]
@@ -159,7 +172,7 @@ class SolverSource(Source):
     """Status, residuals, active limits and timings of the QP."""
 
     def __init__(self, columns: Columns, tick: Tick) -> None:
-        solution = tick.drives.solution
+        solution = tick.solution
         self._columns = columns
         self._status = columns.add("solver/status", "1", "status of the QP", "text")
         self._iterations = columns.add("solver/iterations", "1", "outer iterations", "whole")
@@ -198,9 +211,8 @@ class SolverSource(Source):
         self._multipliers = columns.hidden(solution.multipliers.size)
 
     def write(self, tick: Tick, row: Array) -> None:
-        drives = tick.drives
-        solution = drives.solution
-        row[self._failures] = drives.failures
+        drives, solution = tick.drives, tick.solution
+        row[self._failures] = 0 if drives is None else drives.failures
         # A layout other than that of the first tick: tasks have been added.
         if solution is None or solution.layout is not self._layout:
             row[self._status] = row[self._iterations] = math.nan

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 from wbc.core.control import PositionControl, TorqueControl
 from wbc.core.errors import Array
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
-    from wbc.sim import Plant
+    from wbc.robots import RobotDescription
+    from wbc.sim import GroundTruth, MujocoLoop, Plant
 
 Control = PositionControl | TorqueControl | WalkingControl
 """Controllers that answer a measurement with a command."""
@@ -23,32 +25,45 @@ class Tick(NamedTuple):
     """State of a run after a command has been computed and before the plant takes it.
 
     Attributes:
-        plant: The plant; None without one.
-        control: The walk, or position or torque control.
+        plant: The plant or loop; None without one.
+        control: The walk, or position or torque control; None for a controller of one's own.
         measurement: Input of the control.
         command: Output of the control.
+        description: The robot as data; None if only its model is known.
+        solution: Solution of the QP; None without one.
+        truth: True state of a loop that is no `Plant`; None if nobody knows it.
+        estimate: Estimated robot, up to date; None if nothing estimates it.
+        model: Robot of a run without a control, for names and sizes.
     """
 
-    plant: Plant | None
-    control: Control
+    plant: Plant | MujocoLoop | None
+    control: Control | None
     measurement: Measurement
     command: Command
+    description: RobotDescription | None = None
+    solution: Solution | None = None
+    truth: GroundTruth | None = None
+    estimate: Robot | None = None
+    model: Robot | None = None
 
     @property
-    def drives(self) -> PositionControl | TorqueControl:
-        """Position or torque control, also that inside a walk."""
+    def drives(self) -> PositionControl | TorqueControl | None:
+        """Position or torque control, also that inside a walk; None for a controller of one's own."""
         control = self.control
         return control.control if isinstance(control, WalkingControl) else control
 
     @property
-    def controller(self) -> Controller:
-        """The whole-body controller."""
-        return self.control.controller
+    def controller(self) -> Controller | None:
+        """The whole-body controller; None for a controller of one's own."""
+        return None if self.control is None else self.control.controller
 
     @property
     def robot(self) -> Robot:
-        """The controller's robot, for names and sizes."""
-        return self.controller.robot
+        """The robot, for names and sizes."""
+        if self.controller is not None:
+            return self.controller.robot
+        assert self.model is not None
+        return self.model
 
 
 class Source(ABC):

@@ -4,11 +4,21 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import pinocchio as pin
 
-from wbc.app.log.columns import QUATERNION, SIDES, XY, XYZ, Columns, position_signal, torque_units
+from wbc.app.log.columns import (
+    QUATERNION,
+    SIDES,
+    XY,
+    XYZ,
+    Columns,
+    joint_units,
+    position_signal,
+    torque_units,
+)
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
 
@@ -36,12 +46,13 @@ class TruthSource(Source):
         self._velocities = mujoco.mj_subtreeVel
         start = columns.group("truth/base/position", XYZ, "m", "world").start
         columns.group("truth/base/orientation", QUATERNION, "1", "base frame in the world")
-        joints = [model.joint(i) for i in range(1, model.njnt)]
+        own = [i for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
+        joints = [model.joint(i) for i in own]
         units = ["m" if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for joint in joints]
         about = "without sensor errors"
         for joint, unit in zip(joints, units, strict=True):  # in the order of qpos, after the base
             columns.add(position_signal(joint.name, plant.robot), unit, about)
-        self._q = slice(start, start + model.nq)
+        self._qpos = slice(7 + len(joints))  # furniture comes after the robot
         self._quaternion = slice(start + 3, start + 7)
         self._linear = columns.group("truth/base/linear_velocity", XYZ, "m/s", "base frame")
         columns.group("truth/base/angular_velocity", XYZ, "rad/s", "base frame")
@@ -64,15 +75,14 @@ class TruthSource(Source):
         self._no_push = np.array([math.nan] * 3 + [0.0] * 3)
 
     def write(self, tick: Tick, row: Array) -> None:
-        assert tick.plant is not None
-        plant = tick.plant
+        plant = cast("Plant", tick.plant)
         data = plant.data
         self._velocities(plant.model, data)
         left, right = self._sites
         sites, base, pushes = data.site_xpos, self._base, data.xfrc_applied
         # In the order of the columns.
         parts = (
-            data.qpos,
+            data.qpos[self._qpos],
             data.qvel[:6],
             plant.joint_torque,
             data.subtree_com[base],
@@ -97,6 +107,53 @@ class TruthSource(Source):
             com, velocity = rows[:, self._com][:, :2], rows[:, self._com_velocity][:, :2]
             rows[:, self._dcm] = com + velocity / rows[:, self._omega, None]
         rows[:, self._ratio] = rows[:, self._torque] / self._limit
+
+
+class GroundTruthSource(Source):
+    """Base, joints, soles and centre of mass of a loop that knows its true state, under the names of a plant's."""
+
+    def __init__(self, columns: Columns, tick: Tick, omega: int | None) -> None:
+        """Add the columns.
+
+        Args:
+            columns: Takes the columns.
+            tick: The first tick, with its truth.
+            omega: Column of the natural frequency, for the DCM; None without a walk.
+        """
+        robot = tick.robot
+        self._robot = robot.clone()
+        names, torques = robot.joint_names, torque_units(robot)
+        start = columns.group("truth/base/position", XYZ, "m", "world").start
+        columns.group("truth/base/orientation", QUATERNION, "1", "base frame in the world")
+        for joint, unit in zip(names, joint_units(robot), strict=True):
+            columns.add(position_signal(joint, robot), unit, "without sensor errors")
+        columns.group("truth/base/linear_velocity", XYZ, "m/s", "base frame")
+        columns.group("truth/base/angular_velocity", XYZ, "rad/s", "base frame")
+        self._torque = columns.group("truth/joint/torque", names, torques, "last applied by the drives")
+        self._com = columns.group("truth/com", XYZ, "m", "world")
+        self._com_velocity = columns.group("truth/com_velocity", XYZ, "m/s", "world")
+        for side in SIDES:
+            columns.group(f"truth/foot/{side}/position", XYZ, "m", "sole centre, world")
+        self._copied = columns.since(start)
+        self._ratio = columns.group("truth/joint/torque_ratio", names, "1", "torque over its limit")
+        self._omega = omega
+        self._dcm = slice(0, 0) if omega is None else columns.group("truth/dcm", XY, "m", "world")
+
+    def write(self, tick: Tick, row: Array) -> None:
+        truth, robot = tick.truth, self._robot
+        if truth is None:
+            row[self._copied] = math.nan
+            return
+        pin.framesForwardKinematics(robot.model, robot.data, truth.q)
+        feet = [robot.placement(sole.frame).translation for sole in robot.soles[:2]]
+        parts = (truth.q, truth.v[:6], truth.joint_torque, truth.com, truth.com_velocity, *feet)
+        np.concatenate(parts, out=row[self._copied])
+
+    def finish(self, rows: Array) -> None:
+        if self._omega is not None:
+            com, velocity = rows[:, self._com][:, :2], rows[:, self._com_velocity][:, :2]
+            rows[:, self._dcm] = com + velocity / rows[:, self._omega, None]
+        rows[:, self._ratio] = rows[:, self._torque] / self._robot.torque_limit
 
 
 def into_frame(quaternions: Array, vectors: Array) -> Array:

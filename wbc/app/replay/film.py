@@ -125,7 +125,7 @@ def _pictures(
 ) -> Iterator[Picture]:
     """Yield the pictures."""
     width, height = size
-    drawn = MujocoScene(replay.scene, replay.plant.terrain, width, height, replay.sole_paths)
+    drawn = MujocoScene(replay.scene, replay.terrain, width, height, replay.sole_paths)
     captions = _Captions(replay, height)
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.com_height, 130.0, -12.0

@@ -7,6 +7,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 
 from wbc.app.log import Log
 from wbc.app.log.columns import SIDES, position_signal
@@ -16,9 +17,10 @@ from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.layers import sole_paths
 from wbc.app.scene.scene import Scene, Snapshot
 from wbc.app.scene.shapes import Colour
-from wbc.app.scene.sources import Force, PlantSource, sole_force
+from wbc.app.scene.sources import Force, PlantSource, RobotSource, sole_force
 from wbc.core.errors import Array, InputError, positive
 from wbc.sim.plant.plant import Plant
+from wbc.sim.terrain import terrain as make_terrain
 
 MIN_LOAD = 1.0
 """Smallest contact force that is shown, N."""
@@ -29,7 +31,8 @@ class Replay:
 
     Attributes:
         log: The log.
-        plant: The plant of the log's header; it shows states and is never stepped.
+        plant: The plant of the log's header, which shows states and is never stepped; None for another loop.
+        terrain: The ground, flat for another loop.
         scene: The scene, with the overlays.
         overlays: Footsteps, support region and DCM of a walk.
         sole_paths: Paths of each foot in the colour of its stiffness; empty for a passive foot.
@@ -39,27 +42,28 @@ class Replay:
         """Rebuild the plant.
 
         Args:
-            log: A log that was recorded with a plant.
+            log: A log that was recorded with a plant or with the description of the robot.
 
         Raises:
-            InputError: Recorded without a plant, nothing recorded, or the plant cannot be built here.
+            InputError: Recorded without either, nothing recorded, or the plant cannot be built here.
         """
         self.log = log
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
-        self.plant = rebuild_plant(log)
-        self._source = PlantSource(self.plant)
-        scene, model = self._source.scene, self.plant.model
+        self.plant = None if log.header.get("plant") is None else rebuild_plant(log)
+        self._stage = _LoopStage(log) if self.plant is None else _PlantStage(log, self.plant)
+        self.terrain = make_terrain("flat") if self.plant is None else self.plant.terrain
+        scene = self._stage.source.scene
         self.overlays = Overlays(log, scene.com_height)
         self.scene: Scene = scene.extended(self.overlays.objects, self.overlays.moving, self.overlays.legend)
-        self._q = self._configurations()
-        self._soles = [model.site(foot.wrench_site).id for foot in self.plant.feet]
-        self._com = log["truth/com"]
+        self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
         self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
         self._zmp = log["zmp/measured"] if "zmp/measured/x" in log else None
-        self.sole_paths = tuple(sole_paths(model, foot) for foot in self.plant.feet)
+        self.sole_paths = self._stage.sole_paths
         self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
-        self._push = (log["truth/push/point"], log["truth/push/force"])
+        self._push: tuple[Array, ...] = ()
+        if "truth/push/point/x" in log:
+            self._push = (log["truth/push/point"], log["truth/push/force"])
 
     def __len__(self) -> int:
         return len(self.log)
@@ -83,9 +87,8 @@ class Replay:
         return [int(i) for i in np.unique(nearest)]
 
     def show(self, tick: int) -> None:
-        """Put all bodies of the plant into their positions at a tick."""
-        self.plant.data.qpos[:] = self._q[tick]
-        mujoco.mj_kinematics(self.plant.model, self.plant.data)
+        """Put all bodies into their positions at a tick."""
+        self._stage.show(tick)
 
     def frame(self, tick: int) -> Array:
         """Return one matrix for each moving path of the scene at a tick, shape (len(scene.moving), 4, 4)."""
@@ -99,36 +102,98 @@ class Replay:
     def snapshot(self, tick: int) -> Snapshot:
         """Return the state at a tick; forces are those of the foot sensors."""
         self.show(tick)
-        data = self.plant.data
         forces: list[Force] = []
-        for site, wrenches in zip(self._soles, self._wrenches, strict=True):
+        for sole, wrenches in zip(self._stage.soles(), self._wrenches, strict=True):
             wrench = wrenches[tick]
             if np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD:
-                rotation = data.site_xmat[site].reshape(3, 3)
-                forces += sole_force(data.site_xpos[site], rotation, wrench)
-        point, force = (values[tick] for values in self._push)
-        if np.isfinite(point).all() and force.any():
-            forces.append(("push", point, force))
+                forces += sole_force(sole.translation, sole.rotation, wrench)
+        if self._push:
+            point, force = (values[tick] for values in self._push)
+            if np.isfinite(point).all() and force.any():
+                forces.append(("push", point, force))
         zmp = None if self._zmp is None or not np.isfinite(self._zmp[tick]).all() else self._zmp[tick]
-        return Snapshot(float(self.log.time[tick]), self._source.poses(), self._com[tick], zmp, forces)
+        return Snapshot(float(self.log.time[tick]), self._stage.poses(), self._com[tick], zmp, forces)
 
-    def _configurations(self) -> Array:
-        """Return MuJoCo's positions of all ticks, shape (ticks, nq)."""
-        log, model = self.log, self.plant.model
-        q = np.empty((len(log), model.nq))
-        q[:, :3] = log["truth/base/position"]
-        quaternion = log["truth/base/orientation"][:, [3, 0, 1, 2]]
-        q[:, 3:7] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
-        for i in range(1, model.njnt):
-            joint = model.joint(i)
-            name = position_signal(joint.name, self.plant.robot)
+
+class _PlantStage:
+    """The plant of a log, put into logged states."""
+
+    def __init__(self, log: Log, plant: Plant) -> None:
+        self.source, self._plant = PlantSource(plant), plant
+        model = plant.model
+        self._soles = [model.site(foot.wrench_site).id for foot in plant.feet]
+        self.sole_paths = tuple(sole_paths(model, foot) for foot in plant.feet)
+        joints = [model.joint(i) for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
+        self._q = _base_in_mujoco(log, 7 + len(joints))
+        for joint in joints:
+            name = position_signal(joint.name, plant.robot)
             if name not in log:
                 raise InputError(
                     f"{log.path} has no '{name}': the plant of {log.header.get('program', 'the log')} had "
                     "other joints than the one that this version builds"
                 )
-            q[:, joint.qposadr[0]] = log[name]
-        return q
+            self._q[:, joint.qposadr[0]] = log[name]
+
+    def show(self, tick: int) -> None:
+        """Put all bodies into their positions at a tick; furniture stays where it was at the start."""
+        plant = self._plant
+        plant.data.qpos[: self._q.shape[1]] = self._q[tick]
+        mujoco.mj_kinematics(plant.model, plant.data)
+
+    def poses(self) -> Array:
+        """Return the poses of the scene's bodies, shape (number of bodies, 4, 4)."""
+        return self.source.poses()
+
+    def soles(self) -> list[pin.SE3]:
+        """Return the sole frames in the world."""
+        data = self._plant.data
+        return [pin.SE3(data.site_xmat[i].reshape(3, 3), data.site_xpos[i]) for i in self._soles]
+
+
+class _LoopStage:
+    """The robot of any other loop, put into the true states of a log, or into the estimated ones without these."""
+
+    sole_paths: tuple[tuple[str, ...], ...] = ((), ())
+
+    def __init__(self, log: Log) -> None:
+        if log.header.get("description") is None:
+            raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
+        description = from_plain(log.header["description"])
+        self.source, self._robot = RobotSource(description, None), description.robot()
+        which = "truth" if "truth/base/position/x" in log else "estimated"
+        base = "truth/base" if which == "truth" else "base/estimated"
+        if f"{base}/position/x" not in log:
+            raise InputError(
+                f"{log.path} has neither the true nor an estimated base: there is nothing to show"
+            )
+        joints = "truth/joint/position" if which == "truth" else "joint/position"
+        quaternion = log[f"{base}/orientation"]
+        quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+        columns = np.column_stack([log[f"{joints}/{name}"] for name in self._robot.joint_names])
+        self._q = np.ascontiguousarray(
+            np.hstack([log[f"{base}/position"], quaternion, columns]), dtype=np.float64
+        )
+
+    def show(self, tick: int) -> None:
+        """Put all links into their positions at a tick."""
+        self._robot.update_kinematics(self._q[tick], np.zeros(self._robot.nv))
+
+    def poses(self) -> Array:
+        """Return the poses of the scene's bodies, shape (number of bodies, 4, 4)."""
+        return self.source.snapshot(self._robot, None, 0.0).poses
+
+    def soles(self) -> list[pin.SE3]:
+        """Return the sole frames in the world."""
+        return [self._robot.placement(sole.frame) for sole in self._robot.soles]
+
+
+def _base_in_mujoco(log: Log, size: int) -> Array:
+    """Return rows of MuJoCo's positions with the true base in them, shape (ticks, size)."""
+    q = np.empty((len(log), size))
+    q[:, :3] = log["truth/base/position"]
+    quaternion = log["truth/base/orientation"][:, [3, 0, 1, 2]]
+    q[:, 3:7] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    return q
 
 
 def rebuild_plant(log: Log) -> Plant:
@@ -139,7 +204,7 @@ def rebuild_plant(log: Log) -> Plant:
     """
     parts: dict[str, Any] | None = log.header.get("plant")
     if parts is None:
-        raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
+        raise InputError(f"{log.path} was recorded without a plant")
     return Plant(
         from_plain(parts["description"]),
         foot=from_plain(parts["foot"]),
@@ -148,4 +213,5 @@ def rebuild_plant(log: Log) -> Plant:
         timestep=float(parts["timestep"]),
         control_period=float(log.header["control_period"]),
         seed=int(log.header.get("seed") or 0),
+        scene=parts.get("scene"),
     )

@@ -142,13 +142,16 @@ def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
 
 
 def _foot_parts(plant: Plant) -> list[Part]:
-    """Return the visual shapes of a plant's feet: the phalanges of a soft sole, its arch."""
+    """Return the visual shapes of a plant's feet, the phalanges of a soft sole and its arch, and of its furniture."""
     import mujoco  # noqa: PLC0415
 
     from wbc.feet.soles.common_mjcf import VISUAL_GROUP  # noqa: PLC0415
+    from wbc.sim.plant.model import SCENE_PREFIX  # noqa: PLC0415
 
     model, parts = plant.model, []
-    for geom in np.flatnonzero(model.geom_group == VISUAL_GROUP):
+    names = [str(model.body(body).name) for body in model.geom_bodyid]
+    furniture = np.array([name.startswith(SCENE_PREFIX) for name in names])
+    for geom in np.flatnonzero((model.geom_group == VISUAL_GROUP) | furniture):
         shape = _geom_shape(int(model.geom_type[geom]), model.geom_size[geom].tolist())
         if shape is None:
             continue
@@ -157,7 +160,7 @@ def _foot_parts(plant: Plant) -> list[Part]:
         placement = np.eye(4)
         placement[:3, :3], placement[:3, 3] = rotation.reshape(3, 3), model.geom_pos[geom]
         red, green, blue, opacity = model.geom_rgba[geom].tolist()
-        body = FOOT + str(model.body(model.geom_bodyid[geom]).name)
+        body = FOOT + names[geom]
         parts.append(Part(body, shape, (red, green, blue, opacity), placement))
     return parts
 

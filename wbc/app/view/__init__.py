@@ -1,6 +1,6 @@
 """Live view in the browser: page, drawing process and the controls of a run.
 
-    with MeshcatView(plant) as view:
+    with MeshcatView(plant) as view:  # or a MujocoLoop, or a description and update(state, measurement=…)
         while plant.time < 10.0:
             plant.step(control.command(plant.measure()))
             view.update()

@@ -29,11 +29,12 @@ from wbc.app.view.user_input import unpack
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
+from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import Terrain
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
-    from wbc.sim import Plant
+    from wbc.sim import GroundTruth, MujocoLoop
     from wbc.walking.control import WalkingControl
 
 PAUSE_TICK = 0.02
@@ -65,7 +66,7 @@ class MeshcatView:
 
     def __init__(
         self,
-        source: Plant | RobotDescription,
+        source: Plant | MujocoLoop | RobotDescription,
         *,
         walking: WalkingControl | None = None,
         terrain: Terrain | None = None,
@@ -78,7 +79,8 @@ class MeshcatView:
         """Start serving the page; its address goes to the standard error.
 
         Args:
-            source: A plant, or the description of a robot whose states are given to `update`.
+            source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
+                given to `update`.
             walking: Controller of a walk, to show its footsteps and references; only with a plant.
             terrain: The ground under a described robot; flat when None. A plant has its own.
             host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
@@ -101,6 +103,9 @@ class MeshcatView:
         self._source: PlantSource | RobotSource
         self._plant: Plant | None = None
         self._layers: tuple[Layer, ...] = ()
+        self._loop = None if isinstance(source, (RobotDescription, Plant)) else source
+        if self._loop is not None:
+            source = self._loop.description
         if isinstance(source, RobotDescription):
             if walking is not None:
                 raise InputError("a walk is shown with its plant; give the plant in place of the description")
@@ -108,6 +113,7 @@ class MeshcatView:
         elif terrain is not None:
             raise InputError("a plant has its own terrain; leave `terrain` out")
         else:
+            assert isinstance(source, Plant)
             self._plant, self._source = source, PlantSource(source)
             self._layers = make_layers(source, self._source.scene, walking)
         self.scene: Scene = self._source.scene.extended(
@@ -125,7 +131,7 @@ class MeshcatView:
         self._paused = False
         self._measurement: Measurement | None = None
         print(f"live view: {self.url}", file=sys.stderr, flush=True)
-        if self._plant is not None:
+        if self._plant is not None or self._loop is not None:
             self.update()
 
     @property
@@ -160,6 +166,7 @@ class MeshcatView:
         sole_wrench: Array | None = None,
         time: float | None = None,
         measurement: Measurement | None = None,
+        truth: GroundTruth | None = None,
     ) -> None:
         """Show the present state, unless the last picture is too recent; wait while the page is paused.
 
@@ -168,14 +175,25 @@ class MeshcatView:
             sole_wrench: Only without a plant: contact wrench of each sole, [force; moment] in the sole frame, shape
                 (number of soles, 6), N and Nm.
             time: Only without a plant: s.
-            measurement: Only with a plant: the latest measurement, to show the rays of range sensors.
+            measurement: The latest measurement: with a plant, to show the rays of range sensors; without one, for time
+                and sole wrenches that are not given.
+            truth: Only without a plant: true state of the robot, in place of `state`, `time` and `sole_wrench`; a loop
+                is asked for its own.
 
         Raises:
             InputError: A state given with a plant, none without, or one of another robot.
         """
+        if self._loop is not None and state is None and truth is None:
+            truth = self._loop.truth()
+        if self._plant is None:
+            if truth is not None:
+                state, time, sole_wrench = truth.q, truth.time, truth.sole_wrench
+            elif measurement is not None:
+                time = measurement.time if time is None else time
+                sole_wrench = measurement.sole_wrench if sole_wrench is None else sole_wrench
         if self._plant is None and state is None:
             raise InputError("a view of a robot description needs a state: update(robot)")
-        if self._plant is not None and any(value is not None for value in (state, sole_wrench, time)):
+        if self._plant is not None and any(value is not None for value in (state, sole_wrench, time, truth)):
             raise InputError("a view of a plant takes its state from the plant; call update() alone")
         self._measurement = measurement
         self._read_input()

@@ -1,0 +1,98 @@
+"""Logs, figures, replays and the live view of loops that are no plant of this library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from foreign import foreign_model
+
+import wbc
+from wbc.app import Log, MeshcatView, Recorder, Replay, draw, replay_page
+from wbc.core.errors import InputError
+from wbc.sim import MujocoLoop
+
+matplotlib.use("Agg")
+DESCRIPTION = wbc.load_robot("hrp4_class")
+
+
+def record(path: Path, how: str, ticks: int = 20) -> Log:
+    """Record a stand in a loop of somebody else."""
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix="mine/")
+    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), loop.control_period))
+    with Recorder(path) as recorder:
+        for _ in range(ticks):
+            measurement = loop.measure()
+            command = control.command(measurement)
+            if how == "loop":
+                recorder(loop, control, measurement, command)
+            else:
+                solution = control.solution if how != "bare" else None
+                recorder.write(
+                    DESCRIPTION,
+                    measurement,
+                    command,
+                    solution,
+                    truth=loop.truth() if how == "truth" else None,
+                    estimate=control.observer.robot if how == "estimate" else None,
+                )
+            loop.step(command)
+    return Log.open(path)
+
+
+@pytest.mark.parametrize("how", ["loop", "truth", "estimate"])
+def test_a_log_of_any_loop_is_drawn_and_replayed(tmp_path: Path, how: str) -> None:
+    log = record(tmp_path / "run.arrow", how)
+    assert len(log) == 20 and np.isfinite(log["foot/left/wrench_solved/fz"]).all()
+    assert np.isfinite(log["joint/torque_measured"]).all()
+    assert ("truth/com/x" in log) is (how != "estimate")
+    draw("timing", [log])
+    replay = Replay(log)
+    com = DESCRIPTION.robot().com
+    for tick in (0, 19):
+        snapshot = replay.snapshot(tick)
+        np.testing.assert_allclose(snapshot.com, com, atol=2e-3)
+        pelvis = replay.scene.bodies.index(DESCRIPTION.robot().base_frame)
+        np.testing.assert_allclose(snapshot.poses[pelvis, :3, 3], DESCRIPTION.robot().q[:3], atol=2e-3)
+        assert len(snapshot.forces) == (2 if tick else len(snapshot.forces))
+    if how == "loop":
+        draw("torque", [log])
+        assert "<html" in replay_page(replay, rate=30.0)
+
+
+def test_measurements_and_commands_alone_are_a_log_but_no_replay(tmp_path: Path) -> None:
+    log = record(tmp_path / "bare.arrow", "bare", 3)
+    assert "solver/status" not in log and "base/estimated/position/x" not in log
+    assert np.isfinite(log["imu/specific_force"]).all()
+    with pytest.raises(InputError, match="neither the true nor an estimated base"):
+        Replay(log)
+
+
+def test_the_view_shows_any_loop() -> None:
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix="mine/")
+    with MeshcatView(loop, port=0, rate=1e6) as view:
+        loop.step(loop.hold())
+        view.update()
+        assert view.frames >= 2
+    with MeshcatView(DESCRIPTION, port=0, rate=1e6) as view:
+        view.update(truth=loop.truth())
+        view.update(DESCRIPTION.robot(), measurement=loop.measure())
+        assert view.frames >= 2
+
+
+def test_furniture_is_drawn_and_rebuilt(tmp_path: Path) -> None:
+    ball = '<body name="cup" pos=".4 .3 .05"><freejoint/><geom size=".05"/></body>'
+    cup = f"<mujoco><worldbody>{ball}</worldbody></mujoco>"
+    plant = wbc.Plant(DESCRIPTION, scene=cup)
+    control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
+    with Recorder(tmp_path / "cup.arrow") as recorder:
+        for _ in range(3):
+            measurement = plant.measure()
+            recorder(plant, control, measurement, control.command(measurement))
+            plant.step(plant.hold())
+    replay = Replay(Log.open(tmp_path / "cup.arrow"))
+    assert "foot/scene/cup" in replay.scene.bodies
+    place = replay.snapshot(2).poses[replay.scene.bodies.index("foot/scene/cup"), :3, 3]
+    np.testing.assert_allclose(place, [0.4, 0.3, 0.05], atol=1e-6)
