@@ -36,7 +36,8 @@ def draw_timing(logs: Sequence[Log]) -> Figure:
                 _exceedance(right, 1e6 * log[f"tick/{part}"], part_colour, part)
     left.set(xlabel="time (s)", ylabel="controller's tick (µs)", yscale="log")
     right.set(xlabel="µs", ylabel="share of ticks that took longer", xscale="log", yscale="log")
-    period = 1e6 * float(logs[0].header["control_period"])
+    stated = logs[0].header["control_period"]
+    period = 1e6 * float(np.median(np.diff(logs[0].time)) if stated is None else stated)
     for ax in (left.axhline, right.axvline):
         ax(period, color="0.4", linewidth=1.0, linestyle="--")
     left.text(
