@@ -15,6 +15,7 @@ FLOORS = (
     ("wbc.robots", "wbc.feet"),
     ("wbc.tasks",),
     ("wbc.walking",),
+    ("wbc.motion",),
     ("wbc.sim",),
     ("wbc.app",),
 )

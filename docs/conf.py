@@ -71,6 +71,7 @@ PACKAGES = {
     "feet": "Feet",
     "tasks": "Tasks",
     "walking": "Walking",
+    "motion": "Motions",
     "sim": "Simulation",
     "app": "Application",
 }

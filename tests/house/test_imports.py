@@ -21,6 +21,7 @@ FOLDERS = {
     "wbc.feet": ROOT / "feet",
     "wbc.tasks": ROOT / "tasks",
     "wbc.walking": ROOT / "wbc" / "walking",
+    "wbc.motion": ROOT / "wbc" / "motion",
     "wbc.sim": ROOT / "sim",
     "wbc.app": ROOT / "wbc" / "app",
 }

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-SURFACES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.sim")
+SURFACES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.motion", "wbc.sim")
 """The packages that users import from."""
 
 

@@ -9,6 +9,7 @@ GROUPS = {
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
     "study": "Run many walks, and continue where they stopped.",
+    "motion": "Clips of joint positions: made, checked, made feasible.",
     "stiffness": "Learn the stiffness of a sole from the roughness of the ground.",
 }
 """Commands that have commands of their own."""
@@ -44,6 +45,9 @@ COMMANDS = {
     "study dataset": "wbc.app.commands.study.stiffness:dataset",
     "stiffness train": "wbc.app.commands.stiffness:train",
     "stiffness judge": "wbc.app.commands.stiffness:judge",
+    "motion make": "wbc.app.commands.motion:make",
+    "motion check": "wbc.app.commands.motion:check",
+    "motion filter": "wbc.app.commands.motion:make_clip_feasible",
     "plot": "wbc.app.commands.plot:plot",
     "view": "wbc.app.commands.view_log:view",
 }

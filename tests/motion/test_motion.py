@@ -1,0 +1,286 @@
+"""Motions: files of all formats, measures against closed forms, and the filter on motions of every kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import load_robot
+from wbc.app.cli import main
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.robot import GRAVITY, Robot
+from wbc.motion import (
+    MOTIONS,
+    FilterSettings,
+    MotionClip,
+    check_motion,
+    make_feasible,
+    make_motion,
+    read_motion,
+    write_motion,
+)
+from wbc.motion.contacts import Contacts, find_contacts
+from wbc.motion.feasible import centre_of_mass_shift
+from wbc.motion.kinematics import BodyMotion, second_difference
+from wbc.motion.measures import Support
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1").robot()
+
+
+@pytest.fixture(scope="module")
+def arms(g1: Robot) -> MotionClip:
+    return make_motion(g1, "arms", 3)
+
+
+# Clips and files
+
+
+@pytest.mark.parametrize("ending", [".npz", ".csv"])
+def test_a_clip_is_read_back_as_it_was_written(arms: MotionClip, tmp_path: Path, ending: str) -> None:
+    write_motion(arms, tmp_path / f"clip{ending}")
+    again = read_motion(tmp_path / f"clip{ending}")
+    assert again.joint_names == arms.joint_names and again.rate == pytest.approx(arms.rate)
+    np.testing.assert_allclose(again.joints, arms.joints, atol=1e-8)
+    np.testing.assert_allclose(again.base, arms.base, atol=1e-8)
+
+
+def as_unitree(clip: MotionClip, path: Path) -> None:
+    np.savetxt(path, np.hstack([clip.base, clip.joints]), delimiter=",", fmt="%.12g")
+
+
+def as_beyondmimic(clip: MotionClip, path: Path) -> None:
+    wxyz = clip.base[:, [6, 3, 4, 5]]
+    np.savez(
+        path,
+        fps=[clip.rate],
+        joint_pos=clip.joints,
+        body_pos_w=clip.base[:, None, :3],
+        body_quat_w=wxyz[:, None],
+    )
+
+
+def as_mujoco(clip: MotionClip, path: Path) -> None:
+    qpos = np.hstack([clip.base[:, :3], clip.base[:, [6, 3, 4, 5]], clip.joints])
+    np.savez(path, fps=[clip.rate], joint_pos=qpos, joint_names=np.array(clip.joint_names))
+
+
+def as_gmr(clip: MotionClip, path: Path) -> None:
+    np.savez(path, fps=clip.rate, root_pos=clip.base[:, :3], root_rot=clip.base[:, 3:], dof_pos=clip.joints)
+
+
+@pytest.mark.parametrize(
+    ("write", "ending", "given"),
+    [
+        (as_unitree, ".csv", ("rate", "joints")),
+        (as_beyondmimic, ".npz", ("joints",)),
+        (as_mujoco, ".npz", ()),
+        (as_gmr, ".npz", ("joints",)),
+    ],
+)
+def test_formats_of_the_field_become_the_same_clip(
+    arms: MotionClip,
+    tmp_path: Path,
+    write: Callable[[MotionClip, Path], None],
+    ending: str,
+    given: tuple[str, ...],
+) -> None:
+    """What a file does not hold, rate or joint names, has to be given, and is never guessed."""
+    path = tmp_path / f"clip{ending}"
+    write(arms, path)
+    options = {"rate": arms.rate, "joints": arms.joint_names}
+    again = read_motion(path, **{name: options[name] for name in given})  # type: ignore[arg-type]
+    np.testing.assert_allclose(again.base, arms.base, atol=1e-9)
+    np.testing.assert_allclose(again.joints, arms.joints, atol=1e-9)
+    for name in given:
+        with pytest.raises(InputError, match="does not say its rate|does not name"):
+            read_motion(path, **{other: options[other] for other in given if other != name})  # type: ignore[arg-type]
+
+
+def test_the_same_angles_at_twice_the_rate_are_twice_as_fast(g1: Robot, arms: MotionClip) -> None:
+    faster = replace(arms, rate=2.0 * arms.rate)
+    q = arms.configurations(g1)
+    slow, fast = (BodyMotion.of(g1, q, clip.rate).joint_speed for clip in (arms, faster))
+    np.testing.assert_allclose(fast, 2.0 * slow, atol=1e-12)
+
+
+def test_sampling_at_the_own_times_changes_nothing(arms: MotionClip) -> None:
+    again = arms.sampled(arms.times, arms.rate)
+    np.testing.assert_allclose(again.joints, arms.joints, atol=1e-12)
+    np.testing.assert_allclose(again.base, arms.base, atol=1e-12)
+
+
+def test_bad_clips_are_refused_with_value_and_rule(g1: Robot, arms: MotionClip, tmp_path: Path) -> None:
+    def clip(**changes: object) -> MotionClip:
+        return replace(arms, **changes)  # type: ignore[arg-type]
+
+    broken = arms.joints.copy()
+    broken[123, 4] = np.nan
+    with pytest.raises(InputError, match=r"nan in frame 123 \(1\.230 s\), column 'left_ankle_pitch_joint'"):
+        clip(joints=broken)
+    lying = arms.base.copy()
+    lying[:, 3:] = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    with pytest.raises(InputError, match="upright in the first frame.*order of the quaternion"):
+        clip(base=lying)
+    swapped = arms.base[:, [0, 1, 2, 6, 3, 4, 5]]
+    with pytest.raises(InputError, match="upright|order of the quaternion"):
+        clip(base=swapped + 0.0)
+    for changes, message in (
+        ({"rate": 0.0}, "rate of a motion"),
+        ({"joints": arms.joints[:, :3]}, r"shape \(T, 29\)"),
+        ({"joint_names": ("a", *arms.joint_names[2:], "a")}, "once in a motion, got 'a' 2 times"),
+        ({"base": 2.0 * arms.base}, "length 1"),
+    ):
+        with pytest.raises(InputError, match=message):
+            clip(**changes)
+    with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
+        arms.configurations(load_robot("talos").robot())
+    np.savez(tmp_path / "pickle.npz", joint_pos=np.array([{}], dtype=object))
+    with pytest.raises(InputError, match="pickles and are not opened"):
+        read_motion(tmp_path / "pickle.npz")
+    with pytest.raises(InputError, match="a pickle runs any code"):
+        read_motion(tmp_path / "clip.pkl")
+    (tmp_path / "time.csv").write_text("time,x,y,z,qx,qy,qz,qw,a\n0,0,0,1,0,0,0,1,0\n0,0,0,1,0,0,0,1,0\n")
+    with pytest.raises(InputError, match="times must increase"):
+        read_motion(tmp_path / "time.csv")
+
+
+# Measures
+
+
+def test_the_zmp_of_a_robot_at_rest_is_under_its_centre_of_mass(g1: Robot) -> None:
+    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (20, 1)), 100.0)
+    np.testing.assert_allclose(motion.zmp(), motion.com[:, :2], atol=1e-12)
+
+
+def test_the_zmp_is_the_point_without_horizontal_moment(g1: Robot) -> None:
+    """Checked with inverse dynamics: base wrench of the whole motion, moved to the ZMP."""
+    rate, frame = 1000.0, 500
+    t = np.arange(1001) / rate
+    q = np.tile(g1.half_sitting, (len(t), 1))
+    q[:, 0] += 0.03 * np.sin(5.0 * t)
+    q[:, 7:] += 0.1 * np.sin(6.0 * t[:, None] + np.arange(g1.na))
+    motion = BodyMotion.of(g1, q, rate)
+    v = motion.v
+    acceleration = (v[frame + 1] - v[frame - 1]) * rate / 2.0
+    data = g1.model.createData()
+    wrench = pin.rnea(g1.model, data, q[frame], v[frame], acceleration)[:6]
+    pin.forwardKinematics(g1.model, data, q[frame])
+    world = data.oMi[1].act(pin.Force(wrench[:3], wrench[3:]))
+    place = np.array([-world.angular[1], world.angular[0]]) / world.linear[2]
+    np.testing.assert_allclose(motion.zmp()[frame], place, atol=1e-4)
+
+
+def test_support_projects_onto_the_nearest_point() -> None:
+    square = Support(np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float), 0.1)
+    for point, nearest in (((2.0, 0.5), (0.9, 0.5)), ((2.0, 2.0), (0.9, 0.9)), ((0.5, 0.6), (0.5, 0.6))):
+        np.testing.assert_allclose(square.project(np.array(point)), nearest, atol=1e-6)
+    assert square.outside(np.array([1.4, 0.5])) == pytest.approx(0.5)
+    assert square.outside(np.array([0.5, 0.5])) == pytest.approx(-0.4)
+
+
+def test_the_shift_of_the_centre_of_mass_shifts_the_zmp_by_what_was_asked_for() -> None:
+    rate, height = 100.0, 0.8
+    t = np.arange(400) / rate
+    wanted = np.column_stack([0.05 * (t > 2.0), 0.02 * np.sin(3.0 * t)])
+    shift = centre_of_mass_shift(wanted, height, rate)
+    np.testing.assert_allclose(shift - height / GRAVITY * second_difference(shift, rate), wanted, atol=1e-10)
+    assert shift[150, 0] > 1e-3, "it moves ahead of the change"
+
+
+def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> None:
+    clip = make_motion(g1, "one_leg", 1)
+    motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
+    contacts = find_contacts(motion)
+    lifted = (~contacts.standing).any(axis=0)
+    assert lifted.sum() == 1, "one foot leaves the ground"
+    (begin, end), *_ = [
+        (np.argmin(column), len(column) - np.argmin(column[::-1])) for column in contacts.standing.T[lifted]
+    ]
+    assert 2.5 <= begin / clip.rate <= 3.2 and 5.8 <= end / clip.rate <= 6.5
+    standing = np.ones((100, 2), dtype=bool)
+    standing[40:60] = False
+    with pytest.raises(InputError, match=r"no sole stands from 0\.40 s to 0\.60 s"):
+        Contacts(100.0, 0.0, standing).refuse_flight(0.08)
+    jump = clip.base.copy()
+    jump[300:360, 2] += 0.2
+    with pytest.raises(InputError, match=r"no sole stands from (2\.9|3\.0)"):
+        check_motion(g1, replace(clip, base=jump))
+
+
+# The filter
+
+
+@pytest.mark.parametrize("name", sorted(MOTIONS))
+def test_motions_become_feasible(g1: Robot, name: str) -> None:
+    clip = make_motion(g1, name, 1)
+    result = make_feasible(g1, clip)
+    after = result.after
+    assert after.feasible and not after.joint_excess and not after.joint_speed
+    assert after.foot_slide < 1.0 and after.penetration < 1.0 and after.zmp_worst < 5.0
+    speed = BodyMotion.of(g1, result.clip.configurations(g1), result.clip.rate).v
+    assert abs(speed[:10]).max() < 0.02 and abs(speed[-10:]).max() < 0.02, "it rests at both ends"
+    if name in ("one_leg", "steps"):
+        assert after.single_support > 0.1
+
+
+def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
+    first = make_feasible(g1, make_motion(g1, "squat", 2))
+    again = make_feasible(g1, first.clip)
+    assert again.com_shift < 1e-3 and max(again.largest.values()) < np.radians(0.5)
+    one = BodyMotion.of(
+        g1,
+        first.clip.sampled(again.source_times.clip(0, first.clip.duration), 100.0).configurations(g1),
+        100.0,
+    )
+    two = BodyMotion.of(g1, again.clip.configurations(g1), 100.0)
+    assert abs(one.com - two.com).max() < 1e-3
+
+
+def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> None:
+    joints = arms.joints.copy()
+    elbow = arms.joint_names.index("left_elbow_joint")
+    joints[:, elbow] += 3.0 * np.sin(np.linspace(0.0, np.pi, len(joints)))
+    wild = replace(arms, joints=joints)
+    assert check_motion(g1, wild).joint_excess.keys() == {"left_elbow_joint"}
+    result = make_feasible(g1, wild)
+    assert not result.after.joint_excess and result.largest["left_elbow_joint"] > 0.5
+    assert max(result.largest, key=lambda joint: result.largest[joint]) == "left_elbow_joint"
+
+
+def test_a_motion_that_is_too_fast_takes_longer(g1: Robot, arms: MotionClip) -> None:
+    fast = replace(arms, rate=40.0 * arms.rate)
+    assert check_motion(g1, fast).joint_speed
+    result = make_feasible(g1, fast, FilterSettings(cutoff=50.0))
+    assert not result.after.joint_speed and result.stretched > 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_twenty_motions_of_each_robot_become_feasible(robot: str) -> None:
+    model = load_robot(robot).robot()
+    for name in sorted(MOTIONS):
+        for seed in range(4):
+            result = make_feasible(model, make_motion(model, name, seed))
+            assert result.after.feasible, (name, seed)
+
+
+def test_commands_make_check_and_filter_a_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    clip, feasible = str(tmp_path / "clip.npz"), str(tmp_path / "feasible.npz")
+    assert main(["motion", "make", "dance", "-o", clip]) == 0
+    assert main(["motion", "check", clip]) == 0
+    assert "not feasible as it is" in capsys.readouterr().out
+    assert main(["motion", "filter", clip, "-o", feasible, "--plot", str(tmp_path / "what.png")]) == 0
+    assert (tmp_path / "what.png").stat().st_size > 10_000
+    assert main(["motion", "check", feasible]) == 0
+    assert "Hz, feasible" in capsys.readouterr().out
+    assert main(["motion", "filter", clip, "-o", clip]) == 2
+    assert main(["motion", "make", "moonwalk", "-o", clip]) == 2
+    assert "no motion 'moonwalk'" in capsys.readouterr().err

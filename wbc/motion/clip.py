@@ -1,0 +1,197 @@
+"""Motion clips: joint positions and the placement of the base, frame by frame, for a robot's named joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from wbc.core.arguments import checked
+from wbc.core.conventions import rotation_of
+from wbc.core.errors import Array, InputError, finite_array, positive, unknown_name
+from wbc.core.robot import Robot
+
+UPRIGHT = 0.5
+"""Least z-component of the base's z-axis in the first frame: at 60 degrees of tilt the quaternion's order is wrong."""
+
+LONGEST = 1_000_000
+"""Most frames of a clip."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionClip:
+    """Joints and base over time, at a constant rate.
+
+    Attributes:
+        joint_names: Joints of the columns of `joints`, length n.
+        rate: Frames per second, Hz.
+        base: Placement of the base in the world: position (3), m, and quaternion (x, y, z, w), shape (T, 7); the
+            quaternions are of length one and do not change sign from frame to frame.
+        joints: Joint positions, shape (T, n), rad (or m).
+        name: Name of the clip, for reports.
+        standing: True where the left and the right sole stand, shape (T, 2); None if that is not known.
+    """
+
+    joint_names: tuple[str, ...]
+    rate: float
+    base: Array
+    joints: Array
+    name: str = "motion"
+    standing: Array | None = None
+
+    @checked
+    def __post_init__(self) -> None:
+        """Check shapes, numbers, quaternions and the first frame.
+
+        Raises:
+            InputError: A wrong shape, a number that is not finite (its frame and column are named), a quaternion that
+                is none, a first frame in which the robot is not upright, a joint named twice.
+        """
+        names = tuple(self.joint_names)
+        positive("rate of a motion (Hz)", self.rate)
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(
+                f"a joint must occur once in a motion, got '{twice[0]}' {names.count(twice[0])} times"
+            )
+        joints, base = (np.array(each, dtype=float) for each in (self.joints, self.base))
+        if joints.ndim != 2 or joints.shape[1] != len(names):
+            raise InputError(f"joints of a motion must have shape (T, {len(names)}), got {joints.shape}")
+        if not 2 <= len(joints) <= LONGEST:
+            raise InputError(f"a motion must have 2 to {LONGEST} frames, got {len(joints)}")
+        if base.shape != (len(joints), 7):
+            raise InputError(f"base of a motion must have shape ({len(joints)}, 7), got {base.shape}")
+        if self.standing is not None and np.shape(self.standing) != (len(joints), 2):
+            raise InputError(
+                f"standing of a motion must have shape ({len(joints)}, 2), got {np.shape(self.standing)}"
+            )
+        columns = [*("x", "y", "z", "qx", "qy", "qz", "qw"), *names]
+        _check_finite(np.hstack([base, joints]), columns, self.rate)
+        base[:, 3:] = _unit(base[:, 3:])
+        tilt = float(rotation_of(base[0, 3:])[2, 2])
+        if tilt < UPRIGHT:
+            raise InputError(
+                f"the base must be upright in the first frame: its z-axis points up by {tilt:.2f}, at least "
+                f"{UPRIGHT:g} is needed; is the order of the quaternion right (x, y, z, w or w, x, y, z)?"
+            )
+        for name, value in (("joint_names", names), ("base", base), ("joints", joints)):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last frame, s."""
+        return (len(self) - 1) / self.rate
+
+    @property
+    def times(self) -> Array:
+        """Time of each frame, shape (T,), s."""
+        return np.arange(len(self)) / self.rate
+
+    @checked
+    def configurations(self, robot: Robot) -> Array:
+        """Return configurations of a robot; joints that the clip does not have stay half-sitting.
+
+        Args:
+            robot: The robot.
+
+        Returns:
+            Configurations, shape (T, nq).
+
+        Raises:
+            UnknownNameError: The clip has a joint that the robot does not have: it is of another robot.
+        """
+        for name in self.joint_names:
+            if name not in robot.joint_names:
+                unknown_name(f"joint of '{robot.name}'", name, robot.joint_names)
+        q = np.tile(robot.half_sitting, (len(self), 1))
+        q[:, :7] = self.base
+        q[:, [7 + robot.joint_names.index(name) for name in self.joint_names]] = self.joints
+        return q
+
+    @classmethod
+    def of(
+        cls, robot: Robot, q: Array, rate: float, name: str = "motion", standing: Array | None = None
+    ) -> MotionClip:
+        """Return the clip of all joints of a robot.
+
+        Args:
+            robot: The robot.
+            q: Configurations, shape (T, nq).
+            rate: Frames per second, Hz.
+            name: Name of the clip.
+            standing: True where the left and the right sole stand, shape (T, 2); None if that is not known.
+        """
+        return cls(robot.joint_names, rate, q[:, :7], q[:, 7:], name, standing)
+
+    @checked
+    def sampled(self, times: Array, rate: float) -> MotionClip:
+        """Return the clip at other times of its own, as frames of a new rate: resampling, slowing down, easing in.
+
+        Args:
+            times: Times in the clip, shape (T,), s, from 0 to `duration`, not decreasing.
+            rate: Frames per second of the result, Hz.
+
+        Raises:
+            InputError: Times outside the clip, or that run backwards.
+        """
+        times = finite_array("times in the motion (s)", times)
+        slack = 1e-6 / self.rate
+        if times.ndim != 1 or times.size < 2 or (np.diff(times) < 0.0).any():
+            raise InputError(
+                f"times in the motion must be two at least and must not decrease, got shape {times.shape}"
+            )
+        if times[0] < -slack or times[-1] > self.duration + slack:
+            raise InputError(
+                f"times in the motion must lie in 0 to {self.duration:g} s, got {times[0]:g} to {times[-1]:g} s"
+            )
+        times = np.clip(times, 0.0, self.duration)
+        own = self.times
+        base = np.empty((len(times), 7))
+        columns = np.hstack([self.base[:, :3], self.joints])
+        index = np.minimum((times * self.rate).astype(int), len(self) - 2)
+        share = (times - own[index])[:, None] * self.rate
+        values = _catmull_rom(columns, index, share)
+        base[:, :3] = values[:, :3]
+        base[:, 3:] = _unit(Slerp(own, Rotation.from_quat(self.base[:, 3:]))(times).as_quat())
+        nearest = np.minimum(np.round(times * self.rate).astype(int), len(self) - 1)
+        standing = None if self.standing is None else self.standing[nearest]
+        return MotionClip(self.joint_names, rate, base, values[:, 3:], self.name, standing)
+
+
+def _catmull_rom(values: Array, index: Array, share: Array) -> Array:
+    """Interpolate between frames with continuous velocity, which central differences give."""
+    slope = np.gradient(values, axis=0)
+    start, end = values[index], values[index + 1]
+    d0, d1 = slope[index], slope[index + 1]
+    s2, s3 = share**2, share**3
+    return np.asarray(
+        (2 * s3 - 3 * s2 + 1) * start + (s3 - 2 * s2 + share) * d0 + (3 * s2 - 2 * s3) * end + (s3 - s2) * d1
+    )
+
+
+def _check_finite(values: Array, columns: list[str], rate: float) -> None:
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        frame, column = (int(i) for i in bad[0])
+        raise InputError(
+            f"numbers of a motion must be finite, got {values[frame, column]} in frame {frame} ({frame / rate:.3f} s), "
+            f"column '{columns[column]}'"
+        )
+
+
+def _unit(quaternions: Any) -> Array:
+    """Normalise quaternions and keep their sign from frame to frame."""
+    q = np.array(quaternions, dtype=float)
+    norms = np.linalg.norm(q, axis=1)
+    if (abs(norms - 1.0) > 0.05).any():
+        frame = int(np.argmax(abs(norms - 1.0) > 0.05))
+        raise InputError(f"a quaternion must have length 1, got {norms[frame]:.3f} in frame {frame}")
+    q /= norms[:, None]
+    flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
+    q[1:] *= flips[:, None]
+    return q

@@ -1,0 +1,153 @@
+"""Contacts of a motion: which sole stands when, found by height and speed with hysteresis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError
+from wbc.core.settings import NonNegative, Positive, settings
+from wbc.motion.kinematics import BodyMotion
+
+
+@settings
+class ContactSettings:
+    """Settings of the search for contacts.
+
+    Attributes:
+        height: Greatest height of a sole's highest corner over the ground at which a contact begins, m.
+        speed: Greatest speed of a sole's fastest corner at which it begins, m/s.
+        release_height: Height of the lowest corner at which it ends, m.
+        release_speed: Speed at which it ends, m/s.
+        settle: Both ends of a contact in which the sole's height differs by more from its median are no part of it, m.
+        shortest: Shorter contacts are dropped, s.
+        gap: Shorter gaps between contacts are filled, s.
+        flight: Longest time without any contact, s.
+        double_support: Least time on both feet when one takes over, s: the foot that leaves stays longer.
+    """
+
+    height: Annotated[Positive, "m"] = 0.03
+    speed: Annotated[Positive, "m/s"] = 0.2
+    release_height: Annotated[Positive, "m"] = 0.03
+    release_speed: Annotated[Positive, "m/s"] = 0.4
+    settle: Annotated[Positive, "m"] = 0.015
+    shortest: Annotated[NonNegative, "s"] = 0.1
+    gap: Annotated[NonNegative, "s"] = 0.06
+    flight: Annotated[NonNegative, "s"] = 0.08
+    double_support: Annotated[NonNegative, "s"] = 0.15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contacts:
+    """Which sole stands when.
+
+    Attributes:
+        rate: Frames per second, Hz.
+        ground: Height of the ground in the clip's world, m.
+        standing: True where a sole stands, left and right, shape (T, 2).
+    """
+
+    rate: float
+    ground: float
+    standing: Array
+
+    def stances(self, side: int) -> list[tuple[int, int]]:
+        """Return first frame and the one after the last of each contact of a side, 0 left, 1 right."""
+        return _runs(self.standing[:, side])
+
+    def flight(self) -> list[tuple[float, float]]:
+        """Return begin and end of each time without contact, s."""
+        return [(a / self.rate, b / self.rate) for a, b in _runs(~self.standing.any(axis=1))]
+
+    def refuse_flight(self, longest: float) -> None:
+        """Refuse a motion in which the robot leaves the ground.
+
+        Args:
+            longest: Longest time without contact that is let pass, s.
+
+        Raises:
+            InputError: A longer flight; the time at which it begins is named.
+        """
+        for begin, end in self.flight():
+            if end - begin > longest + 1e-9:
+                raise InputError(
+                    f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
+                    f"{end:.2f} s, {end - begin:.2f} s, at most {longest:g} s are let pass"
+                )
+
+    def fill(self, double_support: float = 0.0) -> Contacts:
+        """Return contacts without flight: the foot that leaves stands until the other one has stood for a while.
+
+        Args:
+            double_support: Least time on both feet, s.
+        """
+        standing, count = self.standing.copy(), len(self.standing)
+        for begin, end in _runs(~standing.any(axis=1)):
+            standing[begin:end] = standing[begin - 1] if begin else standing[min(end, count - 1)]
+        overlap = round(double_support * self.rate)
+        for side in (0, 1):
+            for _, last in _runs(standing[:, side]):
+                before = max(0, last - overlap)
+                landed = np.flatnonzero(standing[before:last, 1 - side])
+                if last < count and not standing[before:last, 1 - side].all():
+                    landing = before + int(landed[0]) if landed.size else last
+                    standing[last : min(count, landing + overlap), side] = True
+        return Contacts(self.rate, self.ground, standing)
+
+
+def find_contacts(
+    motion: BodyMotion, settings: ContactSettings | None = None, known: Array | None = None
+) -> Contacts:
+    """Find the contacts of a motion on a flat ground.
+
+    The ground is where soles at rest are: the 5th percentile of their lowest corners. The lowest point of the whole
+    clip is no measure: one dip would make the rest float.
+
+    Args:
+        motion: The motion.
+        settings: Settings; the defaults when None.
+        known: True where a sole stands, shape (T, 2), if the clip says it: then the ground alone is found.
+    """
+    s = settings or ContactSettings()
+    lowest, highest, speed = (
+        motion.corners[..., 2].min(axis=2),
+        motion.corners[..., 2].max(axis=2),
+        motion.sole_speed(),
+    )
+    if known is not None and known.any():
+        return Contacts(motion.rate, float(np.percentile(lowest[known], 5.0)), known.copy())
+    slow = speed < s.speed
+    level = lowest[slow] if slow.any() else lowest.ravel()
+    # Of two soles at rest the higher one may be on a stair of the pose, not on the ground: take the lowest cluster.
+    floor = np.percentile(level, 5.0)
+    near = level[level < floor + s.height]
+    ground = float(np.percentile(near, 5.0)) if near.size else float(floor)
+    standing = np.zeros(lowest.shape, dtype=bool)
+    for side in (0, 1):
+        begin = (highest[:, side] - ground < s.height) & slow[:, side]
+        end = (lowest[:, side] - ground > s.release_height) | (speed[:, side] > s.release_speed)
+        now = bool(begin[: max(1, int(0.1 * motion.rate))].any())
+        for i in range(len(standing)):
+            now = (now or bool(begin[i])) and not bool(end[i])
+            standing[i, side] = now
+        column = standing[:, side]
+        for first, last in _runs(~column):
+            if first > 0 and last < len(column) and last - first < s.gap * motion.rate:
+                column[first:last] = True
+        for first, last in _runs(column):
+            heights = motion.sole_positions[first:last, side, 2]
+            near = np.flatnonzero(abs(heights - np.median(heights)) < s.settle)
+            column[first:last] = False
+            column[first + near[0] : first + near[-1] + 1] = True
+        for first, last in _runs(column):
+            if last - first < s.shortest * motion.rate:
+                column[first:last] = False
+    return Contacts(motion.rate, ground, standing)
+
+
+def _runs(flags: Any) -> list[tuple[int, int]]:
+    """Return first index and the one after the last of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

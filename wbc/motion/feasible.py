@@ -1,0 +1,326 @@
+"""Filter that makes a clip feasible for a robot: limits, speeds, feet on the ground, ZMP inside the supports.
+
+    clip  →  limits and low pass  →  time (speeds, rest at both ends)  →  contacts  →  feet frozen
+          →  inverse kinematics ⇄ centre of mass moved until the ZMP is inside the support  →  feasible clip
+
+With Δp the change of the ZMP that is needed, the centre of mass moves by Δc, the solution over the whole clip of
+
+    Δc − (h/g) Δc̈ = Δp,
+
+which looks ahead as preview control does. Sources: S. Kajita et al., ICRA 2003 (second pass of preview control);
+S. Nakaoka et al., IROS 2005 (leg tasks); K. Yamane, Y. Nakamura, T-RA 19(3), 2003 (dynamics filter).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+from scipy.linalg import solve_banded
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.signal import butter, sosfiltfilt
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.motion.clip import MotionClip
+from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
+from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets, KinematicWeights
+from wbc.motion.kinematics import BodyMotion
+from wbc.motion.measures import MotionMeasures, measure, supports_of
+from wbc.walking.planning.footsteps import heading
+
+
+@settings
+class FilterSettings:
+    """Settings of the filter.
+
+    Attributes:
+        rate: Frames per second of the result, Hz.
+        cutoff: Low pass of all joints and of the base, zero phase, Hz.
+        joint_margin: Distance to the joint limits, rad.
+        speed_share: Greatest share of the joint speed limits.
+        ease: Time in which the motion starts from rest and comes to rest, s.
+        hold: Time at rest at both ends, s.
+        blend: Time in which a foot leaves and reaches its frozen place, s.
+        smoothing: Standard deviation of the last smoothing of all joints, s.
+        zmp_margin: Distance of the ZMP to the edge of the support, m.
+        passes: Passes of inverse kinematics and ZMP.
+        stretch: Factor by which time is stretched around frames that are still not feasible.
+        stretches: Most of these stretches.
+        contacts: Search for contacts.
+        weights: Weights of the inverse kinematics.
+    """
+
+    rate: Annotated[Positive, "Hz"] = 100.0
+    cutoff: Annotated[Positive, "Hz"] = 6.0
+    joint_margin: Annotated[NonNegative, "rad"] = 0.05
+    speed_share: Annotated[Share, Positive] = 0.8
+    ease: Annotated[NonNegative, "s"] = 0.4
+    hold: Annotated[NonNegative, "s"] = 0.5
+    blend: Annotated[Positive, "s"] = 0.1
+    smoothing: Annotated[Positive, "s"] = 0.03
+    zmp_margin: Annotated[NonNegative, "m"] = 0.01
+    passes: Annotated[int, Field(ge=1, le=20)] = 8
+    stretch: Annotated[float, Field(gt=1.0, le=3.0)] = 1.2
+    stretches: Annotated[int, Field(ge=0, le=20)] = 3
+    contacts: ContactSettings = field(default_factory=ContactSettings)
+    weights: KinematicWeights = field(default_factory=KinematicWeights)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeasibleMotion:
+    """Result of the filter.
+
+    Attributes:
+        clip: The clip for tracking: all joints of the robot, its ground at z = 0, at rest at both ends.
+        source_times: Time in the given clip of each frame, shape (T,), s.
+        contacts: Contacts of the clip.
+        before: Measures of the given clip at the rate of the result.
+        after: Measures of the result.
+        changes: Joint → root mean square of the change, rad, for joints that changed; compared at the same frames.
+        largest: Joint → largest change, rad.
+        com_shift: Largest horizontal shift of the centre of mass for the sake of the ZMP, m.
+        stretched: Duration of the result without its rests over that of the given clip.
+    """
+
+    clip: MotionClip
+    source_times: Array
+    contacts: Contacts
+    before: MotionMeasures
+    after: MotionMeasures
+    changes: dict[str, float]
+    largest: dict[str, float]
+    com_shift: float
+    stretched: float
+
+
+@checked
+def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | None = None) -> FeasibleMotion:
+    """Make a clip feasible; one that is feasible already changes hardly at all.
+
+    Args:
+        robot: The robot; its state is not changed.
+        clip: Clip of its joints; joints that the clip lacks stay half-sitting.
+        settings: Settings; the defaults when None.
+
+    Returns:
+        The feasible motion. `after` says what could not be had.
+
+    Raises:
+        UnknownNameError: The clip is of another robot.
+        InputError: The robot leaves the ground; the time at which it does is named.
+    """
+    s = settings or FilterSettings()
+    raw = clip.configurations(robot)
+    full = MotionClip.of(robot, raw, clip.rate, clip.name, clip.standing)
+    times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * s.rate) + 1))
+    resampled = full.sampled(times, s.rate)
+    motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
+    contacts = find_contacts(motion, s.contacts, resampled.standing)
+    contacts.refuse_flight(s.contacts.flight)
+    before = measure(robot, motion, contacts.fill(), s.speed_share, s.zmp_margin)
+
+    smooth = _smooth(resampled, robot, s)
+    pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
+    for attempt in range(s.stretches + 1):
+        eased, source = _retime(smooth, pace, s)
+        q, result, shift, standing = _with_feet(robot, eased, s)
+        after = measure(robot, result, standing, s.speed_share, s.zmp_margin)
+        slow = after.infeasible_frames
+        if attempt == s.stretches or not slow.any():
+            break
+        bad = np.zeros(len(pace))
+        frames = np.clip(np.round(source[slow] * s.rate).astype(int), 0, len(bad) - 1)
+        bad[frames] = 1.0
+        pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, s.stretch, 1.0)
+    given = full.sampled(np.clip(source, 0.0, full.duration), s.rate).joints
+    difference = q[:, 7:] - given
+    rms, largest = np.sqrt((difference**2).mean(axis=0)), abs(difference).max(axis=0)
+    names = robot.joint_names
+    rests = 2.0 * s.hold
+    return FeasibleMotion(
+        MotionClip.of(robot, q, s.rate, clip.name, standing.standing),
+        source,
+        standing,
+        before,
+        after,
+        {name: float(value) for name, value in zip(names, rms, strict=True) if value > 1e-6},
+        {name: float(value) for name, value in zip(names, largest, strict=True) if value > 1e-6},
+        shift,
+        (len(q) / s.rate - rests) / clip.duration,
+    )
+
+
+def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
+    """Clamp the joints to their limits and take out what is faster than the cut-off."""
+    lower, upper = robot.position_lower, robot.position_upper
+    room = np.minimum(s.joint_margin, 0.5 * (upper - lower))
+    joints = np.clip(clip.joints, lower + room, upper - room)
+    columns = np.hstack([clip.base, joints])
+    if s.cutoff < 0.45 * clip.rate and len(clip) > 30:
+        sections = butter(2, s.cutoff, fs=clip.rate, output="sos")
+        columns = sosfiltfilt(sections, columns, axis=0, padlen=min(len(clip) - 1, round(clip.rate)))
+    columns[:, 3:7] /= np.linalg.norm(columns[:, 3:7], axis=1, keepdims=True)
+    return MotionClip(
+        clip.joint_names,
+        clip.rate,
+        columns[:, :7],
+        np.clip(columns[:, 7:], lower, upper),
+        clip.name,
+        clip.standing,
+    )
+
+
+def _speed_ratio(robot: Robot, clip: MotionClip, s: FilterSettings) -> Array:
+    """Return by how much each frame is too fast, widened to its surroundings, shape (T,)."""
+    speed = abs(np.gradient(clip.joints, 1.0 / clip.rate, axis=0))
+    ratio = (speed / (s.speed_share * robot.velocity_limit)).max(axis=1)
+    wide = maximum_filter1d(np.maximum(ratio, 1.0), max(1, round(0.3 * clip.rate)))
+    return np.asarray(gaussian_filter1d(wide, 0.05 * clip.rate, mode="nearest"))
+
+
+def _retime(clip: MotionClip, pace: Array, s: FilterSettings) -> tuple[MotionClip, Array]:
+    """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends."""
+    pace = gaussian_filter1d(pace, 0.1 * clip.rate, mode="nearest")
+    own = clip.times
+    slowed = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) / clip.rate)])
+    # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
+    total = slowed[-1] + s.ease
+    t = np.arange(round(total * s.rate) + 1) / s.rate
+    t *= total / t[-1]
+    way = _eased(t, total, s.ease)
+    inside = np.interp(way, slowed, own)
+    rest = round(s.hold * s.rate)
+    source = np.clip(np.concatenate([np.zeros(rest), inside, np.full(rest, own[-1])]), 0.0, own[-1])
+    return clip.sampled(source, s.rate), source
+
+
+def _eased(t: Array, total: float, ease: float) -> Array:
+    """Return the way at unit speed with smooth starts and ends that take `ease` each; from 0 to total − ease."""
+    if ease <= 0.0:
+        return t
+    rise = np.clip(t / ease, 0.0, 1.0)
+    fall = np.clip((total - t) / ease, 0.0, 1.0)
+    speed = (3.0 * rise**2 - 2.0 * rise**3) * (3.0 * fall**2 - 2.0 * fall**3)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    return np.asarray(way * ((total - ease) / way[-1]))
+
+
+def _with_feet(
+    robot: Robot, clip: MotionClip, s: FilterSettings
+) -> tuple[Array, BodyMotion, float, Contacts]:
+    """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
+    q = clip.configurations(robot)
+    motion = BodyMotion.of(robot, q, clip.rate)
+    contacts = find_contacts(motion, s.contacts, clip.standing)
+    contacts.refuse_flight(s.contacts.flight)
+    contacts = contacts.fill(s.contacts.double_support)
+    q[:, 2] -= contacts.ground
+    motion = BodyMotion.of(robot, q, clip.rate)
+    contacts = replace(contacts, ground=0.0)
+    soles = _sole_targets(motion, contacts, s.blend)
+    solver = InverseKinematics(robot, s.joint_margin, s.weights)
+    supports = supports_of(
+        robot, [[sole for sole in pair] for pair in soles], contacts.standing, s.zmp_margin
+    )
+    # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
+    # which second differences make metres.
+    given = motion.com
+    stands = gaussian_filter1d(
+        contacts.standing.astype(float), 0.25 * s.blend * clip.rate, axis=0, mode="nearest"
+    )
+    com = gaussian_filter1d(given, 0.02 * clip.rate, axis=0, mode="nearest")
+    for _ in range(s.passes):
+        motion = BodyMotion.of(robot, solver.solve(KinematicTargets(q, soles, stands, com)), clip.rate)
+        momentum = gaussian_filter1d(motion.momentum, 0.05 * clip.rate, axis=0)
+        zmp = replace(motion, com=com, momentum=momentum).zmp()
+        needed = (
+            np.array([support.project(point) for support, point in zip(supports, zmp, strict=True)]) - zmp
+        )
+        low = np.maximum(com[:, 2] - motion.com[:, 2], 0.0)  # legs that are too short for the height
+        if abs(needed).max() < 1e-4 and low.max() < 1e-3:
+            break
+        com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), clip.rate)
+        wide = maximum_filter1d(np.where(low > 5e-4, low, 0.0), max(1, round(0.6 * clip.rate)))
+        com[:, 2] -= 2.0 * gaussian_filter1d(wide, 0.15 * clip.rate, mode="nearest")
+    result = solver.solve(KinematicTargets(q, soles, stands, com))
+    # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
+    result = gaussian_filter1d(result, s.smoothing * clip.rate, axis=0, mode="nearest")
+    result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
+    motion = BodyMotion.of(robot, result, clip.rate)
+    shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
+    return result, motion, shift, contacts
+
+
+def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
+    """Return the shift of the centre of mass that shifts the ZMP: Δc − (h/g) Δc̈ = Δp, at rest at both ends.
+
+    Args:
+        zmp_shift: Δp, shape (T, 2), m.
+        height: Height h of the centre of mass over the ground, m.
+        rate: Frames per second, Hz.
+
+    Returns:
+        Δc, shape (T, 2), m.
+    """
+    k = height / GRAVITY * rate**2
+    count = len(zmp_shift)
+    bands = np.empty((3, count))
+    bands[0], bands[2] = -k, -k
+    bands[1] = 1.0 + 2.0 * k
+    bands[1, 0] = bands[1, -1] = 1.0 + k
+    return np.asarray(solve_banded((1, 1), bands, zmp_shift))
+
+
+def _sole_targets(motion: BodyMotion, contacts: Contacts, blend: float) -> list[tuple[pin.SE3, pin.SE3]]:
+    """Return sole placements: one flat place for each contact, in between the given path, moved to fit both ends."""
+    sides: list[list[pin.SE3]] = []
+    count = len(motion.q)
+    ramp = max(1, round(blend * motion.rate))
+    for side in (0, 1):
+        given = [
+            pin.SE3(motion.sole_rotations[i, side], motion.sole_positions[i, side]) for i in range(count)
+        ]
+        stances = [(a, b, _flat(motion, side, a, b)) for a, b in contacts.stances(side)]
+        targets = list(given)
+        for a, b, place in stances:
+            targets[a:b] = [place] * (b - a)
+        edges = [(0, None), *((b, place) for _, b, place in stances)]
+        ends = [*((a, place) for a, _, place in stances), (count, None)]
+        for (first, before), (last, after) in zip(edges, ends, strict=True):
+            for i in range(first, last):
+                share = (i - first + 1) / (last - first + 1)
+                leave = None if before is None else before * given[first].inverse()
+                reach = None if after is None else after * given[min(last, count - 1)].inverse()
+                moved = _between(leave, reach, _smoothstep(share)) * given[i]
+                for place, distance in ((before, i - first + 1), (after, last - i)):
+                    if place is not None and distance < ramp:
+                        moved = pin.SE3.Interpolate(place, moved, _smoothstep(distance / ramp))
+                moved.translation[2] = max(moved.translation[2], 0.0)
+                targets[i] = moved
+        sides.append(targets)
+    return list(zip(*sides, strict=True))
+
+
+def _between(one: pin.SE3 | None, other: pin.SE3 | None, share: float) -> pin.SE3:
+    if one is None or other is None:
+        found = one if other is None else other
+        return pin.SE3.Identity() if found is None else found
+    return pin.SE3.Interpolate(one, other, share)
+
+
+def _smoothstep(x: float) -> float:
+    return 3.0 * x**2 - 2.0 * x**3
+
+
+def _flat(motion: BodyMotion, side: int, first: int, last: int) -> pin.SE3:
+    """Return the median place of a sole over a contact, flat on the ground."""
+    place = np.median(motion.sole_positions[first:last, side], axis=0)
+    yaws = np.unwrap([heading(rotation) for rotation in motion.sole_rotations[first:last, side]])
+    yaw = float(np.median(yaws))
+    return pin.SE3(pin.utils.rotate("z", yaw), np.array([place[0], place[1], 0.0]))

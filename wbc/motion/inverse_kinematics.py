@@ -1,0 +1,181 @@
+"""Configurations for a whole clip: feet by contacts, the centre of mass by balance, the rest as given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import Positive, settings
+
+
+@settings
+class KinematicWeights:
+    """Weights of the inverse kinematics, each per squared error.
+
+    Attributes:
+        stance: Pose of a sole that stands, per m² and rad².
+        swing: Pose of a sole in the air, per m² and rad².
+        com: Place of the centre of mass, per m².
+        orientation: Rotation of base and torso, per rad².
+        joints: Joints outside the legs, per rad².
+        legs: Joints of the legs, per rad²: the feet decide on them.
+    """
+
+    stance: Positive = 1e4
+    swing: Positive = 1e2
+    com: Positive = 1e3
+    orientation: Positive = 1.0
+    joints: Positive = 0.5
+    legs: Positive = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KinematicTargets:
+    """Targets of every frame.
+
+    Attributes:
+        q: Configurations to stay near, shape (T, nq).
+        soles: Placements of left and right sole, T pairs.
+        standing: 1 where a sole stands, 0 in the air, shape (T, 2); in between the weights change geometrically.
+        com: Places of the centre of mass, shape (T, 3), m.
+    """
+
+    q: Array
+    soles: list[tuple[pin.SE3, pin.SE3]]
+    standing: Array
+    com: Array
+
+
+class InverseKinematics:
+    """Least squares over all joints and the base, inside the joint limits, frame by frame.
+
+    Attributes:
+        lower: Least joint positions, shape (na,), rad.
+        upper: Greatest joint positions, shape (na,), rad.
+    """
+
+    def __init__(
+        self, robot: Robot, margin: Annotated[float, "rad"], weights: KinematicWeights | None = None
+    ) -> None:
+        """Set up the weights.
+
+        Args:
+            robot: The robot; its state is not changed.
+            margin: Distance to the joint limits, rad; half the range at the most.
+            weights: Weights; the defaults when None.
+        """
+        self._weights = w = weights or KinematicWeights()
+        self._model, self._data = robot.model, robot.model.createData()
+        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
+        self._trunk = list(dict.fromkeys(robot.frame_id(f) for f in (robot.base_frame, robot.torso_frame)))
+        room = np.minimum(margin, 0.5 * (robot.position_upper - robot.position_lower))
+        self.lower, self.upper = robot.position_lower + room, robot.position_upper - room
+        legs = leg_joints(robot)
+        self._posture = np.full(robot.nv, w.joints)
+        self._posture[:BASE_DOF] = 1e-6
+        self._posture[BASE_DOF:][legs] = w.legs
+
+    def solve(self, targets: KinematicTargets, iterations: int = 12, tolerance: float = 1e-6) -> Array:
+        """Return configurations that meet the targets, shape (T, nq).
+
+        Args:
+            targets: The targets.
+            iterations: Most Gauss–Newton steps a frame.
+            tolerance: A frame ends with a step below this, rad and m.
+        """
+        solution = np.empty_like(targets.q)
+        for i, reference in enumerate(targets.q):
+            solution[i] = self._frame(
+                reference, targets.soles[i], targets.standing[i], targets.com[i], iterations, tolerance
+            )
+        return solution
+
+    def _frame(
+        self,
+        reference: Array,
+        soles: tuple[pin.SE3, pin.SE3],
+        standing: Array,
+        com: Array,
+        iterations: int,
+        tolerance: float,
+    ) -> Array:
+        model, data, w = self._model, self._data, self._weights
+        q = reference.copy()
+        np.clip(q[7:], self.lower, self.upper, out=q[7:])
+        pin.framesForwardKinematics(model, data, reference)
+        trunk = [data.oMf[frame].rotation.copy() for frame in self._trunk]
+        for _ in range(iterations):
+            pin.computeJointJacobians(model, data, q)
+            pin.updateFramePlacements(model, data)
+            rows: list[Array] = []
+            errors: list[Array] = []
+            for side, frame in enumerate(self._soles):
+                weight = np.sqrt(w.swing * (w.stance / w.swing) ** standing[side])
+                errors.append(weight * pin.log6(data.oMf[frame].actInv(soles[side])).vector)
+                rows.append(weight * pin.getFrameJacobian(model, data, frame, pin.LOCAL))
+            for frame, rotation in zip(self._trunk, trunk, strict=True):
+                weight = np.sqrt(w.orientation)
+                errors.append(weight * pin.log3(data.oMf[frame].rotation.T @ rotation))
+                rows.append(weight * pin.getFrameJacobian(model, data, frame, pin.LOCAL)[3:])
+            rows.append(np.sqrt(w.com) * pin.jacobianCenterOfMass(model, data, q))
+            errors.append(np.sqrt(w.com) * (com - data.com[0]))
+            jacobian, error = np.vstack(rows), np.concatenate(errors)
+            near = pin.difference(model, q, reference)
+            near[:BASE_DOF] = 0.0
+            hessian = jacobian.T @ jacobian
+            # Damped by the error that is left: far from a solution steps stay small (T. Sugihara, T-RO 27(5), 2011).
+            hessian[np.diag_indices(model.nv)] += self._posture + float(error @ error)
+            gradient = jacobian.T @ error + self._posture * near
+            step = self._bounded_step(hessian, gradient, q[7:])
+            q = pin.integrate(model, q, step)
+            np.clip(q[7:], self.lower, self.upper, out=q[7:])
+            if abs(step).max() < tolerance:
+                break
+        return q
+
+    def _bounded_step(self, hessian: Array, gradient: Array, joints: Array) -> Array:
+        """Solve for a step; joints that it would take over a limit stop there and the others are solved for again."""
+        step = np.linalg.solve(hessian, gradient)
+        held: dict[int, float] = {}
+        for _ in range(3):
+            beyond = [
+                (int(j), float(bound[j] - joints[j]))
+                for over, bound in (
+                    (joints + step[BASE_DOF:] > self.upper + 1e-9, self.upper),
+                    (joints + step[BASE_DOF:] < self.lower - 1e-9, self.lower),
+                )
+                for j in np.flatnonzero(over)
+                if BASE_DOF + int(j) not in held
+            ]
+            if not beyond:
+                break
+            held |= {BASE_DOF + j: move for j, move in beyond}
+            fixed = np.array(list(held))
+            free = np.setdiff1d(np.arange(len(step)), fixed)
+            step[fixed] = list(held.values())
+            rest = gradient[free] - hessian[np.ix_(free, fixed)] @ step[fixed]
+            step[free] = np.linalg.solve(hessian[np.ix_(free, free)], rest)
+        return np.asarray(step)
+
+
+def joints_between(robot: Robot, frame: str, trunk: str) -> list[int]:
+    """Return joints that move a frame but not the trunk, base side first, as indices of shape (na,)."""
+    model = robot.model
+    behind = set(_chain(model, model.frames[robot.frame_id(trunk)].parentJoint))
+    chain = _chain(model, model.frames[robot.frame_id(frame)].parentJoint)
+    return [model.joints[j].idx_v - BASE_DOF for j in chain if j not in behind]
+
+
+def leg_joints(robot: Robot) -> list[int]:
+    """Return the joints of both legs as indices of shape (na,)."""
+    return [j for sole in robot.soles[:2] for j in joints_between(robot, sole.frame, robot.base_frame)]
+
+
+def _chain(model: pin.Model, joint: int) -> list[int]:
+    """Return the joints from the base's first child to a joint."""
+    return [j for j in model.supports[joint] if j > 1]

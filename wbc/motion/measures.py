@@ -1,0 +1,210 @@
+"""Measures of a motion: limits, speeds, feet and ZMP, in the field's terms and units.
+
+Foot slide is the path of a sole in contact per second of contact; penetration and float are depths of soles that
+should stand; the ZMP is outside by the distance to the support times the time it is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.motion.clip import MotionClip
+from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
+from wbc.motion.kinematics import BodyMotion
+
+FLOATS = 0.02
+"""A sole in contact floats if its lowest corner is this high, m."""
+
+SPEED_SLACK, ZMP_SLACK = 1.05, 0.005
+"""Excess that counts as feasible still: of the speed, and of the ZMP over the margin, m; for sampled motions."""
+
+
+class Support:
+    """Convex support area of one frame."""
+
+    def __init__(self, points: Array, margin: float) -> None:
+        """Shrink the hull of points by a margin.
+
+        Args:
+            points: Corners of the soles that stand, shape (n, 2), m.
+            margin: Distance to the edge, m.
+        """
+        try:
+            hull = ConvexHull(points)
+        except QhullError:  # soles on one line: no area
+            self.normals, self.offsets = np.zeros((0, 2)), np.zeros(0)
+            return
+        self.normals = hull.equations[:, :2]
+        self.offsets = -hull.equations[:, 2] - margin
+
+    def outside(self, point: Array) -> float:
+        """Return the distance of a point to the area's edge, m; negative inside."""
+        return float((self.normals @ point - self.offsets).max()) if len(self.offsets) else 0.0
+
+    def project(self, point: Array) -> Array:
+        """Return the nearest point of the area, shape (2,), m."""
+        point = np.array(point, dtype=float)
+        correction = np.zeros((len(self.offsets), 2))  # of Dykstra's alternating projections
+        for _ in range(50):
+            worst = 0.0
+            for i, (normal, offset) in enumerate(zip(self.normals, self.offsets, strict=True)):
+                before = point + correction[i]
+                excess = max(0.0, float(normal @ before - offset))
+                point = before - excess * normal
+                worst = max(worst, float(abs(before - point - correction[i]).max()))
+                correction[i] = before - point
+            if worst < 1e-7:
+                break
+        return point
+
+
+def supports_of(
+    robot: Robot, soles: Sequence[Sequence[pin.SE3]], standing: Array, margin: float
+) -> list[Support]:
+    """Return the support area of each frame; areas of equal soles are shared.
+
+    Args:
+        robot: The robot, for the sizes of its soles.
+        soles: Placements of left and right sole, T pairs.
+        standing: True where a sole stands, shape (T, 2).
+        margin: Distance to the edge, m.
+    """
+    corners = [
+        np.array([(0.5 * x * s.length, 0.5 * y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
+        for s in robot.soles[:2]
+    ]
+    made: dict[bytes, Support] = {}
+    areas: list[Support] = []
+    for pair, stands in zip(soles, standing, strict=True):
+        points = np.vstack(
+            [
+                (corners[side] @ sole.rotation.T + sole.translation)[:, :2]
+                for side, sole in enumerate(pair)
+                if stands[side] or not stands.any()
+            ]
+        )
+        key = points.round(9).tobytes()
+        if key not in made:
+            made[key] = Support(points, margin)
+        areas.append(made[key])
+    return areas
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionMeasures:
+    """Measures of a motion.
+
+    Attributes:
+        duration: s.
+        joint_excess: Joint → greatest excess over its limits, rad, for joints over them.
+        joint_speed: Joint → greatest share of its speed limit, for joints over the allowed share.
+        foot_slide: Path of soles in contact, mm per second of contact.
+        penetration: Greatest depth of a sole below the ground, mm.
+        floating: Share of contact frames in which the sole is 20 mm over the ground.
+        zmp_outside: Distance of the ZMP to the support, integrated, mm·s.
+        zmp_worst: Greatest distance, mm.
+        single_support: Share of the time on one foot.
+        infeasible_frames: Frames that are too fast or have the ZMP outside, shape (T,).
+    """
+
+    duration: float
+    joint_excess: dict[str, float]
+    joint_speed: dict[str, float]
+    foot_slide: float
+    penetration: float
+    floating: float
+    zmp_outside: float
+    zmp_worst: float
+    single_support: float
+    infeasible_frames: Array
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the measures as plain values, frames as the times between which they lie."""
+        values = {name: getattr(self, name) for name in self.__slots__ if name != "infeasible_frames"}
+        return values | {"infeasible_share": float(self.infeasible_frames.mean()), "feasible": self.feasible}
+
+    @property
+    def feasible(self) -> bool:
+        """True if limits, speeds and ZMP are kept."""
+        return not (self.joint_excess or self.infeasible_frames.any())
+
+
+def measure(
+    robot: Robot, motion: BodyMotion, contacts: Contacts, speed_share: float, zmp_margin: float
+) -> MotionMeasures:
+    """Measure a motion.
+
+    Args:
+        robot: The robot.
+        motion: Its motion.
+        contacts: Contacts of the motion, one foot at least in each frame.
+        speed_share: Allowed share of the joint speed limits.
+        zmp_margin: Distance of the ZMP to the edge of the support from which on it counts as inside, m.
+    """
+    names, joints = robot.joint_names, motion.q[:, 7:]
+    excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
+    ratio = abs(motion.joint_speed) / robot.velocity_limit
+    soles = [
+        [pin.SE3(motion.sole_rotations[i, k], motion.sole_positions[i, k]) for k in (0, 1)]
+        for i in range(len(motion.q))
+    ]
+    areas = supports_of(robot, soles, contacts.standing, 0.0)
+    zmp = motion.zmp(contacts.ground)
+    outside = np.array([area.outside(point) for area, point in zip(areas, zmp, strict=True)])
+    both = np.logical_and(contacts.standing[1:], contacts.standing[:-1])
+    path = np.linalg.norm(np.diff(motion.sole_positions[..., :2], axis=0), axis=-1)
+    lowest = motion.corners[..., 2].min(axis=2) - contacts.ground
+    stands = contacts.standing
+    return MotionMeasures(
+        duration=(len(motion.q) - 1) / motion.rate,
+        joint_excess={name: float(value) for name, value in zip(names, excess, strict=True) if value > 1e-6},
+        joint_speed={
+            name: float(value)
+            for name, value in zip(names, ratio.max(axis=0), strict=True)
+            if value > SPEED_SLACK * speed_share
+        },
+        foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, 1e-9),
+        penetration=1e3 * max(0.0, -float(lowest.min())),
+        floating=float((lowest[stands] > FLOATS).mean()) if stands.any() else 0.0,
+        zmp_outside=1e3 * float(np.maximum(outside, 0.0).sum()) / motion.rate,
+        zmp_worst=1e3 * max(0.0, float(outside.max())),
+        single_support=float((stands.sum(axis=1) == 1).mean()),
+        infeasible_frames=(ratio > SPEED_SLACK * speed_share).any(axis=1)
+        | (outside + zmp_margin > zmp_margin + ZMP_SLACK),
+    )
+
+
+@checked
+def check_motion(
+    robot: Robot,
+    clip: MotionClip,
+    *,
+    speed_share: float = 1.0,
+    contacts: ContactSettings | None = None,
+) -> MotionMeasures:
+    """Measure a clip as it is.
+
+    Args:
+        robot: The robot; its state is not changed.
+        clip: Clip of its joints.
+        speed_share: Allowed share of the joint speed limits.
+        contacts: Settings of the search for contacts; the defaults when None.
+
+    Raises:
+        UnknownNameError: The clip is of another robot.
+        InputError: The robot leaves the ground; the time at which it does is named.
+    """
+    settings = contacts or ContactSettings()
+    motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
+    found = find_contacts(motion, settings, clip.standing)
+    found.refuse_flight(settings.flight)
+    return measure(robot, motion, found.fill(), speed_share, 0.0)
