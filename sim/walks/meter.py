@@ -143,7 +143,14 @@ class WalkMeter:
         stance = 1 - SIDES.index(steps[min(step, len(steps) - 1)].side) if steps else 0
         rotation = plant.data.site_xmat[plant.sole_sites[stance]].tolist()
         moment = _Moment(
-            plant.time, step + 1, phase, phases.elapsed, phases.duration, stance, rotation, dcm_error
+            plant.time,
+            phases.completed + 1,
+            phase,
+            phases.elapsed,
+            phases.duration,
+            stance,
+            rotation,
+            dcm_error,
         )
         self._moments.append(moment)
         if phase is not Phase.SINGLE:
@@ -151,8 +158,8 @@ class WalkMeter:
         roll, pitch = moment.tilt
         self._roll.append(abs(roll))
         self._pitch.append(abs(pitch))
-        if self._middle != step and moment.share >= 0.5:
-            self._middle = step
+        if self._middle != phases.completed and moment.share >= 0.5:
+            self._middle = phases.completed
             self._area.append(self._contact_area(stance))
 
     def _contact_area(self, stance: int) -> float:
@@ -166,7 +173,7 @@ class WalkMeter:
         """Return a fall that has just been detected, with its onset."""
         phases = self._walking.walk.phases
         level = np.eye(3).ravel().tolist()
-        now = _Moment(self._plant.time, phases.step + 1, phases.phase, 0.0, 0.0, 0, level, [0.0, 0.0])
+        now = _Moment(self._plant.time, phases.completed + 1, phases.phase, 0.0, 0.0, 0, level, [0.0, 0.0])
         moments = list(self._moments) or [now]
         onset = moments[-1]
         for moment in reversed(moments):

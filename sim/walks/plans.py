@@ -1,7 +1,8 @@
-"""Plan of a walk: a distance, a velocity, a turn, stairs, or given footsteps."""
+"""Plan of a walk: a distance, a velocity, a turn, stairs, given footsteps, or velocities over time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -9,8 +10,10 @@ from wbc.core.errors import InputError
 from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
+from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.planning.sources import checked_velocity
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
@@ -21,13 +24,13 @@ STRAIGHT = 0.02
 STEPS = 22
 """Default number of steps of a walk with a velocity; as many as those of a walk of 3 m."""
 
-KINDS = ("distance", "velocity", "turn", "stairs", "footsteps")
+KINDS = ("distance", "velocity", "turn", "stairs", "footsteps", "drive")
 """Kinds of plans, of which a walk has one."""
 
 
 @settings(kw_only=True)
 class WalkPlan:
-    """One of distance, velocity, turn, stairs and footsteps; 3 m straight on when none is given.
+    """One of distance, velocity, turn, stairs, footsteps and drive; 3 m straight on when none is given.
 
     Attributes:
         distance: Straight on, m; backwards when negative.
@@ -37,6 +40,8 @@ class WalkPlan:
         stairs: Climb (or descend) the stairs of the terrain: "together" brings both feet onto each stair,
             "alternate" one foot.
         footsteps: Landings in the world.
+        drive: Commanded velocities over time, from a stand to a stand: rows of time (s), forward (m/s), left (m/s) and
+            turn (rad/s), each of which holds until the next; the last one is a stand, with which the walk ends.
         first: Side that steps first; that of the motion, else the left one, when None.
     """
 
@@ -46,6 +51,7 @@ class WalkPlan:
     turn: Annotated[float, "rad"] | None = None
     stairs: Literal["together", "alternate"] | None = None
     footsteps: tuple[Footstep, ...] | None = None
+    drive: Annotated[tuple[tuple[float, float, float, float], ...], "s, m/s, m/s, rad/s"] | None = None
     first: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
@@ -60,6 +66,10 @@ class WalkPlan:
             raise InputError("steps belong to a walk with a velocity; a distance fixes their number itself")
         if self.velocity is not None and self.steps is None:
             object.__setattr__(self, "steps", STEPS)
+        if self.drive is not None:
+            check_drive(self.drive)
+            if self.first is not None:
+                raise InputError("the side of the motion steps first; leave the first side out")
         if self.footsteps is not None and self.first is not None:
             raise InputError("footsteps have their sides; leave the first side out")
 
@@ -101,10 +111,59 @@ class WalkPlan:
                 together=self.stairs == "together",
                 first=first,
             )
+        if self.drive is not None:
+            return start  # footsteps follow as the robot goes
         assert self.footsteps is not None
         if not self.footsteps:
             raise InputError("a walk needs at least one footstep")
         return replace(start, steps=self.footsteps)
+
+
+def check_drive(rows: Sequence[Sequence[float]]) -> None:
+    """Check the rows of a drive: time (s), forward (m/s), left (m/s), turn (rad/s).
+
+    Raises:
+        InputError: No rows, a time that is not after the one before, or no stand at the end.
+    """
+    if not rows:
+        raise InputError("a drive has at least one row of time, forward, left and turn")
+    for i, row in enumerate(rows):
+        if row[0] < 0.0 or (i > 0 and row[0] <= rows[i - 1][0]):
+            raise InputError(
+                f"times of a drive increase from 0 on, got {row[0]:g} s in row {i + 1}"
+                + (f" after {rows[i - 1][0]:g} s" if i else "")
+            )
+        try:
+            checked_velocity(row[1:])
+        except InputError as error:
+            raise InputError(f"row {i + 1} of a drive: {error}") from None
+    if any(rows[-1][1:]):
+        raise InputError(
+            f"a drive ends with a stand, got velocity {tuple(rows[-1][1:])} in its last row; add a row of zeros"
+        )
+
+
+class Drive:
+    """Commanded velocities of a walk that is under way."""
+
+    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl) -> None:
+        """Begin with the first row.
+
+        Args:
+            rows: Rows of `WalkPlan.drive`; None for a walk along a plan.
+            walking: Controller.
+        """
+        self._pending, self._walking = list(rows or ()), walking
+
+    def update(self, time: float) -> None:
+        """Command the velocity that is due at a time (s)."""
+        while self._pending and time >= self._pending[0][0] - 1e-9:
+            self._walking.velocity = self._pending.pop(0)[1:]
+
+    @property
+    def over(self) -> bool:
+        """True when the last row is commanded and the robot stands."""
+        return not self._pending and self._walking.finished
 
 
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:

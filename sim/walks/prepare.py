@@ -95,6 +95,10 @@ def prepare(
     check_plan(steps, model, walking.walk.reach, extent)
     swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
     time = gait.initial_double_support + swings + gait.final_double_support
+    if plan.drive is not None:
+        time = (
+            plan.drive[-1][0] + 2.0 * (gait.single_support + gait.double_support) + gait.final_double_support
+        )
     return PreparedWalk(plant_description, description, foot, settings, q, steps, time, notes)
 
 

@@ -69,7 +69,7 @@ class PushSchedule:
             return
         reference, now = self._walking.reference, self._plant.time
         if reference is not None and any(event in LIFT_OFFS for event in reference.events):
-            self._lift_off.setdefault(reference.step + 1, now)
+            self._lift_off.setdefault(self._walking.steps_done + 1, now)
         for push in [push for push in self._pending if now >= self._due(push) - 1e-9]:
             self._pending.remove(push)
             force = push.impulse * self._plant.robot.mass / push.duration

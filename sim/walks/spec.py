@@ -67,7 +67,7 @@ class WalkSpec:
         mode: Command of the drives: "position" or "torque".
         control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when None.
         timestep: Physics step, s.
-        plan: Distance, velocity, turn, stairs or footsteps.
+        plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps.
         gains: Preset of settings: "default" or "legacy".
         changes: Settings that differ from the preset; see `wbc.sim.TrialSettings`.
@@ -124,7 +124,7 @@ class WalkSpec:
         steps = len(prepared.plan)
         for push in self.pushes:
             body_frame(push.body, prepared.robot())
-            if push.step is not None and push.step > steps:
+            if push.step is not None and push.step > steps and self.plan.drive is None:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
 
     @property
@@ -153,6 +153,11 @@ class WalkSpec:
                 raise InputError(f"{name} of a terrain is an option of its own, not one of its parameters")
         return terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
 
+    @property
+    def extent(self) -> tuple[float, float, float, float] | None:
+        """Least and greatest x, least and greatest y of the ground, m; None for the floor, which has no end."""
+        return None if self.terrain == "flat" else self.ground().extent
+
     def settings(self) -> TrialSettings:
         """Return preset and changes as settings."""
         return trial_settings(self.gains, self.changes, self.mode, self.timestep)
@@ -161,8 +166,6 @@ class WalkSpec:
         """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""
         ground = self.ground()
         stairs = ground if self.plan.stairs is not None else None
-        # The floor around a flat ground has no end.
-        extent = None if self.terrain == "flat" else ground.extent
         return prepare(
             self.robot,
             self.foot_design(),
@@ -171,7 +174,7 @@ class WalkSpec:
             self.settings(),
             self.period,
             self.start,
-            extent,
+            self.extent,
             stairs,
         )
 

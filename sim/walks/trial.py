@@ -23,7 +23,7 @@ from wbc.feet import RangeSensor, VariableStiffnessFoot
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks.meter import WalkMeter
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.push import PushSchedule
 from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objective
@@ -151,6 +151,7 @@ class WalkTrial:
                 prepared.settings,
                 observer=observer,
                 stiffness=_scheduler(spec, prepared, robot, policy),
+                extent=spec.extent,
             )
         self._meter = WalkMeter(self.plant, self.walking)
         self._soles = None if self.walking.stiffness is None else StiffnessMeter(self.plant, self.walking)
@@ -160,6 +161,7 @@ class WalkTrial:
         limits = PelvisLimits.walking(pelvis, prepared.settings.falls)
         self._falls = TrueFallDetector(self.plant.robot, limits)
         self._origin = self._middle()
+        self._drive = Drive(spec.plan.drive, self.walking)
         self._pushes = PushSchedule(spec.pushes, self.plant, self.walking, prepared.plan.gait)
 
     def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
@@ -187,7 +189,9 @@ class WalkTrial:
             hook.start(self)
         begin = time.perf_counter()
         hook_time = 0.0
-        while not walking.finished and plant.time < limit:
+        drive = self._drive
+        while not drive.over and plant.time < limit:
+            drive.update(plant.time)
             try:
                 measurement = plant.measure()
             except MeasurementError as error:
@@ -243,8 +247,10 @@ class WalkTrial:
         elif fall is not None:
             outcome = "fell"
         else:
-            outcome = "completed" if walking.finished else "unfinished"
-        planned, figures = len(self._prepared.plan), self._meter.figures()
+            outcome = "completed" if self._drive.over else "unfinished"
+        driven = self.spec.plan.drive is not None
+        planned = walking.steps_done if driven else len(self._prepared.plan)
+        figures = self._meter.figures()
         return WalkResult(
             **(identity(self.spec) | {"policy": self._policy}),
             outcome=outcome,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from dataclasses import field
 from pathlib import Path
@@ -12,13 +13,17 @@ from cyclopts import Parameter
 from wbc.app.files import read_object
 from wbc.core.changes import read_changes
 from wbc.core.control import Mode
-from wbc.core.errors import InputError, finite_scalar, shown
+from wbc.core.errors import InputError, choose, finite_scalar, shown
+from wbc.core.files import read_text
 from wbc.core.settings import from_json, settings
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 from wbc.walking.planning.gait import Gait
 
 STONES_AMPLITUDE = 0.02
 """Height of the stones that are the ground when none is named, m."""
+
+DRIVE_COLUMNS = ("time", "forward", "left", "turn")
+"""Columns of a file of velocities over time: s, m/s, m/s, rad/s."""
 
 
 @settings(kw_only=True)
@@ -45,6 +50,8 @@ class WalkOptions:
         noise_seed: Another seed for the errors of the sensors.
         distance: Distance straight on, m; 3 m when no other plan is given.
         velocity: Walk with a velocity instead: forward (m/s), left (m/s), turn (rad/s).
+        velocity_file: Walk with velocities over time instead: a CSV file with the columns time (s), forward (m/s),
+            left (m/s) and turn (rad/s); the last row is a stand.
         steps: Number of steps with a velocity.
         turn: Turn on the spot instead, to the left, degrees.
         stairs: Climb the stairs of the terrain instead: together (both feet on each stair) or alternate.
@@ -78,6 +85,7 @@ class WalkOptions:
     noise_seed: int | None = None
     distance: float | None = None
     velocity: tuple[float, float, float] | None = None
+    velocity_file: Path | None = None
     steps: int | None = None
     turn: float | None = None
     stairs: Literal["together", "alternate"] | None = None
@@ -121,6 +129,7 @@ class WalkOptions:
             plan=WalkPlan(
                 distance=self.distance,
                 velocity=self.velocity,
+                drive=None if self.velocity_file is None else read_drive(self.velocity_file),
                 steps=self.steps,
                 turn=None if self.turn is None else math.radians(self.turn),
                 stairs=self.stairs,
@@ -144,6 +153,40 @@ def read_spec(path: Path) -> WalkSpec:
     if spec is not None and not isinstance(spec, dict):
         raise InputError(f"spec in {path} must be an object, got {shown(spec)}")
     return WalkSpec.from_json(data if spec is None else spec)
+
+
+def read_drive(path: Path) -> tuple[tuple[float, float, float, float], ...]:
+    """Return the velocities over time in a CSV file, by the columns of `DRIVE_COLUMNS` in any order.
+
+    Raises:
+        InputError: The file cannot be read, a column is unknown or missing, or a value is no finite number.
+    """
+    lines = [
+        line for line in csv.reader(read_text(path, "CSV file").splitlines()) if any(map(str.strip, line))
+    ]
+    if not lines:
+        raise InputError(f"{path} is empty; it has the columns {', '.join(DRIVE_COLUMNS)}")
+    names = [name.strip() for name in lines[0]]
+    for name in names:
+        choose(f"column of {path}", name, DRIVE_COLUMNS)
+    if sorted(names) != sorted(DRIVE_COLUMNS):
+        raise InputError(
+            f"{path} has each of the columns {', '.join(DRIVE_COLUMNS)} once, got {', '.join(names)}"
+        )
+    rows = []
+    for i, line in enumerate(lines[1:], start=2):
+        if len(line) != len(names):
+            raise InputError(f"row {i} of {path} has {len(line)} values for {len(names)} columns")
+        values = {}
+        for name, text in zip(names, line, strict=True):
+            try:
+                values[name] = finite_scalar(f"{name} in row {i} of {path}", float(text))
+            except ValueError:
+                raise InputError(
+                    f"{name} in row {i} of {path} must be a finite number, got {shown(text)}"
+                ) from None
+        rows.append((values["time"], values["forward"], values["left"], values["turn"]))
+    return tuple(rows)
 
 
 def read_push(text: str) -> WalkPush:

@@ -15,6 +15,14 @@ from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, schedule
+from wbc.walking.planning.sources import (
+    DriveSettings,
+    FootstepSource,
+    GoalSource,
+    PlanSource,
+    Standing,
+    VelocitySource,
+)
 from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.stabilizer.admittance import FootCorrection
 from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
@@ -45,6 +53,12 @@ __all__ = [
     "walk_distance",
     "walk_path",
     "walk_velocity",
+    "DriveSettings",
+    "FootstepSource",
+    "GoalSource",
+    "PlanSource",
+    "Standing",
+    "VelocitySource",
     "Reach",
     "check_plan",
     "SupportPhase",

@@ -13,6 +13,7 @@ are tasks of the QP itself.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Annotated
 
@@ -29,9 +30,19 @@ from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.schedule import SoleSizes, support_area
+from wbc.walking.planning.sources import (
+    DriveSettings,
+    FootstepSource,
+    GoalSource,
+    PlanSource,
+    Velocity,
+    VelocitySource,
+    checked_velocity,
+)
 from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
 from wbc.walking.stabilizer.gains import StabilizerGains
@@ -56,6 +67,7 @@ class WalkingControlSettings:
         tasks: Weights and gains of the tasks.
         falls: Limits beyond which the robot has fallen.
         lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
+        drive: Limits of a robot that is steered.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
         safety: Ranges of measurements and commands.
@@ -71,16 +83,21 @@ class WalkingControlSettings:
     falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
+    drive: DriveSettings = field(default_factory=DriveSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)
 
 
 class WalkingControl:
-    """Controller of a robot that walks along a footstep plan: measurement in, command out.
+    """Controller of a robot that stands, walks along a plan or where it is steered, and stands for ever.
+
+        walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
+        walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
 
     Attributes:
         settings: Settings.
         dt: Control period, s.
         walk: Phases and references.
+        driver: Source of the footsteps of a robot that is steered.
         stabilizer: Feedback and admittances.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
@@ -130,6 +147,8 @@ class WalkingControl:
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
+        self.driver = Driver(self.walk, robot, s.drive, extent)
+        self._extent = extent
         self._omega = scalar(self.walk.omega)
         self._sizes: SoleSizes = self.walk.sole_sizes
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
@@ -189,7 +208,64 @@ class WalkingControl:
 
     def stop(self) -> None:
         """Come to a stand safely."""
-        self.walk.stop()
+        if self.driver.source is None:
+            self.walk.stop()
+        else:
+            self.velocity = None
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity of the robot's middle: forward (m/s), left (m/s) and turn (rad/s).
+
+        Set it at any tick: footsteps are planned as the robot goes. None, or zero, brings it to a stand within two
+        steps. None as well while another source gives the footsteps. A velocity that is not three finite numbers is an
+        `InputError`; one that cannot be had is limited (`granted_velocity`).
+        """
+        source = self.driver.source
+        return source.target if isinstance(source, VelocitySource) else None
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        target, source = checked_velocity(velocity), self.driver.source
+        if not isinstance(source, VelocitySource):
+            source = self.driver.velocity_source()
+            self.driver.follow(source)
+        source.target = target
+
+    @property
+    def granted_velocity(self) -> Velocity:
+        """Velocity that the present footsteps give: forward (m/s), left (m/s) and turn (rad/s)."""
+        return self.driver.granted
+
+    @checked
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place and stand there.
+
+        Args:
+            x: Place of the middle between the feet in the world, m.
+            y: The same, m.
+            yaw: Heading there, rad.
+
+        Raises:
+            InputError: A place beyond the ground.
+        """
+        if self._extent is not None:
+            low_x, high_x, low_y, high_y = self._extent
+            if not (low_x <= x <= high_x and low_y <= y <= high_y):
+                raise InputError(
+                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
+                    f"got the goal ({x:g}, {y:g})"
+                )
+        self.driver.follow(GoalSource((x, y, yaw), self.driver.velocity_source()))
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan, or from a planner of one's own, from the next tick on.
+
+        Args:
+            source: Footsteps in the world, or an object with the method of `FootstepSource`. A plan that cannot be
+                walked from where the robot is brings it to a stand (`driver.reason`).
+        """
+        self.driver.follow(PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -245,6 +321,7 @@ class WalkingControl:
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 
     def _update_walk(self, bias: Array | None) -> WalkReference:
+        self.driver.update(self.time)
         dcm = self._dcm
         if bias is not None:
             dcm = dcm.copy()

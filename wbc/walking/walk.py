@@ -26,6 +26,7 @@ from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
+from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
@@ -115,6 +116,7 @@ class Walk:
         phases: State machine, with the plan as it is now.
         settings: Settings.
         notes: One message for each timing of the plan that was rounded to the control period.
+        period: Control period, s.
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
@@ -151,7 +153,7 @@ class Walk:
                 CoM height that the legs cannot reach.
         """
         self.settings = s = settings or WalkSettings()
-        self._period = positive("control period (s)", period)
+        self.period = positive("control period (s)", period)
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.on_grid(period)
         if gait.single_support < shortest_swing(gait):
@@ -190,6 +192,7 @@ class Walk:
         self._time = 0.0  # since the pattern was planned, s
         self._ground = 0.0  # height of the ground over the plan, as landings have found it, m
         self._rise = 0.0  # growth of that height from step to step, m
+        self._surprise = 0.0  # unexpected height of the last landing, m
 
     @property
     def finished(self) -> bool:
@@ -228,6 +231,37 @@ class Walk:
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
+    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
+        """Replace all steps that have not begun; a robot that stands sets off with the next update.
+
+        Args:
+            steps: Landings from now on, after that of the foot in the air; none for a stand.
+            gait: Sizes and timings from the next phase on; as before when None.
+
+        Raises:
+            InputError: Sides that do not alternate, or a single support too short for a swing; nothing is changed then.
+        """
+        phases = self.phases
+        if gait is not None and gait != phases.plan.gait:
+            if gait.single_support < shortest_swing(gait):
+                raise InputError(
+                    f"single_support must be at least {shortest_swing(gait):g} s, got {gait.single_support:g} s"
+                )
+            self._swing_gait = gait
+        if self._swing is None and self._surprise:
+            # The ground is expected where the last landings have found it, not at the height of the last one.
+            down = (1.0 - self.settings.ground_memory) * self._surprise
+            steps = [replace(step, z=step.z - down) for step in steps]
+        phases.steer(steps, gait)
+        self._ground = 0.0
+        if phases.phase is Phase.STANDING and steps:
+            self._events = (phases.start(),)
+            if self._rest is not None:
+                self._rest, self._time = None, 0.0
+        self._replan(None)
+        if self._swing is not None:
+            self._plan_swing(self._swing.landing)
+
     def update(
         self,
         loads: Sequence[float],
@@ -245,8 +279,8 @@ class Walk:
         Returns:
             The references.
         """
-        self._time += self._period
-        events = self._events + self.phases.update(loads, self._period)
+        self._time += self.period
+        events = self._events + self.phases.update(loads, self.period)
         self._events = ()
         placements = [motion.placement for motion in self._feet] if soles is None else list(soles)
         for event in events:
@@ -296,7 +330,7 @@ class Walk:
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
         self._yaws[side] = heading(motion.placement.rotation)
         landed = Footstep.of(planned.side, placements[side])
-        surprise = landed.z - planned.z
+        self._surprise = surprise = landed.z - planned.z
         self._ground += self.settings.ground_memory * surprise
         self._rise += self.settings.rise_memory * surprise
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
@@ -349,9 +383,9 @@ class Walk:
             self._preview.settings.target,
         )
         landing, now = adjusted.landing, phases.plan.steps[phases.step]
-        time = max(self._period, round(adjusted.remaining / self._period) * self._period)
+        time = max(self.period, round(adjusted.remaining / self.period) * self.period)
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
-        if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self._period:
+        if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self.period:
             return
         phases.land(landing, carry=True)
         phases.retime(time)

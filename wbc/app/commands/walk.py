@@ -27,7 +27,7 @@ def walk(
     """Walk in the simulator, and report how far the robot came and how well. A fall is a result like any other."""
     target = None
     if options.record is not None:
-        inputs = [options.spec, options.config, *options.param, *options.policy_param]
+        inputs = [options.spec, options.config, options.velocity_file, *options.param, *options.policy_param]
         target = check_target("a log", options.record, (".arrow",), inputs)
     spec = options.walk()
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 MAX_STEPS = 128
 """Largest number of footsteps of each kind; of a longer walk the last ones, and half as many to come."""
 
+DRIVEN_STEPS = 32
+"""Number of footsteps of each kind of a walk that is steered."""
+
 
 class FootstepsLayer(Layer):
     """Footsteps: outlines of the planned ones (adjusted until they land), filled areas of the real ones.
@@ -38,7 +41,8 @@ class FootstepsLayer(Layer):
         super().__init__()
         self._plant, self._walking = plant, walking
         plan = walking.walk.phases.plan
-        self._count = min(MAX_STEPS, 2 * ((len(plan) + 4) // 2))
+        # A robot that stands may be steered: to places that are not known yet.
+        self._count = min(MAX_STEPS, 2 * ((len(plan) + 4) // 2)) if len(plan) else DRIVEN_STEPS
         # In longer walks the marks are reused.
         self._ahead = self._count if self._count >= len(plan) + 3 else self._count // 2
         self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
@@ -53,6 +57,10 @@ class FootstepsLayer(Layer):
         self.legend = FOOTSTEP_LEGEND
         self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
+        self._first = first
+        self._offset = self._skipped = (
+            0  # indices left out where a side has stepped twice, with a stand between
+        )
         self._end, self._step = 0, -1
         self._plan: FootstepPlan | None = None
         self._feet: list[Footstep] = []
@@ -62,9 +70,13 @@ class FootstepsLayer(Layer):
         step = phases.step
         if phases.plan is not self._plan or step != self._step:  # plans are replaced, never changed
             self._plan, self._step, self._feet = phases.plan, step, all_feet(phases.plan)
+            forgotten = phases.completed - step  # steps that a walk that is steered has forgotten
+            if (forgotten + self._skipped) % 2 != (self._feet[0].side != self._first):
+                self._skipped += 1
+            self._offset = forgotten + self._skipped
             self._mark_plan(self._feet, step)
         for i in (step + 1,) if phases.swing is not None else (step, step + 1):
-            self._real_at[i % self._count] = self._pose(self._feet[i].side)
+            self._real_at[(i + self._offset) % self._count] = self._pose(self._feet[i].side)
         matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
         annotations.text += walk_lines(self._walking)
 
@@ -76,12 +88,13 @@ class FootstepsLayer(Layer):
             step: Index of the present or next step.
         """
         # The marks of landed feet stay: the plan then holds the real landings.
-        future = range(step + 2 if step else 0, min(len(feet), step + 2 + self._ahead))
+        offset = self._offset
+        future = range(step + 2 if step + offset else 0, min(len(feet), step + 2 + self._ahead))
         for i in future:
-            self._planned_at[i % self._count] = _mark(feet[i])
-        for i in range(future.stop, self._end):
+            self._planned_at[(i + offset) % self._count] = _mark(feet[i])
+        for i in range(future.stop + offset, self._end):
             self._planned_at[i % self._count] = HIDDEN  # a stop has shortened the plan
-        self._end = future.stop
+        self._end = future.stop + offset
 
     def _pose(self, side: str) -> Array:
         """Return the real placement of a sole."""
@@ -105,12 +118,18 @@ def walk_lines(walking: WalkingControl) -> list[str]:
     total = len(phases.plan)
     swing = "" if phases.swing is None else f": {phases.swing} foot swings"
     lines = [f"step {min(phases.step + 1, total)} of {total}, {phases.phase.value}{swing}"]
+    if walking.driver.source is not None:
+        forward, left, turn = walking.granted_velocity
+        lines = [
+            f"step {phases.completed + 1}, {phases.phase.value}{swing}",
+            f"granted {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
+        ]
     if walking.output is not None:
         error = walking.output.errors.dcm
         lines.append(f"DCM {1e3 * math.hypot(float(error[0]), float(error[1])):.0f} mm off its reference")
     if walking.fallen is not None:
         lines.append(f"FALLEN: {walking.fallen.name.lower()}")
-    elif walking.finished:
+    elif walking.finished and walking.driver.source is None:
         lines.append("finished")
     return lines
 

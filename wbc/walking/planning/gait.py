@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from wbc.core.errors import InputError, positive
@@ -21,6 +24,18 @@ Size = Annotated[float, Field(gt=0.0, le=60.0)]
 
 SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
 """One that may be zero."""
+
+
+SPEEDS: dict[float, dict[str, float]] = {
+    0.0: {"single_support": 0.8, "double_support": 0.3, "landing_time": 0.1, "initial_double_support": 0.8},
+    0.15: {"single_support": 0.8, "double_support": 0.3, "landing_time": 0.1, "initial_double_support": 0.8},
+    0.3: {"single_support": 0.6, "double_support": 0.2, "landing_time": 0.1, "initial_double_support": 0.6},
+    0.5: {"single_support": 0.5, "double_support": 0.15, "landing_time": 0.08, "initial_double_support": 0.6},
+}
+"""Timings (s) by speed (m/s): the greatest of forward speed, twice the sideways speed and 0.6 m of the turning one."""
+
+GRID = 0.01
+"""Timings of a gait for a speed are multiples of this, s."""
 
 
 @settings
@@ -70,6 +85,20 @@ class Gait:
                 f"{0.5 * self.single_support:g} s, got {self.takeoff_time + self.landing_time:g} s"
             )
 
+    @staticmethod
+    def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> Gait:
+        """Return the gait for a velocity: quicker steps at higher speed.
+
+        Values between the rows of `SPEEDS` are interpolated; the timings are multiples of 10 ms.
+
+        Args:
+            velocity: Forward (m/s), left (m/s) and turn (rad/s).
+            gait: Gait whose explicit values win: those that differ from the defaults stay.
+        """
+        forward, left, turn = (abs(float(part)) for part in velocity)
+        speed = max(forward, 2.0 * left, 0.6 * turn)
+        return _at_speed(round(speed, 2), gait or Gait())
+
     def for_stairs(self) -> Gait:
         """Return the gait for a plan with stairs, whose heights are known: feet need all their time to lift.
 
@@ -107,3 +136,16 @@ class Gait:
         for note in notes:
             logger.warning("%s", note)
         return replace(self, **changed), tuple(notes)
+
+
+@lru_cache(maxsize=256)
+def _at_speed(speed: float, gait: Gait) -> Gait:
+    """Gait for a speed (m/s) with the explicit values of another one."""
+    speeds, default = sorted(SPEEDS), Gait()
+    rows = [SPEEDS[key] for key in speeds]
+    values = {}
+    for name in rows[0]:
+        value = float(np.interp(speed, speeds, [row[name] for row in rows]))
+        if getattr(gait, name) == getattr(default, name):
+            values[name] = round(value / GRID) * GRID
+    return replace(gait, **values)

@@ -17,6 +17,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import InputError, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.schedule import SupportPhase, schedule
 
 
@@ -177,6 +178,31 @@ class WalkPhases:
         self.plan = self.plan.stopping_after(self.step - 1)
         if self.step >= len(self.plan):
             self.duration = self.elapsed + self.plan.gait.final_double_support
+
+    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
+        """Replace all steps that have not begun, also by none; steps long taken are forgotten.
+
+        Args:
+            steps: Landings from now on, after that of the foot in the air.
+            gait: Timings from the next phase on; as before when None.
+
+        Raises:
+            InputError: Sides that do not alternate; nothing is changed then.
+        """
+        waited = self.step < len(self.plan)
+        feet = {"left": self.plan.left, "right": self.plan.right}
+        for taken in self.plan.steps[: self.step]:
+            feet[taken.side] = taken
+        begun = self.plan.steps[self.step : self.step + 1] if self.phase is Phase.SINGLE else ()
+        gait = self.plan.gait if gait is None else gait
+        self.plan = FootstepPlan(feet["left"], feet["right"], (*begun, *steps), gait)
+        self.step, self._stopping = 0, False
+        if self.phase is not Phase.DOUBLE:
+            return
+        if waited and not steps:
+            self.duration = self.elapsed + gait.final_double_support
+        elif steps and not waited:  # off again before the robot stood
+            self.duration = max(self.elapsed, min(self.duration, self.elapsed + gait.initial_double_support))
 
     def retime(self, remaining: float) -> None:
         """Let the present single support end after a time (s), to catch the pendulum."""

@@ -240,16 +240,28 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
 
 
 def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> None:
-    """Check that two soles do not overlap, by the separating axes of two rectangles in the plane."""
+    """Check that two soles do not overlap."""
+    if soles_overlap(a, b, sizes):
+        raise InputError(
+            f"the soles overlap at {what}: {a.side} at ({a.x:.3f}, {a.y:.3f}), {b.side} at ({b.x:.3f}, {b.y:.3f}) m"
+        )
+
+
+def soles_overlap(a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> bool:
+    """Return true if two soles overlap, by the separating axes of two rectangles in the plane.
+
+    Args:
+        a: One foot.
+        b: The other one.
+        sizes: Side → (length, width) of its sole, m.
+    """
     p, q = _corners(a, sizes[a.side]), _corners(b, sizes[b.side])
     for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
         axis = np.array([math.cos(yaw), math.sin(yaw)])
         s, t = p @ axis, q @ axis
         if s.max() <= t.min() or t.max() <= s.min():
-            return
-    raise InputError(
-        f"the soles overlap at {what}: {a.side} at ({a.x:.3f}, {a.y:.3f}), {b.side} at ({b.x:.3f}, {b.y:.3f}) m"
-    )
+            return False
+    return True
 
 
 def _check_extent(

@@ -1,0 +1,304 @@
+"""A robot that is steered: velocities, goals, plans and planners of one's own, exchanged while it walks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.core.errors import InputError
+from wbc.robots import load
+from wbc.walking import FootstepPlan, Gait, Reach, WalkingControl, check_plan, walk_distance
+from wbc.walking.driver import Driver
+from wbc.walking.planning.phases import Event, Phase, PhaseSettings
+from wbc.walking.planning.sources import (
+    AT_REST,
+    DriveSettings,
+    FootstepSource,
+    GoalSource,
+    PlanSource,
+    Standing,
+    VelocitySource,
+    checked_velocity,
+)
+from wbc.walking.walk import Walk, WalkReference, WalkSettings
+
+DT = 0.005
+ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
+
+SIZES = {name: tuple((sole.length, sole.width) for sole in robot.soles[:2]) for name, robot in ROBOTS.items()}
+
+
+class Stage:
+    """A walk and its driver without a robot: feet land when and where they should."""
+
+    def __init__(self, name: str = "hrp4_class", plan: FootstepPlan | None = None) -> None:
+        robot = ROBOTS[name]
+        start = FootstepPlan.standing(robot) if plan is None else plan
+        settings = WalkSettings(phases=PhaseSettings.by_time(), adjustment=None)
+        self.walk = Walk(robot, start, float(robot.com[2]), DT, settings, com=np.array(robot.com))
+        self.driver = Driver(self.walk, robot)
+        self.time = 0.0
+        self.references: list[WalkReference] = []
+        if len(start):
+            self.walk.start()
+
+    def steer(self, velocity: tuple[float, float, float] | None) -> None:
+        source = self.driver.source
+        if not isinstance(source, VelocitySource):
+            source = self.driver.velocity_source()
+            self.driver.follow(source)
+        source.target = checked_velocity(velocity)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / DT)):
+            self.time += DT
+            self.driver.update(self.time)
+            self.references.append(self.walk.update([0.0, 0.0]))
+
+    @property
+    def middle(self) -> tuple[np.ndarray, float]:
+        left, right = (motion.placement for motion in self.references[-1].feet)
+        turn = left.rotation @ right.rotation.T
+        yaw = math.atan2(right.rotation[1, 0], right.rotation[0, 0]) + 0.5 * math.atan2(
+            turn[1, 0], turn[0, 0]
+        )
+        return 0.5 * (left.translation + right.translation)[:2], yaw
+
+
+def standing(name: str, first: str | None = None) -> Standing:
+    start = FootstepPlan.standing(ROBOTS[name])
+    return Standing(replace(start, gait=Gait(feet_spacing=start.spacing)), first, 0, False, 0.0)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_velocity_gives_steps_within_reach(name: str) -> None:
+    """Also those far beyond the robot, from a stand and in the middle of a walk with another velocity."""
+    robot, rng = ROBOTS[name], np.random.default_rng(3)
+    reach = Reach.of(robot)
+    for _ in range(60):
+        source = VelocitySource(reach, SIZES[name], DriveSettings(acceleration=(99, 99, 99)))
+        now = standing(name)
+        for begun in range(3):
+            x, y, turn = rng.normal(size=3)
+            source.target = (x, y, turn)
+            plan = source.footsteps(now._replace(begun=begun, time=float(begun)))
+            check_plan(plan, robot, reach)
+            assert len(plan) >= 3
+            limits = (0.4 if x > 0 else 0.3, 0.2, 0.5)
+            for granted, wish, limit in zip(source.granted, (x, y, turn), limits, strict=True):
+                assert abs(granted) <= min(abs(wish), limit) + 1e-9 and granted * wish >= 0.0
+            step = plan.steps[0]
+            feet = {"left": now.start.left, "right": now.start.right} | {step.side: step}
+            now = now._replace(
+                start=replace(now.start, left=feet["left"], right=feet["right"]),
+                first="right" if step.side == "left" else "left",
+            )
+
+
+def test_a_steered_walk_goes_where_it_is_told_and_its_references_never_jump() -> None:
+    stage = Stage()
+    for velocity in (
+        (0.15, 0.0, 0.0),
+        (0.3, 0.0, 0.2),
+        (0.0, 0.1, 0.0),
+        (-0.15, 0.0, -0.2),
+        None,
+        (0.0, 0.0, 0.4),
+        None,
+    ):
+        stage.steer(velocity)
+        stage.run(5.0 if velocity is not None else 4.0)
+        if velocity is not None:
+            assert stage.driver.granted == pytest.approx(velocity, abs=0.05)
+            phases = stage.walk.phases
+            assert len(phases.plan) - phases.step >= 3, "two steps ahead and the one that closes up"
+    assert stage.walk.finished
+    for a, b in zip(stage.references, stage.references[1:], strict=False):
+        p, q = a.pendulum, b.pendulum
+        assert np.linalg.norm(q.com - p.com - DT * p.com_velocity) < 1e-4
+        assert np.linalg.norm(q.zmp - p.zmp) < 0.02, "the ZMP moves at most a foot in a tenth of a second"
+
+
+@pytest.mark.parametrize("when", [0.3, 1.9, 2.4, 3.05, 4.2, 4.6])
+@pytest.mark.parametrize("speed", [0.15, 0.3])
+def test_it_stands_within_two_steps(when: float, speed: float) -> None:
+    """Whatever the phase in which the stop comes, the step that has begun included."""
+    stage = Stage()
+    stage.steer((speed, 0.0, 0.0))
+    stage.run(when)
+    done = stage.walk.steps_done
+    stage.steer(None)
+    stage.run(5.0)
+    assert stage.walk.finished and stage.walk.steps_done - done <= 2
+    assert stage.driver.granted == AT_REST
+    left, right = (motion.placement.translation for motion in stage.references[-1].feet)
+    assert (
+        abs(left[0] - right[0]) < 1e-6 and np.linalg.norm(stage.references[-1].pendulum.com_velocity) < 0.02
+    )
+    stage.steer((0.1, 0.0, 0.0))
+    stage.run(5.0)
+    assert stage.walk.steps_done > done + 2, "and walks on when told to"
+
+
+def test_velocity_and_turn_are_those_commanded() -> None:
+    stage = Stage()
+    stage.steer((0.1, 0.05, 0.1))
+    stage.run(12.0)
+    place, yaw = stage.middle
+    steps = stage.walk.steps_done
+    stage.run(11.0)
+    (far, further), cycle = stage.middle, 1.1
+    time = (stage.walk.steps_done - steps) * cycle
+    assert math.hypot(*(far - place)) == pytest.approx(math.hypot(0.1, 0.05) * time, rel=0.1)
+    assert math.remainder(further - yaw, 2 * math.pi) == pytest.approx(0.1 * time, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "goal", [(0.3, 0.1, 0.3), (-0.2, 0.0, 0.0), (0.0, 0.15, -0.5), (1.0, -1.0, 1.0), (-0.8, 0.5, 0.0)]
+)
+def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -> None:
+    stage = Stage()
+    source = GoalSource(goal, stage.driver.velocity_source())
+    stage.driver.follow(source)
+    stage.run(45.0)
+    place, yaw = stage.middle
+    start = 0.5 * (ROBOTS["hrp4_class"].placement("left_sole").translation[:2] * 0.0)
+    assert source.reached and stage.walk.finished
+    assert np.linalg.norm(place - start - np.array(goal[:2])) < 0.05 and abs(yaw - goal[2]) < 0.1
+
+
+def test_sources_are_exchanged_while_it_walks() -> None:
+    """A plan from the start, a velocity, another plan, a planner of one's own."""
+    stage = Stage(plan=walk_distance(FootstepPlan.standing(ROBOTS["hrp4_class"]), 1.0))
+    stage.run(4.0)
+    stage.steer((0.1, 0.0, 0.0))
+    stage.run(4.0)
+    phases = stage.walk.phases
+    left, right = (motion.placement.translation for motion in stage.references[-1].feet)
+    ahead = max(left[0], right[0])
+    feet = FootstepPlan.standing(ROBOTS["hrp4_class"])
+    there = replace(feet, left=replace(feet.left, x=ahead), right=replace(feet.right, x=ahead))
+    stage.driver.follow(PlanSource(walk_distance(there, 0.5)))
+    stage.run(14.0)
+    assert stage.walk.finished and stage.driver.reason == ""
+    assert stage.middle[0][0] == pytest.approx(ahead + 0.5, abs=0.02)
+
+    class Own:
+        asked = 0
+
+        def footsteps(self, now: Standing) -> FootstepPlan:
+            self.asked += 1
+            return (
+                walk_distance(now.start, 0.2, first=now.first or "right")
+                if now.begun < done + 3
+                else now.start
+            )
+
+    done, own = stage.walk.steps_done, Own()
+    stage.driver.follow(own)
+    stage.run(10.0)
+    assert own.asked > 3 and stage.walk.finished and stage.walk.steps_done - done >= 3
+    assert phases.completed == stage.walk.steps_done
+
+
+class _Raises:
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        raise RuntimeError("no map")
+
+
+class _Far:
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        return walk_distance(replace(now.start, gait=Gait(step_length=1.0)), 1.0, first=now.first or "left")
+
+
+class _SameSide:
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        side = "right" if now.first == "left" else "left"
+        return walk_distance(now.start, 0.2, first=side)
+
+
+class _Nothing:
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        return None  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        (_Raises(), "no map"),
+        (_Far(), "within reach"),
+        (_SameSide(), "steps next"),
+        (_Nothing(), "FootstepPlan"),
+    ],
+)
+def test_a_planner_that_fails_brings_the_robot_to_a_stand(source: FootstepSource, reason: str) -> None:
+    stage = Stage()
+    stage.steer((0.15, 0.0, 0.0))
+    stage.run(5.0)
+    done = stage.walk.steps_done
+    stage.driver.follow(source)
+    stage.run(5.0)
+    assert stage.walk.finished and reason in stage.driver.reason and stage.walk.steps_done - done <= 3
+
+
+def test_velocities_that_are_refused() -> None:
+    robot = load("hrp4_class").robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), DT, extent=(-1.0, 1.0, -1.0, 1.0))
+    for bad in ((0.1, 0.0), (0.1, 0.0, math.nan), (math.inf, 0.0, 0.0), "fast", (0.1, 0.0, 99.0)):
+        with pytest.raises(InputError, match="velocity"):
+            walking.velocity = bad  # type: ignore[assignment]
+    assert walking.velocity is None
+    with pytest.raises(InputError, match="the ground extends"):
+        walking.go_to(3.0, 0.0, 0.0)
+    walking.go_to(0.5, 0.0, 0.0)
+    walking.velocity = (0.1, 0.0, 0.0)
+    assert walking.velocity == (0.1, 0.0, 0.0) and walking.granted_velocity == AT_REST
+
+
+def test_gait_for_a_speed() -> None:
+    """Quicker steps at higher speed; explicit values win."""
+    cycles = [
+        sum((g.single_support, g.double_support))
+        for v in (0.0, 0.2, 0.3, 0.4)
+        if (g := Gait.for_speed((v, 0, 0)))
+    ]
+    assert cycles == sorted(cycles, reverse=True) and Gait.for_speed((0.0, 0.0, 0.0)) == Gait()
+    slow = Gait.for_speed((0.4, 0.0, 0.0), Gait(single_support=0.9))
+    assert slow.single_support == 0.9 and slow.double_support < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_commands_do_not_jump_between_standing_and_walking(mode: str) -> None:
+    """At the change-over, both ways: no command changes by more than 1 % of its limit."""
+    description = load("hrp4_class")
+    dt = 0.005 if mode == "position" else 0.002
+    plant = wbc.Plant(description, control_period=dt)
+    robot = description.robot()
+    walking = WalkingControl(
+        robot,
+        FootstepPlan.standing(robot),
+        dt,
+        wbc.walking.WalkingControlSettings(mode=mode),  # type: ignore[arg-type]
+    )
+    span = robot.position_upper - robot.position_lower
+    last = None
+    jumps = []
+    while plant.time < 9.0:
+        walking.velocity = (0.15, 0.0, 0.0) if 1.0 <= plant.time < 4.0 else None
+        command = walking.command(plant.measure())
+        values = [command.joint_torque / robot.torque_limit]
+        if command.joint_position is not None:
+            values.append(command.joint_position / span)
+        now = np.concatenate(values)
+        events = () if walking.reference is None else walking.reference.events
+        if last is not None and (Event.STARTED in events or Event.STOPPED in events):
+            jumps.append(float(np.abs(now - last).max()))
+        last = now
+        plant.step(command)
+    assert len(jumps) == 2 and max(jumps) < 0.01, jumps
+    assert walking.fallen is None and walking.walk.phases.phase is Phase.STANDING and walking.steps_done >= 2

@@ -1,0 +1,184 @@
+"""Driver of a walk: asks a source for footsteps as the robot goes, and hands them to the walk.
+
+    source  →  steps from where the feet stand  →  check  →  walk
+
+On both feet the steps are planned anew every tenth of a second; with a foot in the air only when the source or its
+command has changed. A source that fails, or asks for a step that the robot cannot take, is dropped: the robot comes
+to a stand, and the reason is logged.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+from wbc.core.errors import InputError
+from wbc.core.robot import Robot
+from wbc.walking.planning.footsteps import SIDES, FootstepPlan
+from wbc.walking.planning.phases import Phase
+from wbc.walking.planning.reach import check_plan
+from wbc.walking.planning.sources import (
+    AT_REST,
+    DriveSettings,
+    FootstepSource,
+    GoalSource,
+    Standing,
+    Velocity,
+    VelocitySource,
+    close_up,
+)
+from wbc.walking.walk import Walk
+
+logger = logging.getLogger(__name__)
+
+Extent = tuple[float, float, float, float]
+"""Least and greatest x, least and greatest y of the ground, m."""
+
+
+class Driver:
+    """Driver of one walk.
+
+    Attributes:
+        settings: Settings.
+        source: Source of the footsteps; None for the plan that the walk began with.
+        reason: Reason for which the last source was dropped; empty if none was.
+    """
+
+    def __init__(
+        self, walk: Walk, robot: Robot, settings: DriveSettings | None = None, extent: Extent | None = None
+    ) -> None:
+        """Leave the walk to its plan.
+
+        Args:
+            walk: The walk.
+            robot: Its robot, for the soles.
+            settings: Settings; the defaults when None.
+            extent: The ground; endless when None.
+        """
+        self.settings = settings or DriveSettings()
+        self.source: FootstepSource | None = None
+        self.reason = ""
+        self._walk, self._robot, self._extent = walk, robot, extent
+        plan = walk.phases.plan
+        self._gait = replace(plan.gait, feet_spacing=plan.spacing)
+        self._next = 0.0  # time of the next plan, s
+        self._planned: tuple[FootstepSource | None, Velocity] = (None, AT_REST)
+        self._landed = False
+
+    def velocity_source(self) -> VelocitySource:
+        """Return a source of velocities that goes on from the velocity granted now."""
+        return VelocitySource(self._walk.reach, self._walk.sole_sizes, self.settings, self.granted)
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the present plan: forward (m/s), left (m/s) and turn (rad/s)."""
+        source = self.source
+        if isinstance(source, (VelocitySource, GoalSource)):
+            return AT_REST if self._walk.finished else source.granted
+        return _mean_velocity(self._walk)
+
+    def follow(self, source: FootstepSource) -> None:
+        """Take the footsteps from a source, from the next tick on."""
+        self.source, self.reason = source, ""
+        self._next = 0.0
+
+    def update(self, time: float) -> None:
+        """Plan the footsteps anew if it is time to.
+
+        Args:
+            time: Time since the start of the walk, s.
+        """
+        source, phases = self.source, self._walk.phases
+        if source is None:
+            return
+        swings = phases.phase is Phase.SINGLE
+        if swings:
+            command = (source, _target(source))
+            if command == self._planned or time < self._next:
+                self._landed = True
+                return
+        elif time < self._next and not self._landed:
+            return
+        self._landed = False
+        self._next = time + self.settings.replan
+        self._planned = (source, _target(source))
+        now = self._standing(time)
+        try:
+            plan = source.footsteps(now)
+            self._check(plan, now)
+            self._steer(plan)
+        except Exception as error:  # of a source of the user's own, too: the robot comes to a stand
+            self._drop(error, now)
+
+    def _standing(self, time: float) -> Standing:
+        """Feet on the ground, and the one in the air where it will land."""
+        phases = self._walk.phases
+        plan, step = phases.plan, phases.step
+        feet = {"left": plan.left, "right": plan.right}
+        swings = phases.phase is Phase.SINGLE
+        for taken in plan.steps[: step + swings]:
+            feet[taken.side] = taken
+        first: str | None = None
+        if swings:
+            first = "right" if plan.steps[step].side == "left" else "left"
+        elif phases.phase is Phase.DOUBLE and step < len(plan):
+            first = plan.steps[step].side
+        left, right = (replace(feet[side], pitch=0.0, roll=0.0) for side in SIDES)
+        return Standing(
+            FootstepPlan(left, right, (), self._gait), first, phases.completed + swings, swings, time
+        )
+
+    def _check(self, plan: FootstepPlan, now: Standing) -> None:
+        """Check the steps of a plan from where the feet are.
+
+        Raises:
+            InputError: A side out of turn, a step out of reach, or one that leaves the ground.
+        """
+        if not isinstance(plan, FootstepPlan):
+            raise InputError(f"a source of footsteps returns a FootstepPlan, got {plan!r}")
+        if not plan.steps:
+            return
+        if now.first is not None and plan.steps[0].side != now.first:
+            raise InputError(
+                f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
+            )
+        if isinstance(self.source, (VelocitySource, GoalSource)) and self._extent is None:
+            return  # within reach by construction
+        checked = replace(plan, left=now.start.left, right=now.start.right)
+        check_plan(checked, self._robot, self._walk.reach, self._extent)
+
+    def _steer(self, plan: FootstepPlan) -> None:
+        walk = self._walk
+        if not plan.steps and walk.phases.step >= len(walk.phases.plan):
+            return  # it stands, or comes to rest
+        gait = plan.gait
+        if gait is not walk.phases.plan.gait:
+            gait, _ = gait.on_grid(walk.period)
+        walk.steer(plan.steps, gait)
+
+    def _drop(self, error: Exception, now: Standing) -> None:
+        """Come to a stand for a reason."""
+        self.reason = str(error) or type(error).__name__
+        logger.warning("footsteps refused (%s); the robot comes to a stand", self.reason)
+        self.source = stand = self.velocity_source()
+        try:
+            self._steer(stand.footsteps(now))
+        except InputError:
+            side = now.first
+            self._walk.steer(() if side is None else close_up(now.start, side).steps)
+
+
+def _target(source: FootstepSource) -> Velocity:
+    """Command of a source whose command changes: a velocity."""
+    return source.target if isinstance(source, VelocitySource) else AT_REST
+
+
+def _mean_velocity(walk: Walk) -> Velocity:
+    """Mean velocity over the next two steps of a plan, seen from the foot that stands."""
+    phases = walk.phases
+    plan, step = phases.plan, phases.step
+    if step + 2 > len(plan):
+        return AT_REST
+    forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))
+    two = 2.0 * (plan.gait.single_support + plan.gait.double_support)
+    return forward / two, left / two, turn / two

@@ -1,0 +1,395 @@
+"""Sources of footsteps for a robot that is steered: a velocity, a goal, a plan, or a planner of one's own.
+
+A source is asked again while the robot walks, and answers with the steps from where the feet stand then:
+
+    class Own:
+        def footsteps(self, now: Standing) -> FootstepPlan:
+            return walk_distance(now.start, 0.3, first=now.first or "left")
+
+An answer without steps is a stand. Sources are exchanged at any time; the step that has begun is finished.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated, NamedTuple, Protocol
+
+from pydantic import Field
+
+from wbc.core.arguments import checked
+from wbc.core.errors import finite_array, finite_scalar
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.reach import Reach, soles_overlap
+from wbc.walking.planning.schedule import SoleSizes
+
+Velocity = tuple[float, float, float]
+"""Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle."""
+
+Place = tuple[float, float, float]
+"""x, y (m) and yaw (rad) in the world."""
+
+AT_REST: Velocity = (0.0, 0.0, 0.0)
+
+LEADER_TURN = 4.0 / 3.0
+"""Share of the turn of a step that the foot on the outer side takes; the other one takes 2/3 and turns inwards."""
+
+CLOSED = (0.01, 0.05)
+"""Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
+
+
+@settings
+class DriveSettings:
+    """Settings of a robot that is steered.
+
+    Attributes:
+        acceleration: Greatest change of the granted velocity: forward, left and turn.
+        fastest: Greatest velocity granted: forward, left (or right) and turn.
+        fastest_back: Greatest velocity granted backwards.
+        reach: Share of the legs' reach that steps may use; the rest is for step adjustment.
+        steps: Steps that are planned ahead, before the one that closes up.
+        stopping: Length of a step above which the robot takes a shorter one before it closes up, m.
+        replan: Time between plans of the footsteps on both feet, s.
+        goal: Distance and turn to a goal below which it is reached, m and rad.
+        far: Distance to a goal above which the robot walks towards it face first, m.
+    """
+
+    acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
+    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.2, 0.5)
+    fastest_back: Annotated[NonNegative, "m/s"] = 0.3
+    reach: Share = 0.9
+    steps: Annotated[int, Field(ge=2, le=20)] = 4
+    stopping: Annotated[NonNegative, "m"] = 0.1
+    replan: Annotated[Positive, "s"] = 0.1
+    goal: Annotated[tuple[Positive, Positive], "m, rad"] = (0.02, 0.05)
+    far: Annotated[Positive, "m"] = 0.6
+
+
+class Standing(NamedTuple):
+    """Feet from which a source plans.
+
+    Attributes:
+        start: Feet on the ground, the one in the air where it will land, and the gait; without steps.
+        first: Side that steps next; None for either.
+        begun: Number of steps begun so far.
+        swings: True while a foot is in the air.
+        time: Time since the start of the walk, s.
+    """
+
+    start: FootstepPlan
+    first: str | None
+    begun: int
+    swings: bool
+    time: float
+
+
+class FootstepSource(Protocol):
+    """Planner of footsteps that is asked while the robot walks."""
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """Return the feet with the steps from now on; without steps the robot stands.
+
+        Args:
+            now: Feet, side that steps next, and time.
+        """
+        ...
+
+
+class VelocitySource:
+    """Footsteps of a commanded velocity.
+
+    Sideways the foot on the side of the motion opens by two steps' worth and the other one closes; in turns the outer
+    foot takes the greater part.
+
+    Attributes:
+        target: Commanded velocity.
+        granted: Velocity of the present plan: the commanded one, limited in change, by the settings and by the reach of
+            the legs.
+        settings: Settings.
+    """
+
+    @checked
+    def __init__(
+        self,
+        reach: Reach,
+        sizes: SoleSizes,
+        settings: DriveSettings | None = None,
+        granted: tuple[float, float, float] = AT_REST,
+    ) -> None:
+        """Stand.
+
+        Args:
+            reach: Reach of the legs.
+            sizes: (length, width) of the left and of the right sole, m.
+            settings: Settings; the defaults when None.
+            granted: Velocity of the robot now.
+        """
+        self.settings = settings or DriveSettings()
+        self.target: Velocity = AT_REST
+        self.granted: Velocity = granted
+        self._reach, self._sizes = reach, dict(zip(SIDES, sizes, strict=True))
+        self._time: float | None = None
+        self._stop: int | None = None  # steps begun when the stop was commanded
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """See `FootstepSource`."""
+        past, self._time = self._time, now.time
+        if self.target == AT_REST:
+            return self._stopping(now)
+        self._stop = None
+        self._ramp(0.0 if past is None else now.time - past)
+        gait = Gait.for_speed(self.granted, now.start.gait)
+        cycle = gait.single_support + gait.double_support
+        side = now.first or self.leader()
+        self.granted = _scaled(self.granted, self._share(self.granted, cycle, now.start.spacing))
+        dx, dy, turn = (cycle * part for part in self.granted)
+        moves = [(dx, dy, turn)] * self.settings.steps
+        return replace(now.start, gait=gait, steps=self._steps(now.start, side, moves))
+
+    def leader(self) -> str:
+        """Return the side of the motion, which steps first."""
+        _, left, turn = self.target
+        return "right" if (left or turn) < 0.0 else "left"
+
+    def _ramp(self, time: float) -> None:
+        """Let the granted velocity follow the commanded one for a time (s)."""
+        s = self.settings
+        fastest = (s.fastest[0] if self.target[0] > 0.0 else s.fastest_back, *s.fastest[1:])
+        parts = []
+        for now, wish, most, rate in zip(self.granted, self.target, fastest, s.acceleration, strict=True):
+            # A robot that stands sets off with what it reaches in half a second.
+            step = rate * (0.5 if self.granted == AT_REST else time)
+            change = max(-most, min(most, wish)) - now
+            parts.append(now + max(-step, min(step, change)))
+        self.granted = (parts[0], parts[1], parts[2])
+
+    def _stopping(self, now: Standing) -> FootstepPlan:
+        """Come to a stand: a shorter step where the last one was long, then the foot that closes up."""
+        if self._stop is None:
+            self._stop = now.begun - now.swings  # the step that has begun is the first of two
+        gait = Gait.for_speed(self.granted, now.start.gait)
+        start = replace(now.start, gait=gait)
+        cycle = gait.single_support + gait.double_support
+        left = 2 - (now.begun - self._stop)
+        dx, dy, turn = (0.5 * cycle * part for part in self.granted)
+        if now.first is None:
+            self.granted = AT_REST
+            return start
+        if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < self.settings.stopping:
+            self.granted = AT_REST
+            return close_up(start, now.first)
+        return replace(start, steps=self._steps(start, now.first, [(dx, dy, turn)]))
+
+    def _share(self, velocity: Velocity, cycle: float, spacing: float) -> float:
+        """Return the greatest share of a velocity whose steps are within reach."""
+        if self._within(velocity, cycle, spacing, 1.0):
+            return 1.0
+        low, high = 0.0, 1.0
+        for _ in range(8):
+            middle = 0.5 * (low + high)
+            if self._within(velocity, cycle, spacing, middle):
+                low = middle
+            else:
+                high = middle
+        return low
+
+    def _within(self, velocity: Velocity, cycle: float, spacing: float, share: float) -> bool:
+        """True if both feet's steps with a share of a velocity are within reach, and no sole is on the other."""
+        r, s = self._reach, self.settings.reach
+        dx, dy, turn = (share * cycle * part for part in velocity)
+        wider = s * (r.max_spacing - spacing)
+        outer, inner = (abs(turn) * part for part in (LEADER_TURN, 2.0 - LEADER_TURN))
+        # Steps that are long and wide at once take more of the hip than each alone.
+        effort = (dx / (s * r.max_length)) ** 2 + (2.0 * dy / max(wider, 1e-6)) ** 2
+        if effort > 1.0 or outer > s * r.max_yaw or inner > 0.5 * s * r.max_yaw:
+            return False
+        for side in SIDES:
+            stance = Footstep(other(side), 0.0, 0.0)
+            step = self._step(_middle(stance, spacing), side, (dx, dy, turn), 0.5 * spacing, 0.0)[0]
+            forward, left, _, _ = step.seen_from(stance)
+            far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
+            if far or soles_overlap(stance, step, self._sizes):
+                return False
+        return True
+
+    def _steps(
+        self, start: FootstepPlan, side: str, moves: Sequence[tuple[float, float, float]]
+    ) -> tuple[Footstep, ...]:
+        """Steps beside a middle that moves, and the one that closes up."""
+        half = 0.5 * start.spacing
+        stance = start.right if side == "left" else start.left
+        middle = _middle(stance, start.spacing)
+        steps = []
+        for move in moves:
+            step, middle = self._step(middle, side, move, half, stance.z)
+            steps.append(step)
+            side = other(side)
+        steps.append(_foot(middle, side, half, stance.z))
+        return tuple(steps)
+
+    @staticmethod
+    def _step(
+        middle: Place, side: str, move: tuple[float, float, float], half: float, z: float
+    ) -> tuple[Footstep, Place]:
+        """Step beside a middle that moves, and that middle."""
+        dx, dy, turn = move
+        outward = 1.0 if side == "left" else -1.0
+        share = 2.0 if outward * dy > 0.0 else 0.0
+        turned = LEADER_TURN if outward * turn > 0.0 else 2.0 - LEADER_TURN
+        middle = _moved(middle, dx, share * dy, turned * turn)
+        return _foot(middle, side, half, z), middle
+
+
+class GoalSource:
+    """Footsteps to a place: face first from afar, the last steps with the heading of the goal.
+
+    Attributes:
+        goal: Place of the robot's middle and heading: x, y (m) and yaw (rad).
+        reached: True when the robot stands there.
+    """
+
+    @checked
+    def __init__(self, goal: tuple[float, float, float], drive: VelocitySource) -> None:
+        """Go to a goal.
+
+        Args:
+            goal: x, y (m) and yaw (rad) in the world.
+            drive: Source that turns velocities into steps.
+        """
+        x, y, yaw = finite_array("goal (m, m, rad)", goal, (3,)).tolist()
+        self.goal = (x, y, yaw)
+        self.reached = False
+        self._drive = drive
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the present plan."""
+        return self._drive.granted
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """See `FootstepSource`."""
+        if self.reached:
+            return now.start
+        drive = self._drive
+        drive.target = self._velocity(now)
+        if drive.target == AT_REST:
+            self.reached = now.first is None
+        return drive.footsteps(now)
+
+    def _velocity(self, now: Standing) -> Velocity:
+        """Velocity towards the goal, at most what the next two steps need."""
+        s, start = self._drive.settings, now.start
+        x, y, yaw = self.goal
+        px, py = 0.5 * (start.left.x + start.right.x), 0.5 * (start.left.y + start.right.y)
+        heading = mean_heading(start.left.yaw, start.right.yaw)
+        if now.first is not None:  # feet that stride: the middle is beside the foot that stands
+            stance = start.right if now.first == "left" else start.left
+            px, py, heading = _middle(stance, start.spacing)
+        away = math.hypot(x - px, y - py)
+        turn = math.remainder(yaw - heading, 2.0 * math.pi)
+        if away < s.goal[0] and abs(turn) < s.goal[1]:
+            return AT_REST
+        gait = Gait.for_speed(self._drive.granted, start.gait)
+        two = 2.0 * (gait.single_support + gait.double_support)
+        if away > s.far:
+            turn = math.remainder(math.atan2(y - py, x - px) - heading, 2.0 * math.pi)
+            slow = max(0.0, 1.0 - abs(turn) / 0.5)
+            return slow * min(s.fastest[0], away / two), 0.0, turn / two
+        c, sn = math.cos(heading), math.sin(heading)
+        dx, dy = c * (x - px) + sn * (y - py), c * (y - py) - sn * (x - px)
+        return dx / two, dy / two, turn / two
+
+
+class PlanSource:
+    """Steps of a footstep plan, one after the other; then a stand.
+
+    Attributes:
+        plan: The plan, in the world.
+    """
+
+    @checked
+    def __init__(self, plan: FootstepPlan) -> None:
+        """Begin with the first step of a plan.
+
+        Args:
+            plan: The plan; its feet at the start are not looked at.
+        """
+        self.plan = plan
+        self._begun: int | None = None
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """See `FootstepSource`."""
+        start = replace(now.start, gait=self.plan.gait)
+        if self._begun is None:
+            self._begun = now.begun
+            if now.first is not None and self.plan.steps and self.plan.steps[0].side != now.first:
+                closing = close_up(start, now.first).steps or (
+                    start.left if now.first == "left" else start.right,
+                )
+                self.plan = replace(self.plan, steps=(*closing, *self.plan.steps))
+        return replace(start, steps=self.plan.steps[now.begun - self._begun :])
+
+
+def close_up(start: FootstepPlan, side: str) -> FootstepPlan:
+    """Return the feet with one step that brings a foot beside the other; without steps if it stands there.
+
+    Args:
+        start: The feet.
+        side: Side of the foot that closes up.
+    """
+    stance, mate = (start.right, start.left) if side == "left" else (start.left, start.right)
+    x, y, yaw = _beside(stance, 1.0 if side == "right" else -1.0, start.spacing)
+    beside = replace(stance, side=side, x=x, y=y, yaw=yaw)
+    forward, left, up, turn = mate.seen_from(beside)
+    if math.hypot(forward, left) < CLOSED[0] and abs(up) < CLOSED[0] and abs(turn) < CLOSED[1]:
+        return replace(start, steps=())
+    return replace(start, steps=(beside,))
+
+
+def checked_velocity(velocity: Sequence[float] | None) -> Velocity:
+    """Return a commanded velocity.
+
+    Args:
+        velocity: Forward (m/s), left (m/s) and turn (rad/s), shape (3,); None for a stand.
+
+    Raises:
+        InputError: Not three finite numbers.
+    """
+    if velocity is None:
+        return AT_REST
+    x, y, turn = finite_array("velocity (forward m/s, left m/s, turn rad/s)", velocity, (3,)).tolist()
+    return (
+        finite_scalar("velocity", x, low=-10.0, high=10.0),
+        finite_scalar("velocity", y, low=-10.0, high=10.0),
+        finite_scalar("velocity", turn, low=-10.0, high=10.0),
+    )
+
+
+def _scaled(velocity: Velocity, share: float) -> Velocity:
+    forward, left, turn = velocity
+    return share * forward, share * left, share * turn
+
+
+def _moved(place: Place, dx: float, dy: float, turn: float) -> tuple[float, float, float]:
+    """Place (x, y, yaw) moved by a motion in its own frame."""
+    x, y, yaw = place
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn
+
+
+def _middle(foot: Footstep, spacing: float) -> Place:
+    """Middle between a foot and one that stands beside it."""
+    return _beside(foot, 0.5 if foot.side == "left" else -0.5, spacing)
+
+
+def _beside(foot: Footstep, share: float, spacing: float) -> Place:
+    """Place at a share of the spacing to the right (positive, of a left foot) of a foot."""
+    return _moved((foot.x, foot.y, foot.yaw), 0.0, -share * spacing, 0.0)
+
+
+def _foot(middle: Place, side: str, half: float, z: float) -> Footstep:
+    x, y, yaw = _moved(middle, 0.0, half if side == "left" else -half, 0.0)
+    return Footstep(side, x, y, z, yaw)
