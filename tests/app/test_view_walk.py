@@ -155,7 +155,8 @@ def test_only_the_last_footsteps_of_a_long_walk_are_shown(monkeypatch: pytest.Mo
     (layer,) = [layer for layer in stage.layers if isinstance(layer, FootstepsLayer)]
     assert len(layer.moving) == 2 * 6
     feet = all_feet(stage.walking.walk.phases.plan)
-    stage.walking.walk.phases.step = 5  # as if five had been taken: the next ones are 7, 8, 9 and the end
+    phases = stage.walking.walk.phases
+    phases.step = phases.completed = 5  # as if five had been taken: the next ones are 7, 8, 9 and the end
     picture = stage.picture()
     for i in (7, 8, 9):
         assert picture[f"footsteps/planned_{i % 6}"][:2, 3] == pytest.approx(feet[i].position[:2])
