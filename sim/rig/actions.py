@@ -23,6 +23,11 @@ SUPPORT_TILT = math.radians(2.0)
 SUPPORT_DIRECTIONS = 8
 """Directions in which the ankle is tilted: along the axes and the diagonals, which reach the corners."""
 
+SUPPORT_LOAD = 0.5
+"""Least vertical force, as a share of the weight, at which a centre of pressure counts for the support polygon. A tilt
+is so slow that the ground carries about the weight; a foot that rolls off a stone loses it for some ticks, and the
+quotient of two small moments and forces lies anywhere."""
+
 SLIP_SPEED = 0.05
 """Smallest forward speed of a foot that counts as sliding, m/s."""
 
@@ -209,7 +214,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
 
 def _support(rig: Rig) -> SupportPolygon | None:
     """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
-    centres = [rig.centre_of_pressure()]
+    centres = [rig.supporting_centre(SUPPORT_LOAD)]
     every, count = rig.steps(_SAMPLE), rig.steps(_RAMP)
     # The servo yields under the moment of the ground, so its command goes beyond the tilt of the polygon.
     yielding = rig.mass * rig.test.physics.gravity * rig.foot.fit.sole.length / rig.test.ankle_stiffness
@@ -223,11 +228,14 @@ def _support(rig: Rig) -> SupportPolygon | None:
             if step % every == 0:
                 if math.hypot(*twin.tilt) > SUPPORT_TILT:
                     break
-                centres.append(twin.centre_of_pressure())
+                centres.append(twin.supporting_centre(SUPPORT_LOAD))
         if twin.diverged:
             return None
     points = np.array(centres)
-    corners, area = hull_and_area(points[np.isfinite(points).all(axis=1)])
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):  # a foot that has slipped off its stone
+        return SupportPolygon(SUPPORT_TILT, (), 0.0, math.nan, math.nan, math.nan, math.nan)
+    corners, area = hull_and_area(points)
     (backward, right), (forward, left) = corners.min(axis=0), corners.max(axis=0)
     return SupportPolygon(
         tilt=SUPPORT_TILT,

@@ -231,6 +231,22 @@ class Rig:
         """Return the centre of pressure in plan, shape (2,), m; NaN without load."""
         return np.asarray(self.in_plan(self.contacts().centre_of_pressure[None, :])[0])
 
+    def supporting_centre(self, least: float) -> Array:
+        """Return the centre of pressure of the contacts that push up enough to count as support, in plan, (2,), m.
+
+        A contact on the flank of a stone may push sideways and down: with a negative weight it would move the centre
+        out of the sole.
+
+        Args:
+            least: Least vertical force of these contacts together, as a share of the weight; NaN below it.
+        """
+        contacts = self.contacts()
+        lift = np.where(contacts.forces[:, 2] >= self.min_contact_force, contacts.forces[:, 2], 0.0)
+        total = float(lift.sum())
+        if total < least * self.mass * self.test.physics.gravity:
+            return np.full(2, np.nan)
+        return np.asarray(self.in_plan(lift @ contacts.points[:, :2][None] / total)[0])
+
     def sole_line(self) -> Array:
         """Return the contact spheres' lowest points in plan and world z, row by row from the toe, (n, 3), m."""
         ids = [self.model.geom(name).id for name in self.foot.contact_geoms]

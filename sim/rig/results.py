@@ -89,7 +89,8 @@ class Hold:
 class SupportPolygon:
     """Equivalent support polygon: the area in which the foot can put its centre of pressure.
 
-    The convex hull of all centres of pressure while the ankle was tilted a little in all directions.
+    The convex hull of the centres of pressure while the ankle was tilted a little in all directions and the ground
+    carried at least half of the weight, of contacts that push up with at least 0.5 % of it each.
 
     Attributes:
         tilt: Largest tilt of the ankle considered, rad.

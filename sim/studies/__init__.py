@@ -6,7 +6,16 @@ registered with `register_trial`.
 
 from wbc.sim.studies.best_stiffness import Label, best_stiffness, label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import STUDIES, study_by_name
-from wbc.sim.studies.intervals import Estimate, mean_interval, paired_difference
+from wbc.sim.studies.intervals import (
+    Equivalence,
+    Estimate,
+    equivalence,
+    holm,
+    mean_interval,
+    paired_difference,
+    share_interval,
+    sign_flip_p,
+)
 from wbc.sim.studies.journal import Entry, Journal, JournalError, read_journal, trial_key
 from wbc.sim.studies.study import Cell, Study, StudyTrial, study_entries
 from wbc.sim.studies.study_table import StudyTable, TableCell, study_rows, study_table
@@ -54,11 +63,16 @@ __all__ = [
     "study_entries",
     "trial_key",
     # tables and statistics
+    "Equivalence",
     "Estimate",
     "StudyTable",
     "TableCell",
+    "equivalence",
+    "holm",
     "mean_interval",
     "paired_difference",
+    "share_interval",
+    "sign_flip_p",
     "study_rows",
     "study_table",
     # soles

@@ -1,21 +1,29 @@
-"""Means with confidence intervals, and differences of pairs: trials that were run on the same grounds."""
+"""Statistics of trials: means with intervals over layouts, differences of pairs, equivalence, shares of successes.
+
+The unit of chance is the layout: a ground of one seed. Trials on one layout are not independent, so a bootstrap draws
+layouts, each with all of its trials, and a test flips the signs of whole layouts.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import InputError, finite_array, finite_scalar
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive, whole_number
 
 CONFIDENCE = 0.95
 """Default confidence of an interval."""
 
 RESAMPLES = 9999
-"""Resamples of the bootstrap, scipy's default: the ends of an interval vary by about 1 % of its width."""
+"""Resamples of bootstrap and permutation test, scipy's default: the ends of an interval vary by about 1 % of its width,
+and the smallest p-value is 2e-4."""
+
+EXACT = 13
+"""Largest number of layouts whose signs are all flipped: 2^13 patterns are fewer than the resamples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +33,16 @@ class Estimate:
     Attributes:
         n: Number of values.
         mean: Mean; None without values.
-        low: Lower end of the interval; None with fewer than two values.
+        low: Lower end of the interval; None with fewer than two layouts.
         high: Upper end of the interval.
+        layouts: Number of layouts that the values come from.
     """
 
     n: int
     mean: float | None
     low: float | None
     high: float | None
+    layouts: int
 
     def text(self, digits: int = 3) -> str:
         """Return a text such as "20.4 [18.2, 21.7]"."""
@@ -43,19 +53,38 @@ class Estimate:
         return f"{self.mean:.{digits}g} [{self.low:.{digits}g}, {self.high:.{digits}g}]"
 
 
-def mean_interval(values: Sequence[float], *, confidence: float = CONFIDENCE) -> Estimate:
-    """Return the mean with its bootstrap interval, bias-corrected and accelerated; the same for the same values.
+@dataclass(frozen=True, slots=True)
+class Equivalence:
+    """Result of two one-sided tests of a mean difference.
 
-    Values that are all equal have an interval of no width.
+    Attributes:
+        margin: Largest difference that counts as none.
+        p: The larger p-value of the two tests; None with fewer than two layouts.
+        equivalent: True if the difference is smaller than the margin, at a level of 5 %.
+    """
+
+    margin: float
+    p: float | None
+    equivalent: bool
+
+
+def mean_interval(
+    values: Sequence[float], layouts: Sequence[Hashable] | None = None, *, confidence: float = CONFIDENCE
+) -> Estimate:
+    """Return the mean with its cluster bootstrap interval, bias-corrected and accelerated.
+
+    The same values give the same interval, in any order. Values that are all equal have an interval of no width.
 
     Args:
-        values: Values of independent trials.
+        values: Values of trials.
+        layouts: Layout of each trial; trials on layouts of their own when None.
         confidence: Confidence of the interval.
 
     Raises:
         InputError: Values that are not finite, or a confidence outside (0, 1).
 
-    Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; `scipy.stats.bootstrap`.
+    Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; clusters: A. Davison, D. Hinkley,
+    "Bootstrap methods and their application", 1997, section 3.8; `scipy.stats.bootstrap`.
     """
     from scipy.stats import bootstrap  # noqa: PLC0415 - takes half a second to import
 
@@ -63,34 +92,175 @@ def mean_interval(values: Sequence[float], *, confidence: float = CONFIDENCE) ->
     sample = finite_array("values to average", list(values))
     n = sample.size
     if n == 0:
-        return Estimate(0, None, None, None)
+        return Estimate(0, None, None, None, 0)
     mean = float(sample.mean())
-    if n == 1:
-        return Estimate(1, mean, None, None)
+    sums, counts = _by_layout(sample, layouts)
+    if sums.size == 1:
+        return Estimate(n, mean, None, None, 1)
     if np.ptp(sample) == 0.0:
-        return Estimate(n, mean, mean, mean)
+        return Estimate(n, mean, mean, mean, sums.size)
+
+    def ratio(total: Array, count: Array, axis: int = -1) -> Array:
+        return np.asarray(total.sum(axis=axis) / count.sum(axis=axis))
+
+    order = np.lexsort((counts, sums))  # the order of the trials must not matter
     interval = bootstrap(
-        (np.sort(sample),),  # the order of the trials must not matter
-        np.mean,
+        (sums[order], counts[order]),
+        ratio,
+        paired=True,
+        vectorized=True,
         n_resamples=RESAMPLES,
         confidence_level=confidence,
         random_state=np.random.default_rng(0),
     ).confidence_interval
     low, high = float(interval.low), float(interval.high)
     if not (math.isfinite(low) and math.isfinite(high)):
-        raise InputError(f"no interval can be given for {n} values around {mean:g}")
-    return Estimate(n, mean, low, high)
+        return Estimate(n, mean, mean, mean, sums.size)  # the means of all layouts are equal
+    return Estimate(n, mean, low, high, sums.size)
+
+
+def _by_layout(sample: Array, layouts: Sequence[Hashable] | None) -> tuple[Array, Array]:
+    """Return the sum and the number of the values of each layout."""
+    if layouts is None:
+        return sample, np.ones(sample.size)
+    if len(layouts) != sample.size:
+        raise InputError(f"{sample.size} values need as many layouts, got {len(layouts)}")
+    numbers = {layout: i for i, layout in enumerate(dict.fromkeys(layouts))}
+    which = np.array([numbers[layout] for layout in layouts])
+    sums: Array = np.bincount(which, sample)
+    return sums, np.bincount(which).astype(np.float64)
+
+
+def pairs_of(values: Mapping[Any, float], reference: Mapping[Any, float]) -> dict[Any, float]:
+    """Return pair → difference, over the pairs that both have."""
+    return {key: value - reference[key] for key, value in values.items() if key in reference}
 
 
 def paired_difference(
-    values: Mapping[Any, float], reference: Mapping[Any, float], *, confidence: float = CONFIDENCE
+    values: Mapping[Any, float],
+    reference: Mapping[Any, float],
+    *,
+    layouts: Mapping[Any, Hashable] | None = None,
+    confidence: float = CONFIDENCE,
 ) -> Estimate:
     """Return the mean difference to a reference over the pairs that both have, with its interval.
 
     Args:
-        values: Pair (a seed, a ground) → value.
+        values: Pair (a ground, a seed) → value.
         reference: Pair → value of the reference.
+        layouts: Pair → layout; each pair has its own when None.
         confidence: Confidence of the interval.
     """
-    pairs = [key for key in values if key in reference]
-    return mean_interval([values[key] - reference[key] for key in pairs], confidence=confidence)
+    pairs = pairs_of(values, reference)
+    return mean_interval(
+        list(pairs.values()),
+        None if layouts is None else [layouts[key] for key in pairs],
+        confidence=confidence,
+    )
+
+
+def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None = None) -> float | None:
+    """Return the two-sided p-value of a mean difference of zero, by flipping the signs of whole layouts.
+
+    Args:
+        differences: Differences of pairs.
+        layouts: Layout of each pair; its own when None.
+
+    Returns:
+        p-value; None with fewer than two layouts.
+
+    Source: R. Fisher, "The design of experiments", 1935, section 21; a random part of all patterns from 14 layouts on.
+    """
+    sums, _ = _by_layout(finite_array("differences", list(differences)), layouts)
+    if sums.size < 2:
+        return None
+    if sums.size <= EXACT:
+        patterns = np.arange(2**sums.size)[:, None] >> np.arange(sums.size) & 1
+        totals = (2.0 * patterns - 1.0) @ sums
+    else:
+        signs = np.random.default_rng(0).integers(0, 2, (RESAMPLES, sums.size)) * 2.0 - 1.0
+        totals = np.append(signs @ np.sort(sums), sums.sum())  # the order of the pairs must not matter
+    return float(np.mean(np.abs(totals) >= abs(sums.sum()) - 1e-9 * np.abs(sums).sum()))
+
+
+def holm(p_values: Sequence[float | None]) -> list[float | None]:
+    """Return p-values corrected for their number, in the same order; None stays None and is not counted.
+
+    Source: S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6(2), 1979.
+    """
+    known = sorted((p, i) for i, p in enumerate(p_values) if p is not None)
+    result: list[float | None] = [None] * len(p_values)
+    largest = 0.0
+    for rank, (p, i) in enumerate(known):
+        largest = max(largest, min(1.0, (len(known) - rank) * p))
+        result[i] = largest
+    return result
+
+
+def equivalence(
+    differences: Sequence[float], margin: float, layouts: Sequence[Hashable] | None = None
+) -> Equivalence:
+    """Test whether a mean difference is smaller than a margin, by two one-sided t-tests over layouts.
+
+    Differences that are all zero are equivalent with p = 0: no pair differs.
+
+    Args:
+        differences: Differences of pairs.
+        margin: Largest difference that counts as none, in the unit of the differences.
+        layouts: Layout of each pair; its own when None.
+
+    Raises:
+        InputError: A margin that is not positive.
+
+    Source: D. Schuirmann, J. Pharmacokin. Biopharm. 15(6), 1987.
+    """
+    from scipy.stats import t  # noqa: PLC0415 - slow to import
+
+    positive("margin of equivalence", margin)
+    sums, counts = _by_layout(finite_array("differences", list(differences)), layouts)
+    if sums.size < 2:
+        return Equivalence(margin, None, False)
+    mean = float(sums.sum() / counts.sum())
+    # Linearised variance of a ratio of sums: exact for layouts of the same size.
+    left = sums - mean * counts
+    error = math.sqrt(sums.size / (sums.size - 1) * float(left @ left)) / float(counts.sum())
+    if error == 0.0:
+        p = 0.0 if abs(mean) < margin else 1.0
+    else:
+        p = float(t.sf((margin - abs(mean)) / error, sums.size - 1))
+    return Equivalence(margin, p, p < 0.05)
+
+
+def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact interval of a share of successes; one-sided where all or none succeeded.
+
+    20 of 20 is "at least 86 %".
+
+    Args:
+        successes: Number of successes.
+        trials: Number of independent trials, at least 1.
+        confidence: Confidence of the interval.
+
+    Raises:
+        InputError: Fewer successes than none or more than trials.
+
+    Source: C. Clopper, E. Pearson, Biometrika 26(4), 1934; `scipy.stats.binomtest`.
+    """
+    from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
+
+    whole_number("trials", trials, low=1)
+    if not 0 <= successes <= trials:
+        raise InputError(f"successes must be from 0 to the {trials} trials, got {successes}")
+    side = {0: "less", trials: "greater"}.get(successes, "two-sided")
+    found = binomtest(successes, trials, alternative=side).proportion_ci(confidence, "exact")
+    return float(found.low), float(found.high)
+
+
+def share_text(successes: int, trials: int) -> str:
+    """Return a text such as "18 of 20 completed [68, 99] %"."""
+    low, high = (100.0 * end for end in share_interval(successes, trials))
+    if successes == trials:
+        return f"{successes} of {trials} completed (at least {low:.0f} %)"
+    if successes == 0:
+        return f"0 of {trials} completed (at most {high:.0f} %)"
+    return f"{successes} of {trials} completed [{low:.0f}, {high:.0f}] %"

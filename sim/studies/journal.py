@@ -31,6 +31,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, choose
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
+from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 Status = Literal["done", "diverged", "timeout", "crashed"]
 """End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
@@ -89,12 +90,22 @@ class Entry:
 def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
     """Return the key of a trial: a hash of its spec and of the code that runs it, 32 hex digits.
 
+    A file that the policy of a spec reads is in the key by its content, whatever its name.
+
     Args:
         spec: The spec, as plain values.
         version: Version of the code; the present one when None.
     """
-    content = {"spec": spec, "version": provenance() if version is None else version}
+    content = {"spec": _by_content(spec), "version": provenance() if version is None else version}
     return hashlib.sha256(canonical(content).encode()).hexdigest()[:32]
+
+
+def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a spec without the name of a file whose hash it contains (`wbc.sim.walks.stiffness_policy`)."""
+    parameters = spec.get("policy_params")
+    if not isinstance(parameters, Mapping) or CONTENT not in parameters:
+        return spec
+    return {**spec, "policy_params": {name: v for name, v in parameters.items() if name != FILE}}
 
 
 def canonical(data: Any) -> str:

@@ -4,14 +4,26 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name
 from wbc.core.settings import to_json
-from wbc.sim.studies.intervals import CONFIDENCE, Estimate, mean_interval, paired_difference
-from wbc.sim.studies.journal import Entry
+from wbc.sim.studies.intervals import (
+    CONFIDENCE,
+    Equivalence,
+    Estimate,
+    equivalence,
+    holm,
+    mean_interval,
+    paired_difference,
+    pairs_of,
+    share_interval,
+    share_text,
+    sign_flip_p,
+)
+from wbc.sim.studies.journal import Entry, canonical
 from wbc.sim.studies.study import METRICS, Study, StudyTrial, study_entries
 
 ALL = "all"
@@ -27,8 +39,13 @@ class TableCell:
         arm: Name of the arm.
         estimate: Mean of the metric; in a row of several cells over the grounds that all arms of the row have.
         difference: Difference to the reference arm, pair by pair; None for the reference itself.
+        p: p-value of no difference, by flipping signs (`sign_flip_p`).
+        p_corrected: The same corrected for the number of rows and arms that are compared (`holm`); None in the row of
+            all cells, which repeats the others.
+        equivalence: Test of no difference beyond a margin; None without a margin.
         statuses: Status of the trials → number; "missing" have not been run.
         outcomes: Outcome of the walks → number.
+        completed: Share of completed walks: ends of its exact interval; None without walks.
         fall_reasons: Reason of the falls → number.
         directions: Direction in which falls began → number.
     """
@@ -37,8 +54,12 @@ class TableCell:
     arm: str
     estimate: Estimate
     difference: Estimate | None
+    p: float | None
+    p_corrected: float | None
+    equivalence: Equivalence | None
     statuses: dict[str, int]
     outcomes: dict[str, int]
+    completed: tuple[float, float] | None
     fall_reasons: dict[str, int]
     directions: dict[str, int]
 
@@ -58,6 +79,7 @@ class StudyTable:
         completed_only: Only completed walks are counted.
         by: Parts of the specs by which cells were put together; empty if each cell is a row.
         reference: Arm that the others are compared with.
+        margin: Difference that counts as none; None if equivalence is not tested.
         rows: Names of the rows; the last one has all cells together if there are several.
         cells: Results, row by row.
     """
@@ -67,6 +89,7 @@ class StudyTable:
     completed_only: bool
     by: tuple[str, ...]
     reference: str
+    margin: float | None
     rows: tuple[str, ...]
     cells: tuple[TableCell, ...]
 
@@ -79,6 +102,7 @@ class StudyTable:
             "by": list(self.by),
             "confidence": CONFIDENCE,
             "reference": self.reference,
+            "margin": self.margin,
             "cells": [cell.to_json() for cell in self.cells],
         }
 
@@ -95,7 +119,12 @@ class StudyTable:
             f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(self.rows, arms, cells, _mean_text)
         ]
         if len(arms) > 1:
-            title = f"Difference to '{self.reference}' on the same seeds: mean [95 % interval]"
+            title = (
+                f"Difference to '{self.reference}' on the same layouts: mean [95 % interval]; * p < 5 % after Holm's "
+                "correction for all rows and arms"
+            )
+            if self.margin is not None:
+                title += f"; = smaller than {self.margin:g} (two one-sided tests, 5 %)"
             others = [arm for arm in arms if arm != self.reference]
             parts.append(title + "\n\n" + _grid(self.rows, others, cells, _difference_text))
         if any(cell.outcomes for cell in self.cells):
@@ -121,12 +150,16 @@ def _mean_text(cell: TableCell) -> str:
 
 
 def _difference_text(cell: TableCell) -> str:
-    return "" if cell.difference is None else f"{cell.difference.text()} ({cell.difference.n})"
+    if cell.difference is None:
+        return ""
+    marks = "*" if cell.p_corrected is not None and cell.p_corrected < 0.05 else ""
+    marks += "=" if cell.equivalence is not None and cell.equivalence.equivalent else ""
+    return f"{cell.difference.text()} ({cell.difference.n}){marks and ' ' + marks}"
 
 
 def _ending_text(cell: TableCell) -> str:
     total = sum(cell.outcomes.values())
-    parts = [f"{cell.outcomes.get('completed', 0)} of {total} completed"]
+    parts = [share_text(cell.outcomes.get("completed", 0), total) if total else "0 of 0 completed"]
     parts += [f"{n} {reason}" for reason, n in sorted(cell.fall_reasons.items(), key=lambda item: -item[1])]
     parts += [f"{n} {direction}" for direction, n in sorted(cell.directions.items(), key=lambda i: -i[1])]
     parts += [f"{cell.outcomes[name]} {name}" for name in ("unfinished",) if cell.outcomes.get(name)]
@@ -140,6 +173,7 @@ class _Column:
     """Results of one arm in one row, while they are collected."""
 
     values: dict[Hashable, float] = field(default_factory=dict)  # (cell, seed) → metric
+    layouts: dict[Hashable, Hashable] = field(default_factory=dict)  # (cell, seed) → ground and seed
     statuses: Counter[str] = field(default_factory=Counter)
     outcomes: Counter[str] = field(default_factory=Counter)
     reasons: Counter[str] = field(default_factory=Counter)
@@ -166,13 +200,15 @@ def study_table(
     metric: str | None = None,
     completed_only: bool = False,
     by: Sequence[str] = (),
+    margin: float | None = None,
     any_code: bool = False,
 ) -> StudyTable:
     """Make the table of a study.
 
     Trials that diverged, crashed or timed out are counted, and enter no mean. In a row of several cells, means are over
     the grounds (cell and seed) that all its arms have, so that missing walks favour no arm; differences are over the
-    grounds that an arm and the reference have.
+    grounds that an arm and the reference have. Intervals are those of layouts: cells that differ in the gait, say, walk
+    the same layouts, which are drawn together.
 
     Args:
         study: The study.
@@ -181,6 +217,7 @@ def study_table(
         completed_only: Leave out walks that were not completed, and their pairs.
         by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
             any, each cell is a row.
+        margin: Difference that counts as none, in the unit of the metric, to test for equivalence.
         any_code: Take results of other versions of the code, too.
 
     Raises:
@@ -193,12 +230,14 @@ def study_table(
     for trial, entry in study_entries(study, entries, any_code=any_code):
         row = _row(trial, by) if by else trial.cell
         value = _value(entry, name, completed_only)
+        layout = layout_of(trial.spec.to_json())
         for title in (row, ALL):
             members.setdefault(title, set()).add(trial.cell)
             column = columns.setdefault((title, trial.arm), _Column())
             column.count(entry)
             if value is not None:
                 column.values[trial.cell, trial.seed] = value
+                column.layouts[trial.cell, trial.seed] = layout
     rows = [row for row in members if row != ALL]
     if len(rows) > 1 and ALL not in {cell.name for cell in study.cells}:
         rows.append(ALL)
@@ -208,20 +247,43 @@ def study_table(
         common = _common(in_row) if len(members[row]) > 1 else None
         base = in_row[reference].values if reference in in_row else {}
         for arm, column in in_row.items():
-            values = column.values
+            values, layouts = column.values, column.layouts
+            counted = [pair for pair in values if common is None or pair in common]
+            differences = {} if arm == reference else pairs_of(values, base)
+            compared = list(differences.values()), [layouts[pair] for pair in differences]
+            total, done = sum(column.outcomes.values()), column.outcomes["completed"]
             cells.append(
                 TableCell(
-                    row,
-                    arm,
-                    mean_interval([v for pair, v in values.items() if common is None or pair in common]),
-                    None if arm == reference else paired_difference(values, base),
-                    dict(column.statuses),
-                    dict(column.outcomes),
-                    dict(column.reasons),
-                    dict(column.directions),
+                    row=row,
+                    arm=arm,
+                    estimate=mean_interval(
+                        [values[pair] for pair in counted], [layouts[pair] for pair in counted]
+                    ),
+                    difference=None if arm == reference else paired_difference(values, base, layouts=layouts),
+                    p=sign_flip_p(*compared) if differences else None,
+                    p_corrected=None,
+                    equivalence=equivalence(compared[0], margin, compared[1])
+                    if differences and margin is not None
+                    else None,
+                    statuses=dict(column.statuses),
+                    outcomes=dict(column.outcomes),
+                    completed=share_interval(done, total) if total else None,
+                    fall_reasons=dict(column.reasons),
+                    directions=dict(column.directions),
                 )
             )
-    return StudyTable(study, name, completed_only, tuple(by), reference, tuple(rows), tuple(cells))
+    corrected = holm([None if cell.row == ALL and len(rows) > 1 else cell.p for cell in cells])
+    found = tuple(replace(cell, p_corrected=p) for cell, p in zip(cells, corrected, strict=True))
+    return StudyTable(study, name, completed_only, tuple(by), reference, margin, tuple(rows), found)
+
+
+def layout_of(spec: Mapping[str, Any]) -> Hashable:
+    """Return what tells the layout of a trial from others: ground and seed; trials that agree in it share the ground.
+
+    Args:
+        spec: Spec of the trial, as plain values.
+    """
+    return canonical({name: spec.get(name) for name in ("terrain", "amplitude", "terrain_params", "seed")})
 
 
 def _common(columns: Mapping[str, _Column]) -> set[Hashable]:

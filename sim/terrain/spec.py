@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections import Counter
 from dataclasses import fields, replace
@@ -58,7 +59,8 @@ class Terrain:
     Args:
         parameters: The family and its parameters.
         amplitude: Highest minus lowest point of the rough part, m.
-        seed: Fixes every random draw; the layout does not depend on the amplitude.
+        seed: Fixes every random draw. Another family, amplitude or parameter has an independent layout with the same
+            seed, so that studies may use the same seeds everywhere.
         length: Length of the rough part, m.
         width: Extent of rough part and strips across, centred on y = 0, m.
         start: World x of the start of the rough part, m.
@@ -111,7 +113,13 @@ class Terrain:
         return (self.start - self.strip, self.stop + self.strip, -half, half)
 
     def _site(self) -> Site:
-        return Site(self.start, self.stop, self.width, self.amplitude, Draws(self.seed, self.name))
+        return Site(self.start, self.stop, self.width, self.amplitude, Draws(self.seed, self._layout_key))
+
+    @property
+    def _layout_key(self) -> str:
+        """Text of everything that has a layout of its own: family, amplitude in whole nm, parameters."""
+        values = {f.name: _jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)}
+        return json.dumps([self.name, round(1e9 * self.amplitude), values], sort_keys=True)
 
     @property
     def is_height_field(self) -> bool:

@@ -171,6 +171,19 @@ def test_a_soft_sole_on_flat_ground_is_a_truss_between_heel_hinge_and_loop() -> 
     assert support.forward == pytest.approx(layout.loop_point[0], abs=half)
 
 
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_support_lies_within_the_sole_also_on_the_flanks_of_stones(seed: int) -> None:
+    """Contacts on flanks push sideways and down, and a foot that tips off a stone has no load for a moment."""
+    test = FootTest(foot("rigid"), terrain("pyramidal_stones", 0.06, seed, density=12.0), load=390.0)
+    sole = test.foot.fit(test.robot_sole).sole
+    support = press(test).support
+    assert support is not None
+    reach = 0.5 * np.hypot(sole.length, sole.width) + 0.02  # a tipped sole turns, and touches with its edge
+    for x, y in support.polygon:
+        assert np.hypot(x, y) < reach
+    assert support.area < 1.05 * sole.length * sole.width
+
+
 # --- slide and pitch -------------------------------------------------------------------------------------------------
 
 

@@ -23,7 +23,14 @@ from sweep_trials import MadeUpTrial, killed_at_start
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.studies import trials
 from wbc.sim.studies.catalog import STUDIES, study_by_name
-from wbc.sim.studies.intervals import mean_interval, paired_difference
+from wbc.sim.studies.intervals import (
+    equivalence,
+    holm,
+    mean_interval,
+    paired_difference,
+    share_interval,
+    sign_flip_p,
+)
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.stiffness_studies import DATA
@@ -383,7 +390,7 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     assert rigid.statuses == {"done": 1, "missing": 3}
     assert ("legacy", "rigid") not in cells and cells["legacy", "flat"].statuses == {"missing": 4}
     text = table.markdown()
-    assert "2 of 3 completed, 1 tilt, 1 outward, 1 diverged" in text
+    assert "2 of 3 completed [9, 99] %, 1 tilt, 1 outward, 1 diverged" in text
     json.dumps(table.to_json(), allow_nan=False)
 
 
@@ -501,6 +508,57 @@ def test_intervals_of_little() -> None:
     assert mean_interval(values) == mean_interval(values[::-1])
     with pytest.raises(InputError, match="finite"):
         mean_interval([1.0, float("nan")])
+
+
+def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
+    """Each layout ten times gives the interval of the layouts, not one that is three times too narrow."""
+    rng = np.random.default_rng(3)
+    values = rng.normal(0.0, 1.0, 12)
+    alone = mean_interval(values.tolist())
+    repeated = mean_interval(np.repeat(values, 10).tolist(), np.repeat(np.arange(12), 10).tolist())
+    assert (repeated.n, repeated.layouts) == (120, 12)
+    assert repeated.low == pytest.approx(alone.low, abs=1e-3)  # but for rounding in ties
+    assert repeated.high == pytest.approx(alone.high, abs=1e-3)
+    naive = mean_interval(np.repeat(values, 10).tolist())
+    assert (
+        naive.low is not None and naive.high is not None and alone.low is not None and alone.high is not None
+    )
+    assert naive.high - naive.low < 0.5 * (alone.high - alone.low)
+    uneven = mean_interval([0.0, 0.0, 0.0, 8.0], ["a", "a", "a", "b"])
+    assert uneven.mean == 2.0 and uneven.layouts == 2
+
+
+def test_sign_flips_and_equivalence_keep_their_level() -> None:
+    """Under no difference one test in twenty says there is one, and a margin's edge is seldom called equivalent."""
+    rng = np.random.default_rng(4)
+    draws = rng.normal(0.0, 1.0, (200, 20))
+    found = [sign_flip_p(row.tolist()) for row in draws]
+    assert 0.01 <= np.mean([p is not None and p < 0.05 for p in found]) <= 0.10
+    at_the_edge = [equivalence((row + 0.8).tolist(), 0.8).equivalent for row in draws]
+    assert np.mean(at_the_edge) <= 0.10
+    assert all(equivalence(row.tolist(), 3.0).equivalent for row in draws)
+    exact = [1.0, 1.0, 1.0, 1.0, 1.0]
+    assert sign_flip_p(exact) == 2 / 2**5
+    assert sign_flip_p([*exact, *exact], [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]) == 2 / 2**5
+    assert sign_flip_p([1.0]) is None and equivalence([1.0], 1.0).p is None
+    assert equivalence([0.0] * 9, 0.5).p == 0.0
+    with pytest.raises(InputError, match="margin of equivalence"):
+        equivalence([1.0, 2.0], 0.0)
+
+
+def test_corrected_p_values_and_exact_shares() -> None:
+    assert holm([0.01, None, 0.04, 0.03]) == [
+        pytest.approx(0.03),
+        None,
+        pytest.approx(0.06),
+        pytest.approx(0.06),
+    ]
+    assert share_interval(20, 20)[0] == pytest.approx(0.05 ** (1 / 20))  # "at least 86 %"
+    assert share_interval(0, 20)[1] == pytest.approx(1 - 0.05 ** (1 / 20))
+    low, high = share_interval(10, 20)
+    assert (low, high) == (pytest.approx(0.272, abs=1e-3), pytest.approx(0.728, abs=1e-3))
+    with pytest.raises(InputError, match="successes must be from 0 to the 5 trials, got 6"):
+        share_interval(6, 5)
 
 
 def test_pairs_take_out_what_both_have_in_common() -> None:

@@ -21,6 +21,7 @@ SPEC = WalkSpec(
     foot="variable",
     terrain="stones",
     amplitude=0.015,
+    seed=2,
     terrain_params={"start": 0.1},  # type: ignore[arg-type]
     plan=WalkPlan(distance=0.45),
     changes={"stiffness.min_length": 0.1},  # type: ignore[arg-type]

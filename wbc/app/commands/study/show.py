@@ -15,7 +15,7 @@ from wbc.app.files import check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import replacing
-from wbc.core.settings import settings, to_json
+from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
@@ -81,11 +81,13 @@ class TableOptions(JournalOptions):
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
+        margin: Difference that counts as none, in the unit of the metric: differences are tested for being smaller.
     """
 
     metric: str | None = None
     completed: bool = False
     by: tuple[str, ...] = ()
+    margin: Positive | None = None
 
     def table(self, study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> StudyTable:
         """Return the table."""
@@ -95,6 +97,7 @@ class TableOptions(JournalOptions):
             metric=self.metric,
             completed_only=self.completed,
             by=self.by,
+            margin=self.margin,
             any_code=any_code,
         )
 
