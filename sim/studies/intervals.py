@@ -127,8 +127,8 @@ def _by_layout(sample: Array, layouts: Sequence[Hashable] | None) -> tuple[Array
         raise InputError(f"{sample.size} values need as many layouts, got {len(layouts)}")
     numbers = {layout: i for i, layout in enumerate(dict.fromkeys(layouts))}
     which = np.array([numbers[layout] for layout in layouts])
-    sums: Array = np.bincount(which, sample)
-    return sums, np.bincount(which).astype(np.float64)
+    counts = np.bincount(which).astype(np.float64)
+    return np.asarray(np.bincount(which, sample), dtype=np.float64), counts
 
 
 def pairs_of(values: Mapping[Any, float], reference: Mapping[Any, float]) -> dict[Any, float]:
