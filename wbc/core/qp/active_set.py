@@ -29,9 +29,11 @@ class ActiveSet:
     where W⁻¹ holds the inverse weights of the soft rows and zeros elsewhere: a system of a few dozen unknowns.
     Corrections follow the primal–dual active set method (Hintermüller, Ito, Kunisch, SIAM J. Optim. 13(3), 2002).
 
+    A solve that fails leaves the last solution as it is.
+
     Attributes:
-        x: Solution, shape (n,).
-        values: All rows times x, shape (number of rows,).
+        x: Solution, shape (n,); another array after every solve.
+        values: All rows times x, shape (number of rows,); another array after every solve.
         multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
         equality_multipliers: Multipliers of the equalities, shape (n_eq,), positive where they act upwards.
         iterations: Number of systems solved by the last `solve`.
@@ -50,6 +52,8 @@ class ActiveSet:
         self._n_linear = p.n_eq + p.n_soft
         n, m = p.diagonal.size, self._n_linear
         self.x, self.values = np.zeros(n), np.zeros(p.rows.shape[0])
+        self._x, self._values = np.zeros(n), np.zeros(p.rows.shape[0])  # under trial
+        self._force = np.zeros(m)
         self.multipliers = np.zeros(p.lower.size)
         self.equality_multipliers = np.zeros(p.n_eq)
         self.iterations = 0
@@ -57,6 +61,8 @@ class ActiveSet:
         self._upper_side = np.zeros(0, dtype=bool)
         self._inverse, self._base = np.zeros(n), np.zeros(n)
         self._linear_rows, self._scaled = p.rows[:m], np.zeros((m, n))
+        self._linear_rows_t = self._linear_rows.T
+        self._hard_target = p.target[: p.n_eq]
         self._gram = np.zeros((m, m))
         self._soft_diagonal = slice(p.n_eq * (m + 1), m * m, m + 1)
         self._excess, self._shortfall = np.zeros(p.lower.size), np.zeros(p.lower.size)
@@ -83,6 +89,8 @@ class ActiveSet:
             if wrong is None:
                 break
             if not wrong:
+                self.x, self._x, self.values, self._values = self._x, self.x, self._values, self.values
+                self.equality_multipliers = self._force[: p.n_eq]
                 return True
         self._active, self._upper_side = self._active[:0], self._upper_side[:0]
         return False
@@ -91,36 +99,37 @@ class ActiveSet:
         """Solve for the present set; return False if its rows are dependent or the result is inexact."""
         p, active, m = self._p, self._active, self._n_linear
         if active.size:
-            rows = np.concatenate([self._linear_rows, p.inequality[active]])
-            target = np.concatenate([p.target, np.where(self._upper_side, p.upper[active], p.lower[active])])
+            rows = np.concatenate((self._linear_rows, p.inequality[active]))
+            target = np.concatenate((p.target, np.where(self._upper_side, p.upper[active], p.lower[active])))
+            if not math.isfinite(target.dot(target)):
+                return False  # an active bound has become infinite
             scaled = rows * self._inverse
-            gram = np.dot(scaled, rows.T)
+            gram = scaled.dot(rows.T)
             diagonal = gram.reshape(-1)[:: gram.shape[0] + 1]
             diagonal[p.n_eq : m] += self._soft_inverse
         else:
             rows, target, scaled, gram = self._linear_rows, p.target, self._scaled, self._gram
             np.multiply(rows, self._inverse, out=scaled)
-            np.dot(scaled, rows.T, out=gram)
+            scaled.dot(self._linear_rows_t, out=gram)
             gram.reshape(-1)[self._soft_diagonal] += self._soft_inverse
         if p.empty is not None:
             gram.reshape(-1)[: p.n_eq * (gram.shape[0] + 1) : gram.shape[0] + 1] += p.empty
-        if not math.isfinite(target.dot(target)):
-            return False  # an active bound has become infinite
+        force = rows.dot(self._base)
         factor, force, info = dposv(
-            gram.T, target - np.dot(rows, self._base), overwrite_a=True, overwrite_b=True
+            gram.T, np.subtract(target, force, out=force), overwrite_a=True, overwrite_b=True
         )
         if info != 0:
             return False
-        x, values, n_eq, tolerance = self.x, self.values, p.n_eq, self._tolerance
+        x, values, n_eq, tolerance = self._x, self._values, p.n_eq, self._tolerance
         for _ in range(3):  # the second and third are refinements, for states with large accelerations
-            np.dot(force, scaled, out=x)
+            force.dot(scaled, out=x)
             x += self._base
-            np.dot(p.rows, x, out=values)
-            short = np.subtract(p.target[:n_eq], values[:n_eq], out=self._error)
+            p.rows.dot(x, out=values)
+            short = np.subtract(self._hard_target, values[:n_eq], out=self._error)
             if short[short.argmax()] <= tolerance and short[short.argmin()] >= -tolerance:
-                self._force, self.equality_multipliers = force[m:], force[:n_eq]
+                self._force = force
                 return True
-            error = target - np.dot(rows, x)
+            error = target - rows.dot(x)
             error[n_eq:m] -= force[n_eq:m] * self._soft_inverse
             force = force + dpotrs(factor, error)[0]
         return False
@@ -128,22 +137,23 @@ class ActiveSet:
     def _check(self) -> bool | None:
         """Correct the set; return True if that was needed, False if it is right, None if it cannot be corrected."""
         p, active, tolerance = self._p, self._active, self._tolerance
-        values, excess, shortfall = self.values[self._n_linear :], self._excess, self._shortfall
+        values, excess, shortfall = self._values[self._n_linear :], self._excess, self._shortfall
         np.subtract(values, p.upper, out=excess)
         np.subtract(p.lower, values, out=shortfall)
         violated = not (largest(excess) <= tolerance and largest(shortfall) <= tolerance)
         if not active.size:
             if not violated:
-                self.multipliers[:] = 0.0
+                self.multipliers.fill(0.0)
                 return False
             kept, kept_side = active, self._upper_side
         else:
-            forces = np.where(self._upper_side, -self._force, self._force)
+            force = self._force[self._n_linear :]
+            forces = np.where(self._upper_side, -force, force)
             wrong = forces < 0.0
             wrong &= p.upper[active] - p.lower[active] > 1e-9
             if not (violated or wrong.any()):
-                self.multipliers[:] = 0.0
-                self.multipliers[active] = -self._force
+                self.multipliers.fill(0.0)
+                self.multipliers[active] = -force
                 return False
             kept, kept_side = active[~wrong], self._upper_side[~wrong]
         excess[active] = shortfall[active] = -1.0

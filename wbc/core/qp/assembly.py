@@ -15,7 +15,8 @@ The layout is fixed between ticks: a contact that is switched changes values, no
     soft rows     motion tasks | tasks on all variables
     inequalities  torques | joint limits | cone and normal force of each contact | other limits
 
-From the contacts to the last soft row, rows share their arithmetic: one product with v, one chain of vector operations.
+From the contacts to the last soft row, and on to the selections, which are no rows, all share their arithmetic: one
+product with v, one chain of vector operations.
 """
 
 from __future__ import annotations
@@ -64,6 +65,7 @@ class Assembly:
         problem: The QP.
         layout: Names and places of everything in a solution.
         torque_rows: Rows of the problem that are the joint torques, less the bias.
+        joint_bias: The joints' part of the bias forces, shape (na,), Nm; follows every update of the robot.
         listening: Tasks that read the sensors.
     """
 
@@ -103,21 +105,21 @@ class Assembly:
         self._places: dict[str, slice] = {}  # of tasks, among the residuals
         self._limit_names = [f"torque of {joint}" for joint in robot.joint_names]
 
-        # Rows of contacts, motion tasks and soft tasks.
-        self._start = n_first
-        block = slice(n_first, n_eq + p.n_soft)
-        self._block_matrix, self._block_target = p.rows[block, :nv], p.target[block]
-        self._rows, self._scratch = Rows.zeros(self._block_target.size), np.zeros(self._block_target.size)
-        p.soft_weight = self._rows.weight[n_eq - n_first :]
-        # Selections, which are no rows but entries of the diagonal.
-        n_selected = sum(t.dim for t in selection)
-        self._selected, self._selected_target = Rows.zeros(n_selected), np.zeros(n_selected)
-        self._selected_velocity = np.zeros(n_selected)
+        # Rows of contacts, motion tasks and soft tasks; then selections, which are entries of the diagonal.
+        self._start, n_rows = n_first, n_eq + p.n_soft
+        n_block, n_selected = n_rows - n_first, sum(t.dim for t in selection)
+        targets = np.zeros(n_rows + n_selected)
+        p.target, self._targets, self._selected_target = targets[:n_rows], targets[n_first:], targets[n_rows:]
+        self._block_matrix = p.rows[n_first:n_rows, :nv]
+        self._rows, self._velocity = Rows.zeros(n_block + n_selected), np.zeros(n_block + n_selected)
+        self._block_velocity, self._selected_velocity = self._velocity[:n_block], self._velocity[n_block:]
+        p.soft_weight = self._rows.weight[n_eq - n_first : n_block]
+        self._selected = self._rows.view(slice(n_block, n_block + n_selected))
 
         self._slots: list[_ContactSlot] = []
         self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
         self._variable: list[tuple[VariableTask, Array, Array]] = []
-        self._selection: list[tuple[SelectionTask, Array, slice, Array | None]] = []
+        self._selection: list[tuple[SelectionTask, Rows, Array, Array, Array | None]] = []
         self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
 
         self._place_hard_first(hard_first)
@@ -136,6 +138,9 @@ class Assembly:
 
         # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
         self._yielding = [slot for slot in self._slots if slot.full is not None]
+        mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
+        self._mass, self._base_bias = (mass[:BASE_DOF], mass[BASE_DOF:]), robot.bias[:BASE_DOF]
+        self.joint_bias = robot.bias[BASE_DOF:]
         self._base_mass, self._base_force = p.equality[:BASE_DOF, :nv], p.equality[:BASE_DOF, nv:]
         self._joint_mass, self._joint_force = p.inequality[:na, :nv], p.inequality[:na, nv:]
         contact_rows = slice(n_first, contacts_end)
@@ -236,7 +241,8 @@ class Assembly:
                 hard_target = p.target[rows]
             else:
                 self._places[task.name] = slice(p.rows.shape[0] + at, p.rows.shape[0] + block.stop)
-            self._selection.append((task, view.error, block, hard_target))
+            place = self._selected_velocity[block], self._selected_target[block]
+            self._selection.append((task, view, *place, hard_target))
             at = block.stop
 
     def _place_row_limits(self, limits: Sequence[RowLimit], at: int) -> None:
@@ -262,12 +268,9 @@ class Assembly:
             dt: Control period, s.
             torques: Torques of the last tick, shape (na,), Nm; None at the first one.
         """
-        robot = self._robot
-        v, bias = robot.v, robot.bias
-        mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
-        self._base_mass[:] = mass[:BASE_DOF]
-        self._joint_mass[:] = mass[BASE_DOF:]
-        np.negative(bias[:BASE_DOF], out=self._base_target)
+        v, joint_bias = self._robot.v, self.joint_bias
+        self._base_mass[:], self._joint_mass[:] = self._mass
+        np.negative(self._base_bias, out=self._base_target)
         for slot in self._slots:
             self._write_contact(slot, dt)
         np.negative(self._contact_base_t, out=self._base_force)
@@ -280,30 +283,28 @@ class Assembly:
         for motion, jacobian, error, drift in self._motion:
             if not motion.idle:
                 motion.evaluate(jacobian, error, drift)
-        reference(self._rows, np.dot(self._block_matrix, v, out=self._scratch), self._block_target)
+        self._block_matrix.dot(v, out=self._block_velocity)
+        for selection, rows, velocity, _, _ in self._selection:
+            selection.evaluate(rows.error)
+            velocity[:] = v[selection.columns]
+        reference(self._rows, self._velocity, self._targets)
         for task, matrix, row_target in self._variable:
             task.evaluate(matrix, row_target)
 
-        self._acceleration_diagonal[:] = self._regularisation
-        self._linear[:] = 0.0
-        velocity, target = self._selected_velocity, self._selected_target
-        for selection, error, block, _ in self._selection:
-            selection.evaluate(error)
-            velocity[block] = v[selection.columns]
-        reference(self._selected, velocity, target)
-        for selection, _, block, hard_target in self._selection:
+        self._acceleration_diagonal.fill(self._regularisation)
+        self._linear.fill(0.0)
+        for selection, rows, _, target, hard_target in self._selection:
             if hard_target is not None:
-                hard_target[:] = target[block]
+                hard_target[:] = target
                 continue
-            weight = self._selected.weight[block]
-            self._acceleration_diagonal[selection.columns] += weight
-            self._linear[selection.columns] += weight * target[block]
+            self._acceleration_diagonal[selection.columns] += rows.weight
+            self._linear[selection.columns] += rows.weight * target
 
         if self._torque_limits is not None:
             lower, upper = self._torque_bounds
             self._torque_limits.write(dt, torques, lower, upper)
-            np.subtract(lower, bias[BASE_DOF:], out=self._torque_lower)
-            np.subtract(upper, bias[BASE_DOF:], out=self._torque_upper)
+            np.subtract(lower, joint_bias, out=self._torque_lower)
+            np.subtract(upper, joint_bias, out=self._torque_upper)
         if self._joint_limits is not None:
             self._joint_limits.write(dt, *self._joint_bounds)
         for limit, matrix, lower, upper in self._row_blocks:
@@ -357,11 +358,10 @@ class Assembly:
         residual = np.empty(values.size + self._selected_target.size)
         residual[: values.size] = values
         residual[: p.target.size] -= p.target
-        for selection, _, block, _ in self._selection:
-            at = values.size + block.start
-            np.subtract(
-                x[selection.columns], self._selected_target[block], out=residual[at : at + selection.dim]
-            )
+        at = values.size
+        for selection, _, _, target, _ in self._selection:
+            np.subtract(x[selection.columns], target, out=residual[at : at + target.size])
+            at += target.size
         return residual
 
 

@@ -217,7 +217,7 @@ class Controller:
         last = self._solution
         if status.ok:
             x = solver.x.copy()
-            self._torques = torques = solver.values[assembly.torque_rows] + self.robot.bias[BASE_DOF:]
+            self._torques = torques = solver.values[assembly.torque_rows] + assembly.joint_bias
             residual = assembly.residuals(x, solver.values)
             multipliers = solver.multipliers.copy()
         else:

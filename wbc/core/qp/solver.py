@@ -107,8 +107,6 @@ class QpSolver:
     """Solver of one QP whose numbers change from tick to tick; see the module for the ladder.
 
     Attributes:
-        x: Solution of the last `solve`, shape (n,); overwritten by the next one.
-        values: All rows of the problem times x; overwritten by the next solve.
         multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
         iterations: Iterations of the solver that succeeded, or of the last one that failed.
         counts: Number of ticks that each step of the ladder has solved.
@@ -120,9 +118,9 @@ class QpSolver:
         self.settings = settings or SolverSettings()
         self._fast = ActiveSet(problem, self.settings.tolerance, self.settings.active_set_changes)
         self._persistent: proxsuite.proxqp.dense.QP | None = None
-        self._excess = np.zeros(problem.lower.size)
         self._guess = (np.zeros(problem.diagonal.size), np.zeros(problem.n_eq), np.zeros(problem.lower.size))
-        self.x, self.values, self.multipliers = self._fast.x, self._fast.values, self._fast.multipliers
+        self._exact = False  # the last solution is the active set's, and not in the guess yet
+        self.multipliers = self._fast.multipliers
         self.iterations = 0
         self.counts = dict.fromkeys(("active set", "DAQP", "ProxQP", "fresh ProxQP"), 0)
         self.counts |= dict.fromkeys(("DAQP without a guess", "relaxed", "other", "failed"), 0)
@@ -133,23 +131,29 @@ class QpSolver:
         self._by_daqp = self.settings.solver == "daqp"
         self._steady = True  # the active set was the same in the last tick as in the one before
 
+    @property
+    def x(self) -> Array:
+        """Solution of the last `solve`, shape (n,); overwritten by one of the next."""
+        return self._fast.x
+
+    @property
+    def values(self) -> Array:
+        """All rows of the problem times `x`; overwritten by one of the next solves."""
+        return self._fast.values
+
     def solve(self) -> Status:
         """Solve, and store the results. Nothing is raised: the status tells of failures."""
         p = self.problem
-        # NaN and infinity in the state reach the targets and the bounds; comparisons with NaN are false.
-        np.subtract(p.upper, p.lower, out=self._excess)
-        excess = self._excess
-        if not (
-            math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear)) and excess[excess.argmin()] >= 0.0
-        ):
-            self._persistent = None
-            self.counts["failed"] += 1
-            return Status.REFUSED
         if self._by_active_set and self._steady and self._fast.solve():
             self.iterations = self._fast.iterations
             self.counts["active set"] += 1
-            self._keep()
+            self._exact = True
             return Status.SOLVED
+        self._keep()
+        if not self._finite():
+            self._persistent = None
+            self.counts["failed"] += 1
+            return Status.REFUSED
         hessian, gradient = p.hessian, p.gradient
         if self._by_daqp and self._solve_by_daqp(hessian, gradient):
             return Status.SOLVED
@@ -176,8 +180,17 @@ class QpSolver:
         self.counts["DAQP"] += 1
         return True
 
+    def _finite(self) -> bool:
+        """Return True unless NaN or infinity in the state has reached the targets or the bounds."""
+        p = self.problem
+        room = p.upper - p.lower
+        return math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear)) and bool((room >= 0.0).all())
+
     def _keep(self) -> None:
-        """Store an exact solution as the next start of ProxQP."""
+        """Take the last solution of the active set, if it is the last one, as the next guess."""
+        if not self._exact:
+            return
+        self._exact = False
         x, y, z = self._guess
         x[:], z[:] = self.x, self.multipliers
         np.negative(self._fast.equality_multipliers, out=y)
@@ -263,13 +276,9 @@ class QpSolver:
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted solution; return False, with nothing changed, on failure."""
-        x, values, multipliers = self.x.copy(), self.values.copy(), self.multipliers.copy()
-        self._fast.guess(multipliers)
-        if self._fast.solve():
-            self._keep()
-            return True
-        self.x[:], self.values[:], self.multipliers[:] = x, values, multipliers
-        return False
+        self._fast.guess(self.multipliers)
+        self._exact = self._fast.solve()
+        return self._exact
 
     def _accept(self, x: Array, z: Array, n_eq: int | None = None) -> bool:
         """Accept a solution if it is feasible and complementary: no multiplier belongs to a bound that is far away.
