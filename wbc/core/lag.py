@@ -15,15 +15,21 @@ def lag_gain(dt: float, time_constant: float) -> float:
 
 
 class LagGain:
-    """`lag_gain` for arrays, computed again only when its arguments change."""
+    """`lag_gain` for arrays, computed again only when its arguments change.
+
+    Attributes:
+        number: The gain of the last call as a plain number.
+    """
 
     def __init__(self) -> None:
         self._of = (math.nan, math.nan)
         self._gain: Array = np.zeros(())
+        self.number = 0.0
 
     def __call__(self, dt: float, time_constant: float) -> Array:
         """Return the gain, a read-only array without axes."""
         if self._of != (dt, time_constant):
             self._of = (dt, time_constant)
-            self._gain = scalar(lag_gain(dt, time_constant))
+            self.number = lag_gain(dt, time_constant)
+            self._gain = scalar(self.number)
         return self._gain

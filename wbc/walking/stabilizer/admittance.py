@@ -72,8 +72,9 @@ def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[f
     assert gains.cop_admittance is not None, "gains.for_mass(mass) fills it in"
     along, across = pair(gains.cop_admittance)
     bound = gains.max_angular_velocity
-    roll = across * float(measured[3] - target[3])
-    pitch = along * float(measured[4] - target[4])
+    _, _, _, roll_torque, pitch_torque, _ = measured.tolist()
+    _, _, _, roll_target, pitch_target, _ = target.tolist()
+    roll, pitch = across * (roll_torque - roll_target), along * (pitch_torque - pitch_target)
     return min(max(roll, -bound), bound), min(max(pitch, -bound), bound)
 
 
@@ -140,12 +141,8 @@ class FootAdmittance:
         g = self.gains
         heights = (self._state[0][2], self._state[1][2])
         if all(contact):
-            climb = height_rates(
-                g,
-                (float(measured[0, 2]), float(measured[1, 2])),
-                (float(target[0, 2]), float(target[1, 2])),
-                heights,
-            )
+            left, right = measured[:, 2].tolist()
+            climb = height_rates(g, (left, right), tuple(target[:, 2].tolist()), heights)
         else:
             # An exact decay, however long the period.
             decay = (math.exp(-g.support_height_leak * dt) - 1.0) / dt

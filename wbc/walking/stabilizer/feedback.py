@@ -59,7 +59,7 @@ class DcmFeedback:
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
         self._average = Average(gains.integrator_time, gains.max_average_dcm_error, 2)
-        self._rate = HighPass(gains.derivator_time, 2)
+        self._rate = HighPass(gains.derivator_time)
 
     def reset(self) -> None:
         """Set the average and the derivative to zero."""
@@ -87,20 +87,33 @@ class DcmFeedback:
                 corrected, and the velocity so that the three stay consistent.
         """
         omega = target.omega
-        e_com, e_velocity = target.com - com, target.com_velocity - com_velocity
-        e_dcm = e_com[:2] + e_velocity[:2] / omega
+        x, y, z = (there - here for there, here in zip(target.com.tolist(), com.tolist(), strict=True))
+        u, v, w = (
+            there - here
+            for there, here in zip(target.com_velocity.tolist(), com_velocity.tolist(), strict=True)
+        )
+        dcm_x, dcm_y = x + u / omega, y + v / omega
         if bias is not None:
-            e_dcm = e_dcm + bias
-            e_com[:2] += bias
-            e_velocity[:2] = omega * (e_dcm - e_com[:2])
+            bias_x, bias_y = bias.tolist()
+            dcm_x, dcm_y = dcm_x + bias_x, dcm_y + bias_y
+            x, y = x + bias_x, y + bias_y
+            u, v = omega * (dcm_x - x), omega * (dcm_y - y)
         if zmp is None:
             self._rate.reset()
-            average = self._average.update(np.zeros(2), dt)
-            return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), np.zeros(2), np.zeros(2))
-        e_zmp = target.zmp[:2] - zmp[:2]
-        average = self._average.update(e_dcm, dt)
-        rate = self._rate.update(omega * (e_dcm - e_zmp), dt)
-        return PendulumErrors(e_com, e_velocity, e_dcm, average.copy(), rate.copy(), e_zmp)
+            average, rate, zmp_x, zmp_y = self._average.update((0.0, 0.0), dt), [0.0, 0.0], 0.0, 0.0
+        else:
+            there, here = target.zmp.tolist(), zmp.tolist()
+            zmp_x, zmp_y = there[0] - here[0], there[1] - here[1]
+            average = self._average.update((dcm_x, dcm_y), dt)
+            rate = self._rate.update((omega * (dcm_x - zmp_x), omega * (dcm_y - zmp_y)), dt)
+        return PendulumErrors(
+            np.array((x, y, z)),
+            np.array((u, v, w)),
+            np.array((dcm_x, dcm_y)),
+            np.array(average),
+            np.array(rate),
+            np.array((zmp_x, zmp_y)),
+        )
 
     def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:
         """Return the desired acceleration of the CoM in the world, shape (3,), m/s²."""
@@ -131,6 +144,8 @@ def desired_acceleration(
         (gains.zmp_d, -omega, target.zmp_velocity),
     ):
         along, across = pair(gain)
+        if along == across == 0.0:
+            continue
         x, y = value.tolist()[:2]
         forward += factor * along * (c * x + s * y)
         sideways += factor * across * (c * y - s * x)

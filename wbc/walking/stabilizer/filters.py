@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class LowPass:
 
 
 class Average:
-    """Exponential moving average of an error, from zero, each component within a bound.
+    """Exponential moving average of an error, from zero, each component within a bound; in plain numbers.
 
     Attributes:
         value: Average.
@@ -65,17 +66,21 @@ class Average:
             size: Number of components.
         """
         self._time_constant, self._bound = time_constant, bound
-        self.value: Array = np.zeros(size)
+        self.value = [0.0] * size
         self._gain = LagGain()
 
     def reset(self) -> None:
         """Set the value to zero."""
-        self.value[:] = 0.0
+        self.value = [0.0] * len(self.value)
 
-    def update(self, error: Array, dt: float) -> Array:
-        """Return the average with one more error, which the next call overwrites."""
-        self.value += self._gain(dt, self._time_constant) * (error - self.value)
-        clamp(self.value, self._bound)
+    def update(self, error: Sequence[float], dt: float) -> list[float]:
+        """Return the average with one more error."""
+        self._gain(dt, self._time_constant)
+        gain, bound = self._gain.number, self._bound
+        self.value = [
+            min(max(old + gain * (new - old), -bound), bound)
+            for old, new in zip(self.value, error, strict=True)
+        ]
         return self.value
 
 
@@ -114,30 +119,32 @@ class LeakyIntegral:
 
 
 class HighPass:
-    """First-order high-pass: the input without its low-pass.
+    """First-order high-pass in plain numbers: the input without its low-pass.
 
     The pendulum gives the derivative of the DCM error as ė = ω (e − e_zmp), at all frequencies but with an offset when
     CoM or force sensors are off; a high-pass takes the offset away.
-
-    Attributes:
-        value: Output.
     """
 
-    def __init__(self, time_constant: float, size: int) -> None:
+    def __init__(self, time_constant: float) -> None:
         """Start at zero.
 
         Args:
             time_constant: Time constant of the low-pass, s.
-            size: Number of components.
         """
-        self._low_pass = LowPass(time_constant, size)
-        self.value: Array = np.zeros(size)
+        self._time_constant = non_negative("time constant of a high-pass (s)", time_constant)
+        self._low: list[float] | None = None
+        self._gain = LagGain()
 
     def reset(self) -> None:
-        """Start over from zero."""
-        self._low_pass.reset()
-        self.value[:] = 0.0
+        """Start over: the next output is zero."""
+        self._low = None
 
-    def update(self, u: Array, dt: float) -> Array:
-        """Return the output for one more input, which the next call overwrites."""
-        return np.subtract(u, self._low_pass.update(u, dt), out=self.value)
+    def update(self, u: Sequence[float], dt: float) -> list[float]:
+        """Return the output for one more input."""
+        if self._low is None:
+            self._low = list(u)
+        else:
+            self._gain(dt, self._time_constant)
+            gain = self._gain.number
+            self._low = [old + gain * (new - old) for old, new in zip(self._low, u, strict=True)]
+        return [new - low for low, new in zip(self._low, u, strict=True)]

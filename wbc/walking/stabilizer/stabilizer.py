@@ -159,10 +159,11 @@ class Stabilizer:
         Raises:
             InputError: Measurements that are not finite, or no foot in contact.
         """
-        dt = positive("control period (s)", dt)
-        wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
-        com = finite_array("CoM (m)", com, (3,))
-        com_velocity = finite_array("CoM velocity (m/s)", com_velocity, (3,))
+        if not _usable(wrenches, com, com_velocity, dt):
+            dt = positive("control period (s)", dt)
+            wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
+            com = finite_array("CoM (m)", com, (3,))
+            com_velocity = finite_array("CoM velocity (m/s)", com_velocity, (3,))
         self._update_in_air(wrenches)
         measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
         idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])
@@ -236,3 +237,16 @@ class Stabilizer:
         if distributed[2] < MIN_FORCE:
             return None
         return (level_zmp(distributed, target.zmp) - measured)[:2]
+
+
+def _usable(wrenches: Array, com: Array, com_velocity: Array, dt: float) -> bool:
+    """True for measurements of the right kind and shape without NaN or infinity: in a tick they nearly always are."""
+    return (
+        isinstance(dt, float)
+        and dt > 0.0
+        and all(isinstance(each, np.ndarray) for each in (wrenches, com, com_velocity))
+        and wrenches.dtype == com.dtype == com_velocity.dtype == np.float64
+        and wrenches.shape == (2, 6)
+        and com.shape == com_velocity.shape == (3,)
+        and math.isfinite(dt + sum(wrenches.ravel().tolist()) + sum(com.tolist()) + sum(com_velocity.tolist()))
+    )

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, WbcError
-from wbc.core.vectors import add_cross, turned
+from wbc.core.vectors import add_cross, turned_all
 
 MIN_FORCE = 1.0
 """Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`)."""
@@ -111,10 +111,11 @@ def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> A
     Returns:
         [force; moment], shape (6,), N and Nm.
     """
-    total = [0.0] * 6
+    fx = fy = fz = mx = my = mz = 0.0
     for wrench, sole in zip(wrenches, soles, strict=True):
-        rotation, (fx, fy, fz, mx, my, mz) = sole.rotation.tolist(), wrench.tolist()
-        force = turned(rotation, (fx, fy, fz))
-        moment = add_cross(turned(rotation, (mx, my, mz)), sole.translation.tolist(), force)
-        total = [a + b for a, b in zip(total, (*force, *moment), strict=True)]
-    return np.array(total)
+        values = wrench.tolist()
+        force, moment = turned_all(sole.rotation.tolist(), (values[:3], values[3:]))
+        x, y, z = add_cross(moment, sole.translation.tolist(), force)
+        fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
+        mx, my, mz = mx + x, my + y, mz + z
+    return np.array((fx, fy, fz, mx, my, mz))
