@@ -316,7 +316,7 @@ class WalkingControl:
     def _estimate_bias(self, estimator: BiasEstimator) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
         output, reference = self.output, self.reference
-        if output is None or reference is None or output.in_air or not np.isfinite(output.measured_zmp[0]):
+        if output is None or reference is None or output.in_air or not math.isfinite(output.measured_zmp[0]):
             return estimator.bias
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 

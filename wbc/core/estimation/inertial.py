@@ -97,7 +97,7 @@ class InertialFilter:
             dt: Time since the last call, s.
         """
         gyro, force = self._last or (angular_velocity, specific_force)
-        self._last = (np.array(angular_velocity), np.array(specific_force))
+        self._last = (angular_velocity.copy(), specific_force.copy())
         if dt <= 0.0:
             return
         if dt != self._dt:

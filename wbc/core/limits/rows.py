@@ -47,6 +47,7 @@ class BrakingLaw:
         self._half = 0.5 * dt * braking
         self._square = self._half * self._half
         self._final, self._product = np.zeros_like(self._half), np.zeros_like(self._half)
+        self._flat = self._final.reshape(-1)
 
     def __call__(self, distance: Array, velocity: Array) -> Array:
         """Return the upper bound of the velocity v⁺ towards the bound, rad/s; overwritten by the next call.
@@ -58,13 +59,15 @@ class BrakingLaw:
         final = self._final
         np.multiply(self._per_distance, distance, out=final)
         final -= np.multiply(self._per_velocity, velocity, out=self._product)
+        flat = self._flat
+        # Otherwise a bound is too near to stop before the period ends, or has been crossed.
+        near = not flat[flat.argmin()] >= 0.0
         final += self._square
-        np.maximum(final, _ZERO, out=final)
+        if near:
+            np.maximum(final, _ZERO, out=final)
         np.sqrt(final, out=final)
         final -= self._half
-        flat = final.reshape(-1)
-        # A bound is too near to stop before the period ends, or has been crossed.
-        if flat[flat.argmin()] < 0.0:
+        if near:
             for i in (flat < 0.0).nonzero()[0].tolist():
                 d, v = distance.item(i), velocity.item(i)
                 turned = v - v * abs(v) * (0.5 * self._dt) / max(d, 1e-12)
@@ -146,7 +149,6 @@ class JointLimits:
         if np.isfinite(self.acceleration).any():
             self._greatest = np.array([self.acceleration, self.acceleration])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
-        self._gap = np.zeros(na)
         self._positions, self._velocities = robot.q[7:], robot.v[6:]
         self._dt = 0.0
 
@@ -183,9 +185,10 @@ class JointLimits:
         np.maximum(bound, self._least, out=bound)
         upper[:] = bound[0]
         np.negative(bound[1], out=lower)
-        np.subtract(upper, lower, out=self._gap)
-        if self._gap[self._gap.argmin()] < 0.0:
-            crossed = self._gap < 0.0
+        # Where neither bound is beyond zero they cannot cross.
+        flat = bound.reshape(-1)
+        if not flat[flat.argmin()] >= 0.0:
+            crossed = upper < lower
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
 
 

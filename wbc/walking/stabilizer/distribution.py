@@ -145,6 +145,7 @@ class WrenchDistribution:
         p.equality[:, 12:] = np.eye(6)
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
         self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
+        self._both: bool | None = None  # as the costs are written
         # In newtons: a residual of a millinewton is negligible.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
@@ -175,20 +176,26 @@ class WrenchDistribution:
         """
         if not any(contact):
             raise InputError("a wrench can only be distributed over feet in contact; neither is")
-        ratio = finite_scalar("left-foot ratio", ratio, low=0.0, high=1.0)
+        if not (isinstance(ratio, float) and 0.0 <= ratio <= 1.0):
+            ratio = finite_scalar("left-foot ratio", ratio, low=0.0, high=1.0)
         p, s = self._problem, self.settings
         both = all(contact)
         for foot in (0, 1):
             self._bound(foot, bool(contact[foot]), float(max_force[foot]))
             if contact[foot]:
                 self._write_foot(foot, soles[foot], zmp)
-        # On one foot there is no choice: its torque follows from the ZMP.
-        p.diagonal[self._torques] = s.ankle_torque if both else s.ankle_yaw
-        p.soft[0, 2], p.soft[0, 8] = (1.0 - ratio, -ratio) if both else (0.0, 0.0)
-        p.soft_weight[0] = s.pressure if both else 0.0
+        if both is not self._both:
+            self._both = both
+            # On one foot there is no choice: its torque follows from the ZMP.
+            p.diagonal[self._torques] = s.ankle_torque if both else s.ankle_yaw
+            p.soft[0, 2] = p.soft[0, 8] = 0.0
+            p.soft_weight[0] = s.pressure if both else 0.0
+        if both:
+            p.soft[0, 2], p.soft[0, 8] = 1.0 - ratio, -ratio
         fx, fy, fz, mx, my, mz = net.tolist()
         x, y, z = zmp.tolist()
-        p.target[:6] = (fx, fy, fz, mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)
+        about_zmp = (mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)
+        p.target[:6] = np.array((fx, fy, fz, *about_zmp))
         status = self._solver.solve()
         solution = self._solver.x.copy()
         return FootWrenches(solution[:12].reshape(2, 6), solution[12:], status)

@@ -248,5 +248,7 @@ def _usable(wrenches: Array, com: Array, com_velocity: Array, dt: float) -> bool
         and wrenches.dtype == com.dtype == com_velocity.dtype == np.float64
         and wrenches.shape == (2, 6)
         and com.shape == com_velocity.shape == (3,)
-        and math.isfinite(dt + sum(wrenches.ravel().tolist()) + sum(com.tolist()) + sum(com_velocity.tolist()))
+        and math.isfinite(
+            dt + sum(wrenches.ravel().tolist()) + sum(com.tolist()) + sum(com_velocity.tolist())
+        )
     )
