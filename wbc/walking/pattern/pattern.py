@@ -87,14 +87,15 @@ class Pattern:
             InputError: Times that do not increase, a height not above zero, a number that is not finite.
         """
         self.times, self.zmp = np.asarray(times, dtype=float), np.asarray(zmp, dtype=float)
-        span = np.diff(self.times)
+        span = self.times[1:] - self.times[:-1]
         if self.times[0] != 0.0 or not (span > 0.0).all():
             raise InputError(f"times of a pattern must increase from 0, got {self.times}")
         self.height = positive("height of the CoM over the support (m)", height)
         self.omega = omega = natural_frequency(self.height)
         self._profile = profile
         self._knots: list[float] = self.times.tolist()
-        self._rate = np.vstack([np.diff(self.zmp, axis=0) / span[:, None], np.zeros((1, 2))])
+        self._rate = np.zeros_like(self.zmp)
+        np.divide(self.zmp[1:] - self.zmp[:-1], span[:, None], out=self._rate[:-1])
         self.dcm = dcm_backwards(self.times, self.zmp, self.zmp[-1] if dcm_end is None else dcm_end, omega)
         convergent = [(np.asarray(com) - np.asarray(com_velocity) / omega).tolist()]
         for dt, (x, y), (rate_x, rate_y) in zip(
@@ -107,7 +108,7 @@ class Pattern:
                 [lag_x + dt * rate_x + decay * (u - lag_x), lag_y + dt * rate_y + decay * (v - lag_y)]
             )
         # ZMP, its rate, DCM and convergent part at each knot, as plain numbers for `at`.
-        pieces = np.hstack([self.zmp, self._rate, self.dcm, convergent])
+        pieces = np.concatenate((self.zmp, self._rate, self.dcm, convergent), axis=1)
         if not math.isfinite(pieces.sum()):
             raise InputError("ZMP, CoM and its velocity of a pattern must be finite")
         self._pieces: list[list[float]] = pieces.tolist()

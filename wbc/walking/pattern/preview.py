@@ -19,6 +19,7 @@ the tail of the analytic plan; support rows as in S. Caron et al., ICRA 2019.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated
@@ -109,6 +110,9 @@ class PreviewController:
         p.soft[: 2 * free, : 2 * free] += np.eye(2 * free)
         p.soft[2:, : 2 * free] -= np.eye(2 * free)
         p.diagonal[-2:] = s.slack_weight
+        self._areas: list[Array | None] = [
+            None
+        ] * free  # normals of the support area of each knot, as written
         self._solver = QpSolver(p)
         self.status = Status.SOLVED
         self.slack = np.zeros(2)
@@ -131,10 +135,12 @@ class PreviewController:
         s = self.settings
         ref_times, ref_points = zmp_reference(supports, s.target, start.zmp[:2])
         times, areas = self._grid(supports)
-        reference = np.column_stack([np.interp(times, ref_times, ref_points[:, i]) for i in (0, 1)])
+        reference = np.zeros((times.size, 2))
+        for axis in (0, 1):
+            reference[:, axis] = np.interp(times, ref_times, ref_points[:, axis])
         tail = ref_times > times[-1] + 1e-9
         tail_times, tail_points = ref_times[tail], ref_points[tail]
-        after = np.append(times[-1], tail_times), np.vstack([reference[-1:], tail_points])
+        after = np.concatenate((times[-1:], tail_times)), np.concatenate((reference[-1:], tail_points))
         end_dcm = dcm_backwards(*after, after[1][-1], self.omega)[0]
         dcm = start.com[:2] + start.com_velocity[:2] / self.omega
 
@@ -165,7 +171,7 @@ class PreviewController:
                 break  # beyond the horizon the plan is the analytic one
             if support.duration <= 1e-9:
                 continue
-            parts = max(1, int(np.ceil(support.duration / s.interval - 1e-6)))
+            parts = max(1, math.ceil(support.duration / s.interval - 1e-6))
             area = support_area(support.feet, self._sizes, s.margin)
             if support.single and areas:
                 areas[-1] = area  # the knot between both supports belongs to the smaller one
@@ -182,7 +188,7 @@ class PreviewController:
     ) -> None:
         """Write the QP."""
         p, omega = self._problem, self.omega
-        span = np.diff(times)
+        span = times[1:] - times[:-1]
         # ξ_0 = Σ_k weights_k z_k + decay ξ_N: each piece gives to its two ends (linear shape functions).
         x = omega * span
         fall = np.exp(-x)
@@ -194,7 +200,8 @@ class PreviewController:
         p.target[:2] = dcm - (weights @ reference + before[-1] * end_dcm)
         p.diagonal[:-2] = np.repeat(0.5 * (span[:-1] + span[1:]), 2)
         p.soft_weight[:] = np.repeat(self.settings.rate_weight / span, 2)
-        for k, (normals, offsets) in enumerate(areas):
+        for k, (area, (normals, offsets)) in enumerate(zip(self._areas, areas, strict=True)):
             rows = slice(EDGES * k, EDGES * (k + 1))
-            p.inequality[rows, 2 * k : 2 * k + 2] = normals
+            if normals is not area:
+                p.inequality[rows, 2 * k : 2 * k + 2] = self._areas[k] = normals
             np.subtract(offsets, normals.dot(reference[k + 1]), out=p.upper[rows])
