@@ -115,6 +115,7 @@ class RobotDescription:
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
         package_dirs: tuple[str | Path, ...] = (),
+        lock: Mapping[str, float] | None = None,
         half_sitting: Mapping[str, float] | None = None,
         torso: str | None = None,
         imu: str | FrameDescription | None = None,
@@ -143,6 +144,7 @@ class RobotDescription:
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; from the geometry of the feet when None.
             package_dirs: Folders for `package://` in the URDF.
+            lock: Joint → position at which it is fixed, such as those of fingers, rad or m.
             half_sitting: Joint → position of all or some joints, rad or m.
             torso: Link of the chest.
             imu: Frame of the inertial measurement unit, of the URDF or a placement in a link.
@@ -176,6 +178,7 @@ class RobotDescription:
                 source=provenance or (str(source) if is_file else "URDF string"),
                 notes=[],
                 package_dirs=directories,
+                lock=lock,
                 half_sitting=half_sitting,
                 torso=torso,
                 imu=imu,

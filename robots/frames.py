@@ -62,6 +62,17 @@ def frame_at(name: str, link: str, placement: pin.SE3) -> FrameDescription:
     return FrameDescription(name, link, (x, y, z), (roll, pitch, yaw))
 
 
+def same_place(model: pin.Model, description: FrameDescription) -> bool:
+    """Return True if every frame of that name in a model lies where the description says."""
+    link = body_frame(model, description.link)
+    placement = link.placement * description.placement
+    return all(
+        frame.parentJoint == link.parentJoint and frame.placement.isApprox(placement, 1e-9)
+        for frame in model.frames
+        if frame.name == description.frame
+    )
+
+
 def add_frame(model: pin.Model, description: FrameDescription) -> None:
     """Add a frame to a Pinocchio model unless the very same frame is there already.
 

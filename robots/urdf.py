@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, ModelError, choose, shown
+from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown
 from wbc.core.files import read_text
 from wbc.core.robot import GRAVITY
 
@@ -218,6 +218,41 @@ def tidy(root: Element) -> list[str]:
         if not 0.0 < _number(limit, "effort", name) < math.inf:
             limit.set("effort", "0")
     return notes
+
+
+def lock(root: Element, positions: Mapping[str, float]) -> None:
+    """Fix joints at given positions.
+
+    Args:
+        root: The `<robot>` element, tidied; changed.
+        positions: Joint → position, rad or m.
+
+    Raises:
+        UnknownNameError: No such moving joint.
+        InputError: A position that is not finite.
+    """
+    for name, value in positions.items():
+        moving = joints(root, MOVING)
+        joint = moving[choose("joint", name, moving)]
+        shift = finite_scalar(f"locked joint '{name}'", value)
+        origin = joint.find("origin")
+        if origin is None:
+            origin = ElementTree.SubElement(joint, "origin")
+        axis_element = joint.find("axis")
+        axis = np.array([1.0, 0.0, 0.0])
+        if axis_element is not None:
+            axis = triple(f"joint '{name}': its axis", axis_element.get("xyz", "1 0 0"))
+        axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+        xyz, rpy = (triple(f"joint '{name}': its origin", origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
+        place = pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
+        slides = joint.get("type") == "prismatic"
+        place *= pin.SE3(np.eye(3), axis * shift) if slides else pin.SE3(pin.exp3(axis * shift), np.zeros(3))
+        origin.set("xyz", " ".join(repr(float(x)) for x in place.translation))
+        origin.set("rpy", " ".join(repr(float(x)) for x in pin.rpy.matrixToRpy(place.rotation)))
+        joint.set("type", "fixed")
+        for tag in ("axis", "limit"):
+            for old in joint.findall(tag):
+                joint.remove(old)
 
 
 def turn_root(root: Element, turn: float) -> str:

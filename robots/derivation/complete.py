@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,10 @@ SoleFinder = Callable[[urdf.Element, pin.Model, float, list[str]], defaults.Sole
 
 AHEAD = 0.01
 """Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
+
+
+LOWEST_ANKLE = 2e-3
+"""Height of the ankle over the sole below which the sole is taken for one that nobody placed, m."""
 
 
 def from_geometry(
@@ -58,6 +63,7 @@ def complete(
     source: str,
     notes: list[str],
     package_dirs: tuple[str, ...] = (),
+    lock: Mapping[str, float] | None = None,
     half_sitting: Mapping[str, float] | None = None,
     postures: Sequence[tuple[str, Mapping[str, float]]] = (),
     torso: str | None = None,
@@ -85,6 +91,7 @@ def complete(
         source: Origin of the model.
         notes: Remarks so far.
         package_dirs: Folders for `package://`.
+        lock: Joint → position at which it is fixed.
         half_sitting: Joint → position.
         postures: Postures of the file, name and joint → position, that may serve as half-sitting.
         torso: Link of the chest.
@@ -107,6 +114,7 @@ def complete(
         InputError: As `RobotDescription.from_urdf`.
     """
     notes += urdf.tidy(root)
+    urdf.lock(root, lock or {})
     urdf.set_limits(root, position=position_limits, velocity=velocity_limits, torque=torque_limits)
     if repair:
         notes += inertia.repair(root)
@@ -125,6 +133,7 @@ def complete(
         soles = _add_soles(root, model, find_soles, turn, remarks)
     notes += remarks
     defaults.check_sides(model, soles)
+    _refuse_at_ankle(model, soles)
 
     joints = defaults.complete_half_sitting(model, soles, half_sitting or {}, notes, postures)
     q = posture.standing_configuration(model, (soles[0].frame, soles[1].frame), joints)
@@ -164,10 +173,34 @@ def complete(
 def _add_soles(
     root: urdf.Element, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
 ) -> defaults.Soles:
-    soles = find(root, model, turn, notes)
+    """Find the soles, give each a name of its own and add their frames to the model."""
+    left, right = find(root, model, turn, notes)
+    if left.frame == right.frame and left.link != right.link:
+        left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))
+    named = []
+    for sole in (left, right):
+        own = sole
+        if (
+            sole.frame == f"{sole.name}_sole"
+            and model.existFrame(own.frame)
+            and not frames.same_place(model, own)
+        ):
+            own = replace(own, frame=f"{own.frame}_contact")
+        frames.add_frame(model, own)
+        named.append(own)
+    return named[0], named[1]
+
+
+def _refuse_at_ankle(model: pin.Model, soles: defaults.Soles) -> None:
     for sole in soles:
-        frames.add_frame(model, sole)
-    return soles
+        placement = model.frames[model.getFrameId(sole.frame)].placement
+        ankle = abs(float(placement.inverse().translation[2]))
+        if ankle < LOWEST_ANKLE:
+            raise ModelError(
+                f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
+                f"link '{sole.link}' has no geometry that says where the ground is: give a frame at the sole, a "
+                "SoleDescription, or package_dirs where its meshes are"
+            )
 
 
 def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
@@ -199,21 +232,3 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     if turns == 0 or pointing < AHEAD:
         return 0.0
     return turns * 0.5 * np.pi
-
-
-def refuse_at_ankle(model: pin.Model, name: str, given: str, placement: pin.SE3, link: str) -> None:
-    """Raise `ModelError` for a sole without geometry whose frame is that of the ankle.
-
-    Args:
-        model: Pinocchio model.
-        name: Name of the sole.
-        given: Frame that was given for it.
-        placement: Its placement in the link.
-        link: Link that carries it.
-    """
-    body = frames.body_frame(model, link)
-    if np.linalg.norm((body.placement * placement).translation) < 1e-3:
-        raise ModelError(
-            f"{name}: '{given}' lies at the ankle, and no geometry of the foot says how far below it the ground is; "
-            "give a frame at the sole, or a SoleDescription"
-        )

@@ -77,6 +77,11 @@ def _points(
     elif shape.tag == "sphere":
         down = (placement * origin).rotation[2]
         yield _move(origin, -float(shape.get("radius", "0")) * down[None, :])
+    elif shape.tag == "capsule":
+        radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
+        down = (placement * origin).rotation[2]
+        ends = np.array([[0.0, 0.0, -half_length], [0.0, 0.0, half_length]])
+        yield _move(origin, ends - radius * down)
     elif shape.tag == "cylinder":
         radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
         angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)

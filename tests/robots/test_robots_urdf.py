@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -12,16 +13,22 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError, ModelError, UnknownNameError
-from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescription
+from wbc.core.robot import Robot
+from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
 LIMITS = 'lower="{low}" upper="{high}" effort="80" velocity="8"'
 
 
+FOOT_BOX = (
+    '<collision><origin xyz="0.03 0 -0.05"/><geometry><box size="0.20 0.09 0.02"/></geometry></collision>'
+)
+
+
 def biped(
     *,
-    geometry: str = "",
+    geometry: str = FOOT_BOX,
     limits: str = LIMITS,
     kind: str = "revolute",
     root: str = "trunk",
@@ -75,9 +82,6 @@ def biped(
     return f'<robot name="biped">{before}{"".join(links)}{"".join(joints)}{after}</robot>'  # fmt: skip
 
 
-FOOT_BOX = (
-    '<collision><origin xyz="0.03 0 -0.05"/><geometry><box size="0.20 0.09 0.02"/></geometry></collision>'
-)
 FEET = {"left_sole": "l_ankle_roll_link", "right_sole": "r_ankle_roll_link"}
 
 
@@ -171,10 +175,76 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
     description = RobotDescription.from_urdf(biped(geometry=shape), **FEET, package_dirs=(tmp_path,))
     assert (description.soles[0].length, description.soles[0].width) == pytest.approx((0.20, 0.08))
     np.testing.assert_allclose(description.ankle("left_foot"), [-0.05, 0.0, 0.06], atol=1e-9)
-    # Geometry is optional: without the file the ratio to the hip height steps in.
-    lost = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
-    assert lost.soles[0].length == pytest.approx(0.152 / 0.530 * (THIGH + SHIN))
+    # Without the file nothing says how far below the ankle the ground is, unless a frame does.
+    with pytest.raises(ModelError, match="left_foot: the sole would lie at the ankle"):
+        RobotDescription.from_urdf(biped(geometry=shape), **FEET)
+    below = {
+        f"{side}_sole": FrameDescription("sole", f"{side[0]}_ankle_roll_link", (0.0, 0.0, -ANKLE))
+        for side in ("left", "right")
+    }
+    lost = RobotDescription.from_urdf(biped(geometry=shape), **below)
+    assert lost.soles[0].length == pytest.approx(0.152 / 0.530 * (THIGH + SHIN + ANKLE))
     assert "no usable geometry" in "\n".join(lost.derived)
+    assert [sole.frame for sole in lost.soles] == ["left_foot_sole", "right_foot_sole"]
+
+
+def test_capsules_of_a_foot_are_its_sole() -> None:
+    shape = "".join(
+        f'<collision><origin xyz="0.03 {y} -0.05" rpy="0 1.5707963267948966 0"/>'
+        '<geometry><capsule radius="0.01" length="0.2"/></geometry></collision>'
+        for y in (-0.04, 0.04)
+    )
+    description = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
+    assert (description.soles[0].length, description.soles[0].width) == pytest.approx((0.20, 0.08))
+    np.testing.assert_allclose(description.ankle("left_foot"), [-0.03, 0.0, 0.06], atol=1e-9)
+
+
+def test_a_root_that_looks_backward_is_turned() -> None:
+    """The same biped seen from a base whose x axis points to the heels."""
+    backward = ElementTree.fromstring(biped())
+    urdf.turn_root(backward, np.pi)
+    xml = ElementTree.tostring(backward, encoding="unicode")
+    description = RobotDescription.from_urdf(xml, **FEET)
+    assert any("new root link" in line for line in description.derived)
+    assert_same(description.robot(), RobotDescription.from_urdf(biped(), **FEET).robot())
+    with pytest.raises(ModelError, match="swapped soles"):
+        RobotDescription.from_urdf(xml, **FEET, turn_root=False)
+    with pytest.raises(ModelError, match="swapped soles"):
+        RobotDescription.from_urdf(biped(), left_sole=FEET["right_sole"], right_sole=FEET["left_sole"])
+
+
+def assert_same(one: Robot, other: Robot) -> None:
+    """Compare two robots in half-sitting: mass matrix without the base's own frame, soles and torques."""
+    assert one.joint_names == other.joint_names
+    np.testing.assert_allclose(one.q, other.q, atol=1e-6)
+    np.testing.assert_allclose(one.mass_matrix, other.mass_matrix, atol=1e-6)
+    for sole in ("left_foot", "right_foot"):
+        placements = [robot.placement(robot.sole(sole).frame) for robot in (one, other)]
+        assert placements[0].isApprox(placements[1], 1e-6)
+
+
+def test_locked_joints_are_fixed_at_their_position() -> None:
+    free = RobotDescription.from_urdf(biped(), **FEET, half_sitting={"l_elbow": -0.7, "r_elbow": -0.7})
+    locked = RobotDescription.from_urdf(biped(), **FEET, lock={"l_elbow": -0.7, "r_elbow": -0.7})
+    assert set(free.joint_names) - set(locked.joint_names) == {"l_elbow", "r_elbow"}
+    one, other = free.robot(), locked.robot()
+    np.testing.assert_allclose(one.com, other.com, atol=1e-6)
+    with pytest.raises(UnknownNameError, match="did you mean 'l_elbow'"):
+        RobotDescription.from_urdf(biped(), **FEET, lock={"l_elbw": 0.0})
+
+
+CIRCLE = "".join(
+    f'<link name="{a}"/><joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>'
+    for a, b in (("one", "two"), ("two", "one"))
+)
+
+
+def test_what_hung_or_lost_the_mass_is_named() -> None:
+    with pytest.raises(ModelError, match="link 'two' hangs on itself"):
+        RobotDescription.from_urdf(biped(after=CIRCLE), **FEET)
+    lost = biped().replace('<origin xyz="0.01 0 0.2"/>', '<origin xyz="nan 0 0.2"/>')
+    with pytest.raises(ModelError, match="link 'trunk': xyz of the inertial origin must be three numbers"):
+        RobotDescription.from_urdf(lost, **FEET)
 
 
 def test_a_turned_sole_link_gets_a_straight_sole_frame() -> None:
@@ -185,7 +255,7 @@ def test_a_turned_sole_link_gets_a_straight_sole_frame() -> None:
         for s in "lr"
     )
     description = RobotDescription.from_urdf(
-        biped(after=turned), left_sole="l_foot", right_sole="r_foot", sole_size=(0.18, 0.08)
+        biped(geometry="", after=turned), left_sole="l_foot", right_sole="r_foot", sole_size=(0.18, 0.08)
     )
     robot = description.robot()
     for sole in robot.soles:

@@ -1,0 +1,115 @@
+"""Robots of wheels that are not among the dependencies: `pip` installs them, nothing is cloned or downloaded here."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from wbc.core.errors import InputError
+from wbc.robots.description import RobotDescription
+
+JVRC = "jvrc_description==1.1.1"
+PLAYGROUND = "playground==0.2.0"
+"""MuJoCo Playground, Apache-2.0: robot files of several humanoids, without their meshes."""
+
+
+def _file(requirement: str, relative: str) -> Path:
+    """Return a file of an installed wheel.
+
+    Raises:
+        InputError: The wheel is not installed, or has no such file; the message says how to install it.
+    """
+    name = requirement.partition("==")[0]
+    how = f"pip install --no-deps {requirement}"
+    try:
+        path = Path(str(metadata.distribution(name).locate_file(relative)))
+    except metadata.PackageNotFoundError as error:
+        raise InputError(f"this robot is in the wheel '{name}', which is not installed: {how}") from error
+    if not path.is_file():
+        raise InputError(f"the installed '{name}' has no file '{relative}': {how}")
+    return path
+
+
+def _playground(relative: str) -> Path:
+    return _file(PLAYGROUND, f"mujoco_playground/_src/locomotion/{relative}")
+
+
+@cache
+def jvrc1() -> RobotDescription:
+    """Return JVRC-1, the virtual robot of the Japan Virtual Robotics Challenge, fingers fixed.
+
+    Its torque limits, 100 Nm for every joint, are place-holders of the model.
+    """
+    path = _file(JVRC, "jvrc_description/urdf/jvrc1.urdf")
+    fingers = [f"{side}_{finger}" for side in "LR" for finger in ("UINDEX", "LINDEX", "ULITTLE", "LLITTLE")]
+    thumbs = [f"{side}_{part}THUMB" for side in "LR" for part in "UL"]
+    return RobotDescription.from_urdf(
+        path,
+        name="jvrc1",
+        left_sole="L_ANKLE_P_S",
+        right_sole="R_ANKLE_P_S",
+        package_dirs=(path.parents[2],),
+        lock=dict.fromkeys((*fingers, *thumbs), 0.0),
+        hands={"left_hand": "l_wrist", "right_hand": "r_wrist"},
+        height=1.71,
+        provenance=f"{JVRC}: jvrc1.urdf",
+        licence="BSD-2-Clause in its repository, Apache-2.0 in the metadata of the wheel",
+    )
+
+
+@cache
+def h1() -> RobotDescription:
+    """Return Unitree H1, 19 joints; its ankles pitch but do not roll."""
+    return RobotDescription.from_mjcf(
+        _playground("h1/xmls/h1_mjx_feetonly.xml"),
+        name="h1",
+        meshes=False,
+        use_gains=False,
+        torso="torso_link",
+        height=1.80,
+        provenance=f"{PLAYGROUND}: h1_mjx_feetonly.xml",
+        licence="BSD-3-Clause (Unitree)",
+    )
+
+
+@cache
+def t1() -> RobotDescription:
+    """Return Booster T1, 23 joints; both its legs hang below the waist joint, its root is the trunk."""
+    return RobotDescription.from_mjcf(
+        _playground("t1/xmls/t1_mjx_feetonly.xml"),
+        name="t1",
+        meshes=False,
+        use_gains=False,
+        height=1.18,
+        provenance=f"{PLAYGROUND}: t1_mjx_feetonly.xml",
+        licence="Apache-2.0",
+    )
+
+
+@cache
+def op3() -> RobotDescription:
+    """Return Robotis OP3, 20 joints, 3.1 kg; its joints have no position limits in the file."""
+    return RobotDescription.from_mjcf(
+        _playground("op3/xmls/op3_mjx_feetonly.xml"),
+        name="op3",
+        meshes=False,
+        use_gains=False,
+        height=0.51,
+        provenance=f"{PLAYGROUND}: op3_mjx_feetonly.xml",
+        licence="Apache-2.0",
+    )
+
+
+@cache
+def berkeley_humanoid() -> RobotDescription:
+    """Return Berkeley Humanoid, 12 joints: two legs under a body without arms."""
+    return RobotDescription.from_mjcf(
+        _playground("berkeley_humanoid/xmls/berkeley_humanoid_mjx_feetonly.xml"),
+        name="berkeley_humanoid",
+        meshes=False,
+        use_gains=False,
+        height=0.85,
+        provenance=f"{PLAYGROUND}: berkeley_humanoid_mjx_feetonly.xml",
+        licence="BSD-3-Clause",
+    )
