@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -19,9 +19,10 @@ from wbc.core.robot import Robot, Sole
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
 from wbc.robots.derivation.complete import complete, from_geometry
-from wbc.robots.derivation.servo import ServoRule, effective_inertia, leg_joints
+from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, leg_joints
 from wbc.robots.frames import FrameDescription, SoleDescription
-from wbc.robots.report import report
+from wbc.robots.readers import from_pinocchio
+from wbc.robots.report import doubts, facts, report
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,6 +270,46 @@ class RobotDescription:
         given = {key: value for key, value in locals().items() if key not in ("cls", "source", "robot_mjcf")}
         return cls(**robot_mjcf.fields(source, **given))
 
+    @classmethod
+    def from_pinocchio(
+        cls,
+        model: pin.Model,
+        *,
+        left_sole: str | FrameDescription,
+        right_sole: str | FrameDescription,
+        name: str | None = None,
+        **options: Any,
+    ) -> RobotDescription:
+        """Return the description of a Pinocchio model with a free-flyer root.
+
+        Joints, inertias, limits, armature, damping and friction are those of the model; geometry is not in it, so
+        that soles need frames on the ground side of the feet.
+
+        Args:
+            model: Its joints have one degree of freedom each, after the free-flyer.
+            left_sole: Frame of the model at the left sole, or a `SoleDescription`.
+            right_sole: Same for the right foot.
+            name: Name of the robot; that of the model when None.
+            **options: As in `from_urdf`.
+
+        Raises:
+            UnknownNameError: A parameter, frame or joint that does not exist.
+            InputError: A value that cannot be used.
+            ModelError: No free-flyer, a joint of several degrees of freedom, or inertias that no body has.
+        """
+        writer, losses = from_pinocchio.fields(model, name, options.pop("armature", None))
+        extra = {key: losses.pop(key) for key in ("damping", "frictionloss")}
+        options.setdefault("provenance", f"Pinocchio model '{model.name}'")
+        made = cls.from_urdf(
+            urdf.to_string(writer.root),
+            left_sole=left_sole,
+            right_sole=right_sole,
+            name=name,
+            **losses,
+            **options,
+        )
+        return replace(made, **{key: value for key, value in extra.items() if value})
+
     def pinocchio_model(self) -> pin.Model:
         """Return a copy of the Pinocchio model: free-flyer, limits, armature, gravity, frames of soles and IMU."""
         return self._model.copy()
@@ -344,6 +385,18 @@ class RobotDescription:
         return self._gain(1)
 
     @cached_property
+    def servo_gains(self) -> Mapping[str, ServoGains]:
+        """Servo gains of each joint, with their source: "given" with the robot, or "derived" by the servo rule."""
+        return MappingProxyType(
+            {
+                name: ServoGains(
+                    float(self.kp[i]), float(self.kd[i]), "given" if name in self.gains else "derived"
+                )
+                for i, name in enumerate(self.joint_names)
+            }
+        )
+
+    @cached_property
     def torque_limit(self) -> Array:
         """Largest torque of each joint, shape (na,), Nm."""
         return _frozen(self._model.upperEffortLimit[6:])
@@ -369,53 +422,15 @@ class RobotDescription:
 
     def summary(self) -> dict[str, Any]:
         """Return mass, size, soles, joints and sources, ready for JSON."""
-        robot = self.robot()
-        return {
-            "name": self.name,
-            "mass_kg": robot.mass,
-            "height_m": self.height,
-            "com_height_m": float(robot.com[2]),
-            "dof": robot.na,
-            "nv": robot.nv,
-            "legs": {"left": list(self.legs[0]), "right": list(self.legs[1])},
-            "soles": {
-                sole.name: {
-                    "frame": sole.frame,
-                    "link": sole.link,
-                    "size_m": [sole.length, sole.width],
-                    "ankle_m": self.ankle(sole.name).tolist(),
-                }
-                for sole in self.soles
-            },
-            "stance_width_m": float(
-                np.linalg.norm(
-                    robot.placement(self.soles[0].frame).translation
-                    - robot.placement(self.soles[1].frame).translation
-                )
-            ),
-            "torso": self.torso,
-            "imu": self.imu.frame,
-            "hands": dict(self.hands),
-            "joints": {
-                name: {
-                    "position": [float(robot.position_lower[i]), float(robot.position_upper[i])],
-                    "velocity": float(robot.velocity_limit[i]),
-                    "torque": float(robot.torque_limit[i]),
-                    "half_sitting": float(self.half_sitting[name]),
-                    "armature": float(self.armature[name]),
-                    "kp": float(self.kp[i]),
-                    "kd": float(self.kd[i]),
-                }
-                for i, name in enumerate(self.joint_names)
-            },
-            "source": self.source,
-            "licence": self.licence,
-            "derived": list(self.derived),
-        }
+        return facts(self)
 
     def report(self) -> str:
         """Return the summary as text."""
         return report(self.summary())
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return what is doubtful, one line each: guessed limits, soft servos, legs that differ, …."""
+        return doubts(self)
 
     @cached_property
     def _model(self) -> pin.Model:

@@ -1,4 +1,4 @@
-"""The summary of a robot as text."""
+"""The facts of a robot for JSON, as text, and what is doubtful about them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,64 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
+
+from wbc.core.robot import GRAVITY
+from wbc.robots.derivation.servo import SOFT
+
+NEAR_LIMIT = 0.6
+"""Share of a torque limit from which on a joint that only stands is doubtful."""
+
+UNLIKE = 0.01
+"""Share by which the mass of the legs may differ."""
+
+FULL_LEG = 6
+"""Joints of a leg that can put its sole anywhere."""
+
+
+def facts(robot: Any) -> dict[str, Any]:
+    """Return mass, size, soles, joints and sources of a robot, ready for JSON."""
+    model = robot.robot()
+    return {
+        "name": robot.name,
+        "mass_kg": model.mass,
+        "height_m": robot.height,
+        "com_height_m": float(model.com[2]),
+        "dof": model.na,
+        "nv": model.nv,
+        "legs": {"left": list(robot.legs[0]), "right": list(robot.legs[1])},
+        "soles": {
+            sole.name: {
+                "frame": sole.frame,
+                "link": sole.link,
+                "size_m": [sole.length, sole.width],
+                "ankle_m": robot.ankle(sole.name).tolist(),
+            }
+            for sole in robot.soles
+        },
+        "torso": robot.torso,
+        "imu": robot.imu.frame,
+        "hands": dict(robot.hands),
+        "sensors": dict(robot.sensors),
+        "joints": {
+            name: {
+                "position": [float(model.position_lower[i]), float(model.position_upper[i])],
+                "velocity": float(model.velocity_limit[i]),
+                "torque": float(model.torque_limit[i]),
+                "half_sitting": float(robot.half_sitting[name]),
+                "armature": float(robot.armature[name]),
+                "damping": float(robot.damping.get(name, 0.0)),
+                "frictionloss": float(robot.frictionloss.get(name, 0.0)),
+                "kp": robot.servo_gains[name].kp,
+                "kd": robot.servo_gains[name].kd,
+                "gains": robot.servo_gains[name].source,
+            }
+            for i, name in enumerate(robot.joint_names)
+        },
+        "source": robot.source,
+        "licence": robot.licence,
+        "derived": list(robot.derived),
+    }
 
 
 def report(facts: Mapping[str, Any]) -> str:
@@ -25,15 +83,108 @@ def report(facts: Mapping[str, Any]) -> str:
         )
     lines.append(f"  torso {facts['torso']}, IMU {facts['imu']}, hands {facts['hands'] or 'none'}")
     lines.append(
-        f"  {'joint':<28}{'range deg':>16}{'rad/s':>8}{'Nm':>8}{'half-sitting deg':>18}{'kp':>9}{'kd':>8}"
+        f"  {'joint':<28}{'range deg':>16}{'rad/s':>8}{'Nm':>8}{'half-sitting deg':>18}{'kg m²':>9}{'kp':>9}{'kd':>8}"
+        "  gains"
     )
     for name, joint in facts["joints"].items():
         low, high = np.degrees(joint["position"])
         lines.append(
             f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>8.2f}{joint['torque']:>8.1f}"
-            f"{np.degrees(joint['half_sitting']):>18.2f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
+            f"{np.degrees(joint['half_sitting']):>18.2f}{joint['armature']:>9.4f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
+            f"  {joint['gains']}"
         )
     if facts["derived"]:
         lines.append("  derived from the model:")
         lines += [f"    {line}" for line in facts["derived"]]
     return "\n".join(lines)
+
+
+def doubts(robot: Any) -> tuple[str, ...]:
+    """Return what of a description is doubtful, one line each."""
+    found = _drives(robot) + _legs(robot)
+    tight = [f"{name} {share:.0%}" for name, share in standing_torques(robot).items() if share > NEAR_LIMIT]
+    if tight:
+        found.append(
+            f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of: {', '.join(tight)}"
+        )
+    found += [f"guessed: {line}" for line in robot.derived if "torque limits not given" in line]
+    wide = [name for name in robot.joint_names if _range(robot, name) > 2.0 * np.pi - 1e-3]
+    if wide:
+        found.append(f"no position limits (±π taken): {_listed(wide)}")
+    return tuple(found)
+
+
+def standing_torques(robot: Any) -> dict[str, float]:
+    """Return joint → share of its torque limit that half-sitting takes, the weight on both soles."""
+    model = robot.robot()
+    gravity = pin.computeGeneralizedGravity(model.model, model.data, model.q)
+    jacobian = np.concatenate(
+        [
+            pin.computeFrameJacobian(model.model, model.data, model.q, model.frame_id(sole.frame), pin.LOCAL)
+            for sole in model.soles
+        ]
+    )
+    wrench = np.linalg.lstsq(jacobian[:, :6].T, gravity[:6], rcond=None)[0]
+    torque = gravity[6:] - jacobian[:, 6:].T @ wrench
+    shares = np.abs(torque) / model.torque_limit
+    return dict(zip(robot.joint_names, shares.tolist(), strict=True))
+
+
+def _drives(robot: Any) -> list[str]:
+    found, model = [], robot.robot()
+    tipping = model.mass * GRAVITY * float(model.com[2])
+    soft = {
+        name: robot.servo_gains[name].kp
+        for leg in robot.legs
+        for name in leg[-2:]
+        if robot.servo_gains[name].source == "given" and robot.servo_gains[name].kp < SOFT * tipping
+    }
+    if soft:
+        name, kp = min(soft.items(), key=lambda item: item[1])
+        found.append(
+            f"given servo gains are soft: kp of '{name}' is {kp:.0f} Nm/rad, {kp / tipping:.2f} m g h; position "
+            f"control needs {SOFT:g} m g h, {SOFT * tipping:.0f} Nm/rad"
+        )
+    undamped = [name for name, (kp, kd) in robot.gains.items() if kp > 0.0 and kd == 0.0]
+    if undamped:
+        found.append(f"given servo gains without damping: {_listed(undamped)}")
+    bare = [name for name in robot.joint_names if robot.armature[name] == 0.0]
+    if bare:
+        found.append(f"no rotor inertia (armature); real drives have some: {_listed(bare)}")
+    rubbing = {**robot.damping, **robot.frictionloss}
+    if rubbing:
+        found.append(
+            f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
+            f"{max(robot.frictionloss.values(), default=0.0):g} Nm of {len(rubbing)} joints are in no model here"
+        )
+    return found
+
+
+def _legs(robot: Any) -> list[str]:
+    found = []
+    for side, leg in zip(("left", "right"), robot.legs, strict=True):
+        if len(leg) < FULL_LEG:
+            found.append(
+                f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
+            )
+    left, right = robot.soles
+    if max(abs(left.length - right.length), abs(left.width - right.width)) > 5e-3:
+        sizes = [f"{1e3 * sole.length:.0f} x {1e3 * sole.width:.0f} mm" for sole in robot.soles]
+        found.append(f"the soles differ: {sizes[0]} and {sizes[1]}")
+    model = robot.pinocchio_model()
+    data = model.createData()
+    pin.centerOfMass(model, data, pin.neutral(model))
+    names = list(model.names)
+    masses = [float(data.mass[names.index(leg[0])]) for leg in robot.legs]
+    if abs(masses[0] - masses[1]) > UNLIKE * max(masses):
+        found.append(f"the legs differ in mass: {masses[0]:.2f} and {masses[1]:.2f} kg")
+    return found
+
+
+def _range(robot: Any, name: str) -> float:
+    low, high = (limits[robot.joint_names.index(name)] for limits in robot.position_limits)
+    return float(high - low)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")

@@ -19,7 +19,7 @@ INSIDE = 0.05
 KNEE_BEND = math.radians(40.0)
 """Knee bend of a derived half-sitting, rad; others: Talos 49°, HRP-2 40°."""
 
-BENT = (math.radians(15.0), math.radians(70.0))
+BENT = (math.radians(25.0), math.radians(70.0))
 """Range of the knee bend of a posture that a file offers as half-sitting, rad."""
 
 FULL_LEG = 6

@@ -7,7 +7,7 @@ of it when both legs stand. The gains give this inertia a natural frequency and 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +22,24 @@ ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 Talos declares 0.1 kg m² for every joint (rotor 1e-5 kg m², reduction 100, in its SRDF) at 90.27 kg and 0.877 m.
 Inertias of similar robots scale with m h²: 0.036 kg m² for a robot of 39 kg and 0.80 m.
 """
+
+
+SOFT = 0.4
+"""Stiffness of an ankle's servo, multiple of m g h per radian, below which walks in position control fell."""
+
+
+class ServoGains(NamedTuple):
+    """Gains of the servo of one joint.
+
+    Attributes:
+        kp: Stiffness, Nm/rad.
+        kd: Damping, Nms/rad.
+        source: "given" with the robot or by the user, or "derived" by the servo rule.
+    """
+
+    kp: float
+    kd: float
+    source: Literal["given", "derived"]
 
 
 @settings

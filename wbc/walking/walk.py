@@ -170,6 +170,9 @@ class Walk:
             self._swing_gait = gait.for_stairs()
             if preview.target.inward > s.climbing_inward:
                 preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
+        room = 0.5 * min(left.width, right.width) - preview.margin
+        if s.preview.target == WalkSettings().preview.target and preview.target.inward > room > 0.0:
+            preview = replace(preview, target=replace(preview.target, inward=room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega = self._preview.omega
         self._adjuster: StepAdjuster | None = None
