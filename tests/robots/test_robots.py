@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from mujoco_dynamics import acceleration_to_mujoco, force_from_mujoco, mass_matrix_from_mujoco
+from mujoco_dynamics import assert_same_dynamics
 
 from wbc.core import conventions
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry
 from wbc.robots.derivation.servo import ServoRule
@@ -34,44 +34,52 @@ def mujoco_model(description: RobotDescription) -> mujoco.MjModel:
 
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_pinocchio_and_mujoco_agree(name: str) -> None:
-    """Mass, centre of mass, M(q), gravity and bias over random states."""
+    """Mass matrix, bias forces and places of all bodies over random states."""
     description = load(name)
-    ours = description.pinocchio_model()
-    data = ours.createData()
     theirs = mujoco_model(description)
-    state = mujoco.MjData(theirs)
-    ids = [theirs.joint(joint).id for joint in description.joint_names]
-    qpos_index, dof = theirs.jnt_qposadr[ids], theirs.jnt_dofadr[ids]
-    assert theirs.nv == ours.nv
-    assert theirs.body_mass.sum() == pytest.approx(pin.computeTotalMass(ours), abs=1e-9)
+    assert_same_dynamics(description, theirs)
+    assert theirs.body_mass.sum() == pytest.approx(description.robot().mass, abs=1e-9)
 
-    rng = np.random.default_rng(1)
-    low, high = description.position_limits
-    for _ in range(20):
-        quaternion = rng.normal(size=4)
-        q = np.concatenate(
-            [rng.normal(size=3), quaternion / np.linalg.norm(quaternion), rng.uniform(low, high)]
-        )
-        v = rng.normal(size=ours.nv)
 
-        def bias(velocity: np.ndarray, q: np.ndarray = q) -> np.ndarray:
-            """M(q) v̇ + h at v̇ = 0 from MuJoCo, whose acceleration is then R (ω × v)."""
-            state.qpos[:] = conventions.configuration_to_mujoco(q, qpos_index)
-            state.qvel[:] = conventions.velocity_to_mujoco(q, velocity, dof)
-            mujoco.mj_forward(theirs, state)
-            drift = acceleration_to_mujoco(q, velocity, np.zeros(ours.nv), dof)
-            product = np.zeros(ours.nv)
-            mujoco.mj_mulM(theirs, state, product, drift)
-            return force_from_mujoco(q, state.qfrc_bias + product, dof)
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_pinocchio_model_makes_the_same_robot(name: str) -> None:
+    """Read back from the model alone: dynamics, limits, rotor inertias, posture."""
+    known = load(name)
+    model = known.pinocchio_model()
+    soles = dict(zip(("left_sole", "right_sole"), known.soles, strict=True))
+    options = {"half_sitting": dict(known.half_sitting), "imu": known.imu.frame, "torso": known.torso}
+    made = RobotDescription.from_pinocchio(model, **soles, **options)
+    assert made.name == name and set(made.joint_names) == set(known.joint_names)
+    assert dict(made.armature) == pytest.approx(dict(known.armature))
+    assert_same_dynamics(made, mujoco_model(known))
+    one, other = made.summary()["joints"], known.summary()["joints"]
+    for joint in known.joint_names:
+        assert one[joint]["position"] == pytest.approx(other[joint]["position"])
+        assert one[joint]["torque"] == pytest.approx(other[joint]["torque"])
+        assert one[joint]["kp"] == pytest.approx(other[joint]["kp"])
 
-        np.testing.assert_allclose(bias(v), pin.nonLinearEffects(ours, data, q, v), atol=1e-6)
-        gravity = pin.computeGeneralizedGravity(ours, data, q)
-        np.testing.assert_allclose(bias(np.zeros(ours.nv)), gravity, atol=1e-6)
-        full = np.zeros((theirs.nv, theirs.nv))
-        mujoco.mj_fullM(theirs, state, full)
-        expected = pin.crba(ours, data, q)
-        np.testing.assert_allclose(mass_matrix_from_mujoco(q, full, dof), expected, atol=1e-6)
-        np.testing.assert_allclose(state.subtree_com[0], pin.centerOfMass(ours, data, q), atol=1e-9)
+
+def test_pinocchio_models_that_are_refused() -> None:
+    fixed = pin.buildModelFromXML(without_geometry(load("g1").urdf))
+    soles = dict(zip(("left_sole", "right_sole"), load("g1").soles, strict=True))
+    with pytest.raises(ModelError, match="has no free-flyer as its first joint"):
+        RobotDescription.from_pinocchio(fixed, **soles)
+    ball = load("g1").pinocchio_model()
+    ball.addJoint(1, pin.JointModelSpherical(), pin.SE3.Identity(), "shoulder")
+    with pytest.raises(ModelError, match="joint 'shoulder' is a JointModelSpherical of 3 degrees of freedom"):
+        RobotDescription.from_pinocchio(ball, **soles)
+    with pytest.raises(ModelError, match="a pinocchio.Model is needed, got str"):
+        RobotDescription.from_pinocchio("g1.urdf", **soles)  # type: ignore[arg-type]
+
+
+def test_servo_gains_say_whether_they_were_given() -> None:
+    g1 = load("g1")
+    assert {each.source for each in g1.servo_gains.values()} == {"derived"}
+    soft = dataclasses.replace(g1, gains={"left_ankle_pitch_joint": (40.0, 1.0)})
+    assert soft.servo_gains["left_ankle_pitch_joint"] == (40.0, 1.0, "given")
+    assert soft.servo_gains["left_knee_joint"] == g1.servo_gains["left_knee_joint"]
+    assert any("kp of 'left_ankle_pitch_joint' is 40 Nm/rad" in line for line in soft.doubts())
+    assert not g1.doubts()
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

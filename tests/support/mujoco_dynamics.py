@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
+import pinocchio as pin
 
+from wbc.core import conventions
 from wbc.core.conventions import Index, rotation_of, velocity_from_mujoco, velocity_to_mujoco
 from wbc.core.errors import Array
+from wbc.robots import RobotDescription
 
 
 def acceleration_to_mujoco(
@@ -87,3 +91,46 @@ def mass_matrix_from_mujoco(q: Array, mass_matrix: Array, joint_dof: Index | Non
     matrix[:3] = rotation.T @ matrix[:3]
     matrix[:, :3] = matrix[:, :3] @ rotation
     return matrix
+
+
+def assert_same_dynamics(description: RobotDescription, theirs: mujoco.MjModel, states: int = 100) -> None:
+    """Compare mass matrix, bias forces and body placements with MuJoCo's own model at random states."""
+    ours = description.pinocchio_model()
+    data, state = ours.createData(), mujoco.MjData(theirs)
+    ids = [theirs.joint(joint).id for joint in description.joint_names]
+    qpos_index, dof = theirs.jnt_qposadr[ids], theirs.jnt_dofadr[ids]
+    bodies = [theirs.body(b).name for b in range(1, theirs.nbody)]
+    bodies = [name for name in bodies if ours.existFrame(name, pin.FrameType.BODY)]
+    assert bodies
+    base = int(theirs.jnt_dofadr[theirs.jnt_type == mujoco.mjtJoint.mjJNT_FREE][-1])
+    assert base in (0, 6)
+    rng = np.random.default_rng(1)
+    low, high = description.position_limits
+    for _ in range(states):
+        quaternion = rng.normal(size=4)
+        q = np.concatenate(
+            [rng.normal(size=3), quaternion / np.linalg.norm(quaternion), rng.uniform(low, high)]
+        )
+        v = rng.normal(size=ours.nv)
+        qpos = conventions.configuration_to_mujoco(q, qpos_index, np.zeros(theirs.nq))
+        qvel = conventions.velocity_to_mujoco(q, v, dof, np.zeros(theirs.nv))
+        drift = acceleration_to_mujoco(q, v, np.zeros(ours.nv), dof, np.zeros(theirs.nv))
+        if base:  # another free body comes first
+            qpos[7:14], qpos[:7] = qpos[:7].copy(), theirs.qpos0[:7]
+            for vector in (qvel, drift):
+                vector[6:12], vector[:6] = vector[:6].copy(), 0.0
+        state.qpos[:], state.qvel[:] = qpos, qvel
+        mujoco.mj_forward(theirs, state)
+        product, full = np.zeros(theirs.nv), np.zeros((theirs.nv, theirs.nv))
+        mujoco.mj_mulM(theirs, state, product, drift)
+        mujoco.mj_fullM(theirs, state, full)
+        places = [*range(base, base + 6), *dof]
+        matrix = mass_matrix_from_mujoco(q, full[np.ix_(places, places)])
+        bias = force_from_mujoco(q, (state.qfrc_bias + product)[places])
+        np.testing.assert_allclose(matrix, pin.crba(ours, data, q), atol=1e-6)
+        np.testing.assert_allclose(bias, pin.nonLinearEffects(ours, data, q, v), atol=1e-6)
+        pin.framesForwardKinematics(ours, data, q)
+        for name in bodies:
+            placement = data.oMf[ours.getFrameId(name, pin.FrameType.BODY)]
+            np.testing.assert_allclose(placement.translation, state.body(name).xpos, atol=1e-6)
+            np.testing.assert_allclose(placement.rotation, state.body(name).xmat.reshape(3, 3), atol=1e-6)
