@@ -29,10 +29,12 @@ class PhysicsSettings:
 
     Attributes:
         timestep: Physics step, s. 1 ms is the reference, 2 ms the fast mode.
-        iterations: Largest number of solver iterations in a step; 1.2–1.5 are used on average.
+        iterations: Largest number of solver iterations in a step; 1 is enough at rest, 2 to 3 are used while walking.
         impratio: Friction impedance over normal impedance; 10 stops the creep of a loaded sole (4 µm/s against
             104 µm/s under 60 N of shear).
         gravity: Along −z, m/s²; 0 floats.
+        few_contacts: Whether a flat rigid sole on a level floor touches it with eight of its spheres instead of all:
+            support and friction are the same, and a step is nearly twice as quick.
 
     Source: measured on soft feet over 60 grounds and stiffnesses with mujoco 4.0 and again 3.17.
     """
@@ -41,6 +43,7 @@ class PhysicsSettings:
     iterations: Annotated[int, Field(ge=1, le=10_000)] = 20
     impratio: Annotated[Positive, Field(le=1e4)] = 10.0
     gravity: Annotated[float, Field(ge=0.0, le=1000.0), "m/s²"] = GRAVITY
+    few_contacts: bool = True
 
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Write the settings into a model under construction."""

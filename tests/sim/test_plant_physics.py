@@ -9,6 +9,7 @@ import pytest
 from wbc.core.errors import Array
 from wbc.core.signals import Command
 from wbc.feet import ContactSpheres, FlatFoot
+from wbc.feet.soles.common_mjcf import CONTACT_GROUP
 from wbc.robots import load
 from wbc.sim import PhysicsSettings, Plant, real_time_factor
 from wbc.sim.terrain import terrain, terrain_families
@@ -103,6 +104,44 @@ def test_stands_on_its_servos(name: str) -> None:
     assert pin.Quaternion(truth.q[3:7]).toRotationMatrix()[2, 2] > 0.999
     assert np.ptp(zmp, axis=0).max() < 1e-4
     assert np.abs(truth.v).max() < 1e-2
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("foot", ["flat", "rigid"])
+def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: str) -> None:
+    """Eight or nine spheres a sole: the same corners, levers of friction within 12 %, and the same rest under load."""
+    few, all_of_them = (
+        Plant(load(name), foot=foot, physics=PhysicsSettings(few_contacts=value)) for value in (True, False)
+    )
+    sole = few.feet[0].fit.sole
+    for plant in (few, all_of_them):
+        command = plant.hold()
+        for _ in range(300):
+            plant.step(command)
+    places = []
+    for plant in (few, all_of_them):
+        truth = plant.truth()
+        mine = truth.contact_sole == 0
+        place, rotation = plant.data.site_xpos[plant.sole_sites[0]], plant.data.site_xmat[plant.sole_sites[0]]
+        places.append(((truth.contact_position[mine] - place) @ rotation.reshape(3, 3))[:, :2])
+    assert len(places[0]) <= 9 and len(places[1]) > 20
+    for points in places:
+        np.testing.assert_allclose(np.ptp(points, axis=0), [sole.length, sole.width], atol=1e-4)
+    levers = [np.linalg.norm(points - points.mean(axis=0), axis=1).mean() for points in places]
+    assert levers[0] == pytest.approx(levers[1], rel=0.12)
+    wrenches = [plant.measure().sole_wrench for plant in (few, all_of_them)]
+    weight = few.robot.mass * few.physics.gravity
+    np.testing.assert_allclose(wrenches[0], wrenches[1], atol=2e-3 * weight)
+    np.testing.assert_allclose(few.truth().com, all_of_them.truth().com, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("ground", "foot"), [("stones", "flat"), ("steps", "rigid"), ("random", "flat"), ("flat", "soft")]
+)
+def test_soles_on_grounds_with_edges_and_soft_ones_keep_all_their_spheres(ground: str, foot: str) -> None:
+    model = Plant(load("hrp4_class"), foot=foot, terrain=ground).model
+    spheres = (model.geom_contype == 0) & (model.geom_group == CONTACT_GROUP)
+    assert spheres.sum() > 60 and model.geom_conaffinity[spheres].all()
 
 
 @pytest.mark.slow
