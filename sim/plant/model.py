@@ -286,10 +286,8 @@ def _thin_flat_soles(model: mujoco.MjModel) -> None:
             continue
         outside = np.linalg.norm(places[:, None, :2] - corners, axis=2).min(axis=1) > 0.0
         distance = np.linalg.norm(places[:, :2] - corners.mean(axis=0), axis=1)
-        central = (
-            np.sort(distance)[min(len(corners), len(mine)) - 1] + 1e-9
-        )  # with all that are as far as the last
-        model.geom_conaffinity[mine[outside & (distance > central)]] = 0
+        furthest = np.sort(distance)[min(len(corners), len(mine)) - 1] + 1e-9  # all of that distance are kept
+        model.geom_conaffinity[mine[outside & (distance > furthest)]] = 0
 
 
 def _max_pairs(model: mujoco.MjModel) -> int:
