@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, finite_array
+from wbc.core.errors import Array, finite_array, scalar
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
 from wbc.tasks.options import MotionOptions
@@ -65,7 +65,8 @@ class CoMTask(AxesTask):
         """
         super().bind(robot)
         self._base_rotation = robot.data.oMi[1].rotation
-        self._gravity = np.array(robot.model.gravity.linear)
+        self._gravity, self._mass = np.array(robot.model.gravity.linear), scalar(robot.mass)
+        self._base_force = robot.bias[:3]
         if self._target is None:
             self._target = np.array(robot.com)
 
@@ -78,7 +79,7 @@ class CoMTask(AxesTask):
         robot = self.robot
         assert self._target is not None
         difference = self._target - robot.com
-        acceleration = self._base_rotation.dot(robot.bias[:3])
-        acceleration /= robot.mass
+        acceleration = self._base_rotation.dot(self._base_force)
+        acceleration /= self._mass
         acceleration += self._gravity
         self._write((jacobian, error, drift), (robot.com_jacobian, difference, acceleration))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.app.bench.streams import ProblemStream
-from wbc.core.errors import UnknownNameError
+from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status, solver_names
 from wbc.robots import load
@@ -85,3 +85,8 @@ def test_an_unknown_solver_names_those_installed_and_the_way_to_others() -> None
         UnknownNameError, match=r"no solver 'osqp2'; choices: auto, proxqp, daqp.*pip install"
     ):
         SolverSettings(solver="osqp2")
+
+
+def test_a_solver_of_sparse_problems_is_refused_before_the_first_tick() -> None:
+    with pytest.raises(InputError, match=r"'osqp' needs sparse matrices.*choices: auto, proxqp, daqp"):
+        SolverSettings(solver="osqp")

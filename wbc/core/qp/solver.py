@@ -19,11 +19,12 @@ import proxsuite
 import qpsolvers
 from pydantic import Field
 
-from wbc.core.errors import Array, UnknownNameError
+from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
 from wbc.core.settings import Count, Positive, settings
+from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 
@@ -50,7 +51,7 @@ class Status(enum.Enum):
     @property
     def ok(self) -> bool:
         """True if there is a solution."""
-        return self in (Status.SOLVED, Status.RECOVERED, Status.FALLBACK, Status.RELAXED)
+        return self is not Status.INFEASIBLE and self is not Status.REFUSED
 
 
 @settings
@@ -82,6 +83,11 @@ class SolverSettings:
     relaxation: Positive | None = None
 
     def __post_init__(self) -> None:
+        if self.solver in SPARSE:
+            raise InputError(
+                f"solver '{self.solver}' needs sparse matrices, and those of a tick are dense; "
+                f"choices: {', '.join(solver_names())}"
+            )
         if self.solver not in solver_names():
             raise UnknownNameError(
                 f"no solver '{self.solver}'; choices: {', '.join(solver_names())}; further ones after "
@@ -91,10 +97,13 @@ class SolverSettings:
 
 NOT_INSTALLED = tuple(
     name
-    for name in ("clarabel", "osqp", "piqp", "quadprog", "scs")
+    for name in ("cvxopt", "piqp", "qpoases", "quadprog")
     if name not in qpsolvers.available_solvers
 )
 """Well-known dense solvers that qpsolvers could use."""
+
+SPARSE = ("clarabel", "copt", "gurobi", "highs", "mosek", "osqp", "qpalm", "scs")
+"""Solvers that qpsolvers gives sparse matrices alone."""
 
 
 def solver_names() -> tuple[str, ...]:
@@ -288,13 +297,16 @@ class QpSolver:
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
         """
-        values = np.dot(self.problem.rows, x)
+        values = self.problem.rows.dot(x)
         room = self._room(values, self.problem.n_eq if n_eq is None else n_eq)
         if room is None:
             return False
-        above, below = room
-        if not (np.abs(z) * np.minimum(np.where(z > 0.0, above, below), 1e3)).max() <= COMPLEMENTARITY:
-            return False
+        active = z.nonzero()[0]
+        if active.size:
+            (above, below), force = room, z[active]
+            distance = np.minimum(np.where(force > 0.0, above[active], below[active]), 1e3)
+            if not largest(np.abs(force) * distance) <= COMPLEMENTARITY:
+                return False
         self.x[:], self.values[:], self.multipliers[:] = x, values, z
         return True
 
@@ -308,7 +320,11 @@ class QpSolver:
         p, tolerance = self.problem, self.settings.residual_tolerance
         error, bounded = values[:n_eq] - p.target[:n_eq], values[p.n_eq + p.n_soft :]
         above, below = p.upper - bounded, bounded - p.lower
-        feasible = np.abs(error).max(initial=0.0) <= tolerance and min(above.min(), below.min()) >= -tolerance
+        feasible = (
+            np.abs(error).max(initial=0.0) <= tolerance
+            and above[above.argmin()] >= -tolerance
+            and below[below.argmin()] >= -tolerance
+        )
         return (above, below) if feasible else None
 
     def _fresh(self) -> proxsuite.proxqp.dense.QP:
