@@ -96,9 +96,7 @@ class SolverSettings:
 
 
 NOT_INSTALLED = tuple(
-    name
-    for name in ("cvxopt", "piqp", "qpoases", "quadprog")
-    if name not in qpsolvers.available_solvers
+    name for name in ("cvxopt", "piqp", "qpoases", "quadprog") if name not in qpsolvers.available_solvers
 )
 """Well-known dense solvers that qpsolvers could use."""
 
