@@ -80,6 +80,8 @@ def test_every_exported_name_stands_in_the_pages_of_the_api() -> None:
     conf = (HERE.parents[1] / "docs" / "conf.py").read_text(encoding="utf-8")
     packages = set(re.findall(r'^    "(\w+)": "\w+",$', conf, re.MULTILINE))
     assert {"core", "tasks", "sim"} <= packages
+    index = (HERE.parents[1] / "docs" / "index.md").read_text(encoding="utf-8")
+    assert not [package for package in packages if f"\napi/{package}\n" not in index]
     for package, name, value in exported():
         if inspect.isclass(value) or inspect.isfunction(value):
             top, *parts = value.__module__.split(".")
