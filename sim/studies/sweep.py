@@ -378,7 +378,7 @@ def cluster_executor(
 @contextlib.contextmanager
 def _dask(address: str, workers: int | None) -> Iterator[Executor]:
     try:
-        from distributed import Client, LocalCluster  # type: ignore[import-not-found] # noqa: PLC0415 - an extra
+        from distributed import Client, LocalCluster  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise InputError(
             "a distributed sweep needs Dask: install the extra 'cluster', wbc[cluster]"
