@@ -20,11 +20,13 @@ class TaskOptions(TypedDict, total=False):
             contact when None.
         weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
         hard: Make the rows a constraint instead of a cost; False by default.
+        level: Priority, 1, the default, is the highest: no task of a greater level takes anything from it.
     """
 
     name: str | None
     weight: ArrayLike
     hard: bool
+    level: int
 
 
 class GainOptions(TaskOptions, total=False):

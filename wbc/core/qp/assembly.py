@@ -12,7 +12,7 @@ Torques are eliminated: τ = M_j a + h_j − J_jᵀ f, so that their limits are 
 The layout is fixed between ticks: a contact that is switched changes values, not sizes, so nothing is allocated.
 
     equalities    floating base | hard tasks that are no motion | contacts | hard motion tasks
-    soft rows     motion tasks | tasks on all variables
+    soft rows     motion tasks | tasks on all variables, level by level
     inequalities  torques | joint limits | cone and normal force of each contact | other limits
 
 From the contacts to the last soft row, and on to the selections, which are no rows, all share their arithmetic: one
@@ -64,6 +64,7 @@ class Assembly:
     Attributes:
         problem: The QP.
         layout: Names and places of everything in a solution.
+        level_dims: Number of soft rows of each level of priority, the highest first.
         torque_rows: Rows of the problem that are the joint torques, less the bias.
         joint_bias: The joints' part of the bias forces, shape (na,), Nm; follows every update of the robot.
         listening: Tasks that read the sensors.
@@ -91,6 +92,12 @@ class Assembly:
         hard_first = [t for t in (*selection, *variable) if t.hard]
         hard_motion = [t for t in motion if t.hard]
         soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
+        # Selections are entries of the diagonal in the last level, and rows in those above.
+        levels = sorted({t.level for t in tasks if not t.hard}) or [1]
+        above = [t for t in selection if not t.hard and t.level < levels[-1]]
+        selection = [t for t in selection if t not in above]
+        soft = sorted([*soft, *above], key=lambda task: task.level)
+        self.level_dims = tuple(sum(t.dim for t in soft if t.level == level) for level in levels)
 
         nv, na = robot.nv, robot.na
         n_force = sum(c.dim for c in contacts)
@@ -121,6 +128,7 @@ class Assembly:
         self._variable: list[tuple[VariableTask, Array, Array]] = []
         self._selection: list[tuple[SelectionTask, Rows, Array, Array, Array | None]] = []
         self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
+        self._selected_rows: list[tuple[SelectionTask, Array]] = []
 
         self._place_hard_first(hard_first)
         if n_joint:
@@ -213,7 +221,7 @@ class Assembly:
         return at, cone_at
 
     def _place_tasks(self, tasks: Sequence[Task], at: int) -> None:
-        """Place hard motion tasks and all soft tasks but selections, from a row on."""
+        """Place hard motion tasks and all soft tasks but selections of the last level, from a row on."""
         p, nv = self.problem, self._robot.nv
         for task in tasks:
             rows = self._places[task.name] = slice(at, at + task.dim)
@@ -223,6 +231,9 @@ class Assembly:
                 self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
             elif isinstance(task, VariableTask):
                 self._variable.append((task, p.rows[rows], p.target[rows]))
+            elif isinstance(task, SelectionTask):
+                p.rows[rows, np.arange(nv)[task.columns]] = np.eye(task.dim)
+                self._selected_rows.append((task, view.error))
             if task.hard:
                 p.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
@@ -283,6 +294,8 @@ class Assembly:
         for motion, jacobian, error, drift in self._motion:
             if not motion.idle:
                 motion.evaluate(jacobian, error, drift)
+        for selection, error in self._selected_rows:
+            selection.evaluate(error)
         self._block_matrix.dot(v, out=self._block_velocity)
         for selection, rows, velocity, _, _ in self._selection:
             selection.evaluate(rows.error)

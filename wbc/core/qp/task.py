@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, shown
+from wbc.core.errors import Array, InputError, finite_array, shown, whole_number
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -74,6 +74,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         stiffness: ArrayLike = 0.0,
         damping: ArrayLike | None = None,
         hard: bool = False,
+        level: int = 1,
     ) -> None:
         """Set gains; they can be changed at any time.
 
@@ -84,9 +85,10 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
             damping: Acceleration per velocity error, 1/s; critical, 2·√stiffness, when None.
             hard: Make the rows a constraint.
+            level: Priority, 1 is the highest; a hard task is above all levels.
 
         Raises:
-            InputError: A gain that is negative, not finite or of the wrong shape.
+            InputError: A gain that is negative, not finite or of the wrong shape, a level below 1 or of a hard task.
         """
         if dim < 1:
             raise InputError(f"task '{name}' must have at least one row, got {dim}")
@@ -96,6 +98,9 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             raise InputError(f"hard of task '{name}' must be true or false, got {shown(hard)}")
         self.name = name
         self.hard = bool(hard)
+        self._level = whole_number(f"level of task '{name}'", level, low=1)
+        if self.hard and level != 1:
+            raise InputError(f"task '{name}' is hard, above all levels, so that its level must be 1, got {level}")
         self._dim = int(dim)
         self._rows = Rows.zeros(dim)
         self._critical = True
@@ -109,6 +114,11 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     def dim(self) -> int:
         """Number of rows."""
         return self._dim
+
+    @property
+    def level(self) -> int:
+        """Priority: 1 is the highest, and no task of a greater number takes anything from it; equals share by weight."""
+        return self._level
 
     @property
     def robot(self) -> Robot:

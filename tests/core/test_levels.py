@@ -1,0 +1,191 @@
+"""Strict priorities: cascades against hand calculation, DAQP's hierarchy, and weighted problems."""
+
+from __future__ import annotations
+
+import time
+
+import daqp
+import numpy as np
+import pytest
+
+from wbc import CoMTask, Controller, JointLimits, PositionTask, PostureTask, SoleContact, TorqueLimits, load_robot
+from wbc.core.errors import InputError
+from wbc.core.qp.levels import LevelSolver
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.solver import QpSolver, SolverSettings
+
+
+def problem(n: int, n_eq: int, n_soft: int, n_in: int) -> Problem:
+    """Return a QP with a bound that never acts, as every controller's has some."""
+    made = Problem(n, 0, n, n_eq, n_soft, n_in)
+    made.diagonal[:] = 1e-7
+    made.soft_weight[:] = 1.0
+    return made
+
+
+def random_problem(rng: np.random.Generator, n: int, n_eq: int, dims: tuple[int, ...], n_in: int) -> Problem:
+    p = problem(n, n_eq, sum(dims), n_in)
+    p.rows[:] = rng.normal(size=p.rows.shape)
+    p.soft[:] /= np.linalg.norm(p.soft, axis=1)[:, None]  # as DAQP's hierarchy does, which costs the scaled slack
+    p.target[:] = rng.normal(size=p.target.shape)
+    inside = np.linalg.lstsq(p.equality, p.equality_target, rcond=None)[0]
+    room = rng.uniform(0.1, 2.0, size=(2, n_in))
+    p.lower[:], p.upper[:] = p.inequality @ inside - room[0], p.inequality @ inside + room[1]
+    return p
+
+
+def costs(p: Problem, dims: tuple[int, ...], x: np.ndarray) -> list[float]:
+    """Distance of each level from its targets."""
+    residual = p.soft @ x - p.target[p.n_eq :]
+    return [float(np.linalg.norm(part)) for part in np.split(residual, np.cumsum(dims)[:-1])]
+
+
+def test_a_conflict_solved_by_hand() -> None:
+    """x = 1 before x + y = 3 before (x, y) = (5, 5): (1, 2), though the last level wants something else."""
+    p = problem(3, 1, 4, 1)
+    p.equality[0, 2] = 1.0
+    p.soft[:, :2] = [(1, 0), (1, 1), (1, 0), (0, 1)]
+    p.target[1:] = 1, 3, 5, 5
+    solver = LevelSolver(p, (1, 1, 2))
+    assert solver.solve().ok
+    np.testing.assert_allclose(solver.x, (1.0, 2.0, 0.0), atol=1e-6)
+    np.testing.assert_allclose(solver.values, p.rows @ solver.x, atol=1e-12)
+
+
+def test_bounds_hold_in_every_level() -> None:
+    p = problem(3, 1, 2, 1)
+    p.equality[0, 2] = 1.0
+    p.soft[:, :2] = np.eye(2)
+    p.target[1:] = 2.0, 5.0
+    p.inequality[:], p.upper[:] = (1, 1, 0), 3.0
+    solver = LevelSolver(p, (1, 1))
+    assert solver.solve().ok
+    np.testing.assert_allclose(solver.x, (2.0, 1.0, 0.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_cascade_is_that_of_daqps_hierarchy(seed: int) -> None:
+    dims = (9, 6, 34)
+    rng = np.random.default_rng(seed)
+    p = random_problem(rng, 52, 18, dims, 102)
+    solver = LevelSolver(p, dims)
+    assert solver.solve().ok
+    # Every level as DAQP reaches it: rows in the order of the levels, hard ones first.
+    rows = np.vstack([p.equality, p.inequality, p.soft])
+    target = p.target[p.n_eq :]
+    upper = np.concatenate([p.equality_target, p.upper, target])
+    lower = np.concatenate([p.equality_target, p.lower, target])
+    ends = np.cumsum([0, p.n_eq + p.lower.size, *dims])
+    sense = np.zeros(len(rows), dtype=np.intc)
+    x, _, flag, _ = daqp.solve(
+        1e-7 * np.eye(52), np.zeros(52), rows, upper, lower, sense, break_points=ends.astype(np.intc), rho_soft=1e-8
+    )
+    assert flag in (1, 2)
+    np.testing.assert_allclose(costs(p, dims, solver.x), costs(p, dims, x), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_level_notices_those_below_it(seed: int) -> None:
+    dims = (9, 6, 20)
+    p = random_problem(np.random.default_rng(seed), 40, 10, dims, 60)
+    whole = LevelSolver(p, dims)
+    assert whole.solve().ok
+    for kept in (1, 2):
+        part = random_problem(np.random.default_rng(seed), 40, 10, dims, 60)
+        part.soft_weight[sum(dims[:kept]) :] = 0.0
+        alone = LevelSolver(part, dims)
+        assert alone.solve().ok
+        np.testing.assert_allclose(costs(p, dims, whole.x)[:kept], costs(part, dims, alone.x)[:kept], atol=1e-6)
+
+
+def test_levels_without_conflict_are_the_weighted_problem() -> None:
+    rng = np.random.default_rng(5)
+    p = random_problem(rng, 30, 6, (8, 8), 1)
+    levels, weighted = LevelSolver(p, (8, 8)), QpSolver(p)
+    assert levels.solve().ok and weighted.solve().ok
+    assert max(costs(p, (8, 8), weighted.x)) < 1e-5, "there is room for both"
+    np.testing.assert_allclose(levels.x, weighted.x, atol=1e-4)
+
+
+def test_rows_that_imply_each_other_are_no_harm() -> None:
+    """Twice the same wish in level 1, contradicting, and a wish that the constraints fix already."""
+    p = problem(4, 1, 4, 1)
+    p.equality[:], p.target[0] = (1, 0, 0, 0), 1.0
+    p.soft[:] = [(0, 1, 0, 0), (0, 1, 0, 0), (1, 0, 0, 0), (0, 1, 1, 0)]
+    p.target[1:] = 2.0, 4.0, 7.0, 0.0
+    for solver in ("auto", "daqp", "proxqp"):
+        cascade = LevelSolver(p, (3, 1), SolverSettings(solver=solver))
+        assert cascade.solve().ok
+        np.testing.assert_allclose(cascade.x[:3], (1.0, 3.0, -3.0), atol=1e-5)
+
+
+# In a controller
+
+
+def controller(com_level: int, hand_level: int, posture_level: int) -> tuple[Controller, CoMTask, PositionTask]:
+    robot = load_robot("hrp4_class").robot()
+    made = Controller(robot, 0.005)
+    com = made.add(CoMTask(level=com_level))
+    hand = made.add(PositionTask("left_hand", level=hand_level))
+    made.add(PostureTask(level=posture_level))
+    made.add(SoleContact("left_foot"), SoleContact("right_foot"), JointLimits(), TorqueLimits())
+    hand.target = hand.target + [2.0, 0.0, 0.0]  # far out of reach
+    return made, com, hand
+
+
+def test_the_centre_of_mass_yields_nothing_to_a_hand_of_a_lower_level() -> None:
+    def com_error(*levels: int) -> float:
+        made, com, hand = controller(*levels)
+        for task in (com, hand):
+            task.weight = 1.0
+        solution = made.solve()
+        assert solution.status.ok
+        return float(abs(solution.residuals[com.name]).max())
+
+    assert com_error(1, 1, 1) > 1e-2
+    assert com_error(1, 2, 3) < 1e-6
+    assert com_error(1, 2, 2) < 1e-6
+
+
+def test_a_selection_of_a_higher_level_is_kept() -> None:
+    made, _, _ = controller(2, 2, 1)
+    solution = made.solve()
+    assert solution.status.ok
+    assert abs(solution.residuals[made.tasks[2].name]).max() < 1e-5
+
+
+def test_a_task_without_weight_binds_no_lower_level() -> None:
+    made, com, hand = controller(1, 2, 2)
+    com.weight = 0.0
+    solution = made.solve()
+    free = made.solve().residuals[hand.name]
+    com.weight = 1.0
+    bound = made.solve().residuals[hand.name]
+    assert solution.status.ok and abs(free).max() < abs(bound).max()
+
+
+def test_levels_that_contradict_are_refused() -> None:
+    with pytest.raises(InputError, match="level of task 'com' must be an integer of at least 1, got 0"):
+        CoMTask(level=0)
+    with pytest.raises(InputError, match="level of task 'com'.*got 1.5"):
+        CoMTask(level=1.5)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="is hard, above all levels, so that its level must be 1, got 2"):
+        CoMTask(level=2, hard=True)
+
+
+@pytest.mark.slow
+def test_three_levels_take_at_most_three_times_as_long_as_one() -> None:
+    def median(levels: tuple[int, int, int]) -> float:
+        made, _, hand = controller(*levels)
+        hand.target = hand.target - [1.9, 0.0, 0.0]
+        durations: list[float] = []
+        q, v = made.robot.q.copy(), made.robot.v.copy()
+        for _ in range(500):
+            begin = time.process_time()
+            made.update(q, v)
+            assert made.solve().status.ok
+            durations.append(time.process_time() - begin)
+        return float(np.median(durations))
+
+    one, three = median((1, 1, 1)), median((1, 2, 3))
+    assert three < 3.0 * one
