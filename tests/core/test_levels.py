@@ -8,7 +8,16 @@ import daqp
 import numpy as np
 import pytest
 
-from wbc import CoMTask, Controller, JointLimits, PositionTask, PostureTask, SoleContact, TorqueLimits, load_robot
+from wbc import (
+    CoMTask,
+    Controller,
+    JointLimits,
+    PositionTask,
+    PostureTask,
+    SoleContact,
+    TorqueLimits,
+    load_robot,
+)
 from wbc.core.errors import InputError
 from wbc.core.qp.levels import LevelSolver
 from wbc.core.qp.problem import Problem
@@ -26,7 +35,9 @@ def problem(n: int, n_eq: int, n_soft: int, n_in: int) -> Problem:
 def random_problem(rng: np.random.Generator, n: int, n_eq: int, dims: tuple[int, ...], n_in: int) -> Problem:
     p = problem(n, n_eq, sum(dims), n_in)
     p.rows[:] = rng.normal(size=p.rows.shape)
-    p.soft[:] /= np.linalg.norm(p.soft, axis=1)[:, None]  # as DAQP's hierarchy does, which costs the scaled slack
+    p.soft[:] /= np.linalg.norm(p.soft, axis=1)[
+        :, None
+    ]  # as DAQP's hierarchy does, which costs the scaled slack
     p.target[:] = rng.normal(size=p.target.shape)
     inside = np.linalg.lstsq(p.equality, p.equality_target, rcond=None)[0]
     room = rng.uniform(0.1, 2.0, size=(2, n_in))
@@ -41,7 +52,7 @@ def costs(p: Problem, dims: tuple[int, ...], x: np.ndarray) -> list[float]:
 
 
 def test_a_conflict_solved_by_hand() -> None:
-    """x = 1 before x + y = 3 before (x, y) = (5, 5): (1, 2), though the last level wants something else."""
+    """X = 1 before x + y = 3 before (x, y) = (5, 5): (1, 2), though the last level wants something else."""
     p = problem(3, 1, 4, 1)
     p.equality[0, 2] = 1.0
     p.soft[:, :2] = [(1, 0), (1, 1), (1, 0), (0, 1)]
@@ -78,7 +89,14 @@ def test_the_cascade_is_that_of_daqps_hierarchy(seed: int) -> None:
     ends = np.cumsum([0, p.n_eq + p.lower.size, *dims])
     sense = np.zeros(len(rows), dtype=np.intc)
     x, _, flag, _ = daqp.solve(
-        1e-7 * np.eye(52), np.zeros(52), rows, upper, lower, sense, break_points=ends.astype(np.intc), rho_soft=1e-8
+        1e-7 * np.eye(52),
+        np.zeros(52),
+        rows,
+        upper,
+        lower,
+        sense,
+        break_points=ends.astype(np.intc),
+        rho_soft=1e-8,
     )
     assert flag in (1, 2)
     np.testing.assert_allclose(costs(p, dims, solver.x), costs(p, dims, x), atol=1e-6)
@@ -95,7 +113,9 @@ def test_no_level_notices_those_below_it(seed: int) -> None:
         part.soft_weight[sum(dims[:kept]) :] = 0.0
         alone = LevelSolver(part, dims)
         assert alone.solve().ok
-        np.testing.assert_allclose(costs(p, dims, whole.x)[:kept], costs(part, dims, alone.x)[:kept], atol=1e-6)
+        np.testing.assert_allclose(
+            costs(p, dims, whole.x)[:kept], costs(part, dims, alone.x)[:kept], atol=1e-6
+        )
 
 
 def test_levels_without_conflict_are_the_weighted_problem() -> None:
@@ -122,7 +142,9 @@ def test_rows_that_imply_each_other_are_no_harm() -> None:
 # In a controller
 
 
-def controller(com_level: int, hand_level: int, posture_level: int) -> tuple[Controller, CoMTask, PositionTask]:
+def controller(
+    com_level: int, hand_level: int, posture_level: int
+) -> tuple[Controller, CoMTask, PositionTask]:
     robot = load_robot("hrp4_class").robot()
     made = Controller(robot, 0.005)
     com = made.add(CoMTask(level=com_level))

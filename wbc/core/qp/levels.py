@@ -4,11 +4,11 @@
     level k   minimise ½ Σ_k weight · (row · x − target)²   with x = x_{k−1} + N u, u subject to the bounds → x_k
 
 The columns of N span the null space of the equalities and of the rows of all levels above, so that nothing of theirs
-can change. u = 0 satisfies the bounds: a level always has a solution. Regularisation, wrench costs and selections on the
-diagonal belong to the last level; in the others they would leak into tasks.
+can change. u = 0 satisfies the bounds: a level always has a solution. Regularisation, wrench costs and selections on
+the diagonal belong to the last level; in the others they would leak into tasks.
 
-Sources: O. Kanoun, F. Lamiraux, P.-B. Wieber, IEEE T-RO 27(4), 2011 (levels with inequalities); M. de Lasa, I. Mordatch,
-A. Hertzmann, ACM TOG 29(4), 2010 (null spaces).
+Sources: O. Kanoun, F. Lamiraux, P.-B. Wieber, IEEE T-RO 27(4), 2011 (levels with inequalities); M. de Lasa,
+I. Mordatch, A. Hertzmann, ACM TOG 29(4), 2010 (null spaces).
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class LevelSolver:
         return self._solver.counts
 
     def solve(self) -> Status:
-        """Solve level after level, and store the results; the status is that of the first level unless a later fails."""
+        """Solve level after level, and store the results; the status is that of the start unless a level fails."""
         p, first, solver = self.problem, self._first, self._solver
         end = first.n_eq + first.n_soft
         first.rows[:end], first.inequality[:] = p.rows[:end], p.inequality
@@ -143,7 +143,13 @@ class LevelSolver:
         return step
 
     def _by_daqp(
-        self, hessian: Array, gradient: Array, values: Array, basis: Array, guess: Array, proximal: Sequence[float]
+        self,
+        hessian: Array,
+        gradient: Array,
+        values: Array,
+        basis: Array,
+        guess: Array,
+        proximal: Sequence[float],
     ) -> Array | None:
         """Return the step that minimises a cost inside the bounds, shape (columns,); None if DAQP gives up."""
         p = self.problem
@@ -173,7 +179,7 @@ def null_space(rows: Array, wanted: Array | None = None) -> tuple[Array | None, 
         wanted: Shape (m,); zero when None.
 
     Returns:
-        The vector, shape (n,), None if nothing is wanted or the rows are dependent; the basis, shape (n, n − rank).
+        The vector, shape (n,), None if the rows are dependent; the basis, shape (n, n − rank).
     """
     count, n = rows.shape
     if not count:
@@ -183,8 +189,8 @@ def null_space(rows: Array, wanted: Array | None = None) -> tuple[Array | None, 
     rank = int((diagonal > INDEPENDENT * diagonal[0]).sum()) if diagonal[0] > 0.0 else 0
     columns = np.zeros((n, n - rank + 1), order="F")
     columns.reshape(-1, order="F")[n + rank :: n + 1] = 1.0
-    solved = wanted is not None and rank == count
-    if solved:
+    solved = rank == count
+    if solved and wanted is not None:
         columns[:rank, 0] = dtrtrs(factor[:rank], wanted[order - 1], trans=1)[0]
     found, _, _ = dormqr("L", "N", factor, tau, columns, 64 * n)
     return (found[:, 0] if solved else None), found[:, 1:]

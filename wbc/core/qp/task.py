@@ -100,7 +100,9 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         self.hard = bool(hard)
         self._level = whole_number(f"level of task '{name}'", level, low=1)
         if self.hard and level != 1:
-            raise InputError(f"task '{name}' is hard, above all levels, so that its level must be 1, got {level}")
+            raise InputError(
+                f"task '{name}' is hard, above all levels, so that its level must be 1, got {level}"
+            )
         self._dim = int(dim)
         self._rows = Rows.zeros(dim)
         self._critical = True
@@ -117,7 +119,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @property
     def level(self) -> int:
-        """Priority: 1 is the highest, and no task of a greater number takes anything from it; equals share by weight."""
+        """Priority: 1 is the highest; tasks of a greater number take nothing from it, equals share by weight."""
         return self._level
 
     @property
