@@ -1,21 +1,23 @@
-"""Robots as data: `load` a built-in one, or describe any other with `RobotDescription.from_urdf`.
+"""Robots as data: `load` one by name or file, or describe any with `RobotDescription.from_mjcf` and `from_urdf`.
 
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
 """
 
-from wbc.robots.derivation.servo import ServoRule
+from wbc.robots.derivation.servo import ServoGains, ServoRule
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import FrameDescription, SoleDescription
-from wbc.robots.registry import load, names, register
+from wbc.robots.registry import load, names, others, register
 
 __all__ = [
     # Robots by name
     "load",
     "names",
+    "others",
     "register",
     # Describe a robot
     "RobotDescription",
     "FrameDescription",
     "SoleDescription",
+    "ServoGains",
     "ServoRule",
 ]

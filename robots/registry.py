@@ -4,21 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 from wbc.core.arguments import checked
+from wbc.core.errors import unknown_name
 from wbc.core.registry import Registry
+from wbc.robots import saved
 from wbc.robots.description import RobotDescription
-from wbc.robots.models import example_robots, hrp4_class
+from wbc.robots.models import example_robots, hrp4_class, other_wheels
 
 _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
     "robot",
     {"hrp4_class": hrp4_class.describe, "talos": example_robots.talos, "g1": example_robots.g1},
 )
 
+_OTHERS: dict[str, tuple[str, Callable[[], RobotDescription]]] = {
+    "jvrc1": (other_wheels.JVRC, other_wheels.jvrc1),
+    "h1": (other_wheels.PLAYGROUND, other_wheels.h1),
+    "t1": (other_wheels.PLAYGROUND, other_wheels.t1),
+    "op3": (other_wheels.PLAYGROUND, other_wheels.op3),
+    "berkeley_humanoid": (other_wheels.PLAYGROUND, other_wheels.berkeley_humanoid),
+}
+"""Robots whose files are in wheels that are no dependencies: name → wheel and factory."""
+
 
 def names() -> tuple[str, ...]:
-    """Return the names that `load` takes, built-in robots first."""
+    """Return the robots that are always there, built-in ones first, and those that were registered."""
     return tuple(_FACTORIES)
+
+
+def others() -> dict[str, str]:
+    """Return the other robots that `load` knows: the user's own, and those of wheels that are no dependencies.
+
+    Returns:
+        Name → "" for one that can be loaded, or the command that installs its wheel.
+    """
+    known = dict.fromkeys(saved.own_robots(), "")
+    for name, (wheel, _) in _OTHERS.items():
+        known.setdefault(name, "" if other_wheels.installed(wheel) else other_wheels.how_to_install(wheel))
+    return {name: how for name, how in known.items() if name not in _FACTORIES}
 
 
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
@@ -39,14 +63,30 @@ def load(name: str) -> RobotDescription:
     """Return the description of a robot, the same object at every call.
 
     Args:
-        name: One of `names()`.
+        name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.
 
     Raises:
         UnknownNameError: No such robot; the nearest names are given.
+        InputError: A file that cannot be used, or a wheel that is not installed.
     """
-    return _load(name)
+    if name in _FACTORIES:
+        return _load(name)
+    own = saved.folder() / f"{name}.toml"
+    if saved.is_path(name):
+        own = Path(name).expanduser()
+    if saved.is_path(name) or own.is_file():
+        return _read(str(own), own.stat().st_mtime_ns if own.is_file() else 0)
+    if name in _OTHERS:
+        return _load(name)
+    unknown_name("robot", name, [*_FACTORIES, *others()])
 
 
 @cache
 def _load(name: str) -> RobotDescription:
-    return _FACTORIES[name]()
+    return (_FACTORIES[name] if name in _FACTORIES else _OTHERS[name][1])()
+
+
+@cache
+def _read(path: str, _: int) -> RobotDescription:
+    """Read a robot file, anew when it has changed."""
+    return saved.read(path)

@@ -107,7 +107,10 @@ def doubts(robot: Any) -> tuple[str, ...]:
         found.append(
             f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of: {', '.join(tight)}"
         )
-    found += [f"guessed: {line}" for line in robot.derived if "torque limits not given" in line]
+    if any("torque limits not given" in line for line in robot.derived):
+        found.append(
+            "torque limits that the file does not give are guessed from mass and size; see the list above"
+        )
     wide = [name for name in robot.joint_names if _range(robot, name) > 2.0 * np.pi - 1e-3]
     if wide:
         found.append(f"no position limits (±π taken): {_listed(wide)}")

@@ -14,6 +14,20 @@ PLAYGROUND = "playground==0.2.0"
 """MuJoCo Playground, Apache-2.0: robot files of several humanoids, without their meshes."""
 
 
+def installed(requirement: str) -> bool:
+    """Return True if a wheel is installed, in whatever version."""
+    try:
+        metadata.distribution(requirement.partition("==")[0])
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def how_to_install(requirement: str) -> str:
+    """Return the command that installs a wheel without what its own programs need."""
+    return f"pip install --no-deps {requirement}"
+
+
 def _file(requirement: str, relative: str) -> Path:
     """Return a file of an installed wheel.
 
@@ -21,11 +35,10 @@ def _file(requirement: str, relative: str) -> Path:
         InputError: The wheel is not installed, or has no such file; the message says how to install it.
     """
     name = requirement.partition("==")[0]
-    how = f"pip install --no-deps {requirement}"
-    try:
-        path = Path(str(metadata.distribution(name).locate_file(relative)))
-    except metadata.PackageNotFoundError as error:
-        raise InputError(f"this robot is in the wheel '{name}', which is not installed: {how}") from error
+    how = how_to_install(requirement)
+    if not installed(requirement):
+        raise InputError(f"this robot is in the wheel '{name}', which is not installed: {how}")
+    path = Path(str(metadata.distribution(name).locate_file(relative)))
     if not path.is_file():
         raise InputError(f"the installed '{name}' has no file '{relative}': {how}")
     return path

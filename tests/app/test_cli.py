@@ -21,7 +21,7 @@ from wbc.app.commands import COMMANDS, GROUPS
 from wbc.app.output import Flat, Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
-from wbc.robots import names
+from wbc.robots import names, others
 
 Captured = pytest.CaptureFixture[str]
 
@@ -40,6 +40,8 @@ ELSEWHERE = {
     "study dataset": "sim/test_best_stiffness.py",
     "stiffness train": "sim/test_best_stiffness.py",
     "stiffness judge": "sim/test_best_stiffness.py",
+    "robots check": "app/test_robots_command.py",
+    "robots add": "app/test_robots_command.py",
     "plot": "app/test_plots.py",
     "view": "app/test_log_replay.py",
 }
@@ -176,7 +178,7 @@ def test_version(capfd: Captured) -> None:
 
 def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
     _, out, _ = wbc_command(capfd, "robots")
-    assert [line.split()[0] for line in out.splitlines()[1:]] == list(names())
+    assert [line.split()[0] for line in out.splitlines()[1:]] == [*names(), *others()]
     _, out, _ = wbc_command(capfd, "robots", "talos", "--json")
     facts = json.loads(out)
     assert facts["mass_kg"] == pytest.approx(90.27, abs=0.01) and facts["nv"] == 38

@@ -62,8 +62,9 @@ def test_commands_in_the_text_exist_with_their_options(page: Path) -> None:
         assert words[0] in app, f"{page.name}: `{line}`"
         app = app[words[0]]
         if words[0] in GROUPS and len(words) > 1 and not words[1].startswith("-"):
-            assert words[1] in app, f"{page.name}: `{line}`"
-            app = app[words[1]]
+            # `wbc robots NAME` runs the command of the group itself.
+            assert words[1] in app or words[0] in COMMANDS, f"{page.name}: `{line}`"
+            app = app.get(words[1], app)
         options = {word for word in words if word.startswith("--")} - {"--help"}
         if options:
             known = {name for argument in app.assemble_argument_collection() for name in argument.names}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import metadata
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,7 +12,8 @@ from mjcf_biped import CAPSULES, MOTORS, biped
 from mujoco_dynamics import assert_same_dynamics
 
 from wbc.core.errors import InputError, ModelError, UnknownNameError
-from wbc.robots import RobotDescription
+from wbc.robots import RobotDescription, load, others
+from wbc.robots.readers.compile_mjcf import compiled
 
 
 @pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
@@ -26,6 +30,15 @@ def test_the_dynamics_are_those_of_mujoco(kind: str, tmp_path) -> None:
     description = RobotDescription.from_mjcf(source)
     assert description.name == "little_biped"
     assert_same_dynamics(description, mujoco.MjModel.from_xml_string(xml))
+
+
+@pytest.mark.parametrize("name", ["h1", "t1", "op3", "berkeley_humanoid"])
+def test_robots_of_other_projects_have_the_dynamics_of_their_files(name: str) -> None:
+    if others()[name]:
+        pytest.skip(f"{name}: {others()[name]}")
+    folder = Path(str(metadata.distribution("playground").locate_file("mujoco_playground/_src/locomotion")))
+    file = folder / name / "xmls" / f"{name}_mjx_feetonly.xml"
+    assert_same_dynamics(load(name), compiled(file, meshes=False))
 
 
 def test_what_the_file_says_is_kept() -> None:

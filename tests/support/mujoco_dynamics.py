@@ -9,6 +9,7 @@ import pinocchio as pin
 from wbc.core import conventions
 from wbc.core.conventions import Index, rotation_of, velocity_from_mujoco, velocity_to_mujoco
 from wbc.core.errors import Array
+from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 
 
@@ -95,6 +96,7 @@ def mass_matrix_from_mujoco(q: Array, mass_matrix: Array, joint_dof: Index | Non
 
 def assert_same_dynamics(description: RobotDescription, theirs: mujoco.MjModel, states: int = 100) -> None:
     """Compare mass matrix, bias forces and body placements with MuJoCo's own model at random states."""
+    theirs.opt.gravity[:] = (0.0, 0.0, -GRAVITY)
     ours = description.pinocchio_model()
     data, state = ours.createData(), mujoco.MjData(theirs)
     ids = [theirs.joint(joint).id for joint in description.joint_names]
@@ -102,6 +104,8 @@ def assert_same_dynamics(description: RobotDescription, theirs: mujoco.MjModel, 
     bodies = [theirs.body(b).name for b in range(1, theirs.nbody)]
     bodies = [name for name in bodies if ours.existFrame(name, pin.FrameType.BODY)]
     assert bodies
+    free = int(theirs.jnt_dofadr[theirs.jnt_type == mujoco.mjtJoint.mjJNT_FREE][-1])
+    theirs.dof_armature[free : free + 6] = 0.0  # from defaults; of no robot
     base = int(theirs.jnt_dofadr[theirs.jnt_type == mujoco.mjtJoint.mjJNT_FREE][-1])
     assert base in (0, 6)
     rng = np.random.default_rng(1)

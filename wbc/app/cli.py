@@ -42,6 +42,8 @@ def make_app(first_word: str | None = None) -> App:
     known = {words.split()[0] for words in COMMANDS}
     for words, place in COMMANDS.items():
         *group, name = words.split()
+        if name in GROUPS and not group:
+            group, name = [name], ""
         if first_word in known and first_word != words.split()[0]:
             continue
         parent = app
@@ -51,7 +53,11 @@ def make_app(first_word: str | None = None) -> App:
                 app.command(groups[group[0]])
             parent = groups[group[0]]
         module, _, function = place.partition(":")
-        parent.command(plain_options(getattr(importlib.import_module(module), function)), name=name)
+        run = plain_options(getattr(importlib.import_module(module), function))
+        if name:
+            parent.command(run, name=name)
+        else:
+            parent.default(run)
     return app
 
 

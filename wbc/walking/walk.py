@@ -43,7 +43,7 @@ class WalkSettings:
 
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
-            robots outward.
+            robots outward. On soles too narrow for that, the default is half of the room beside the margin.
         climbing_inward: Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further
             inward the ZMP, the more torque the hips need, and on a stair they have none to spare.
         phases: Loads and times at which phases change.
@@ -172,7 +172,7 @@ class Walk:
                 preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
         room = 0.5 * min(left.width, right.width) - preview.margin
         if s.preview.target == WalkSettings().preview.target and preview.target.inward > room > 0.0:
-            preview = replace(preview, target=replace(preview.target, inward=room))
+            preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega = self._preview.omega
         self._adjuster: StepAdjuster | None = None

@@ -6,16 +6,19 @@ function also takes `output: OutputOptions`, is decorated with `wbc.app.output.r
 """
 
 GROUPS = {
+    "robots": "List the robots, describe one, check and add robots of your own.",
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
     "study": "Run many walks, and continue where they stopped.",
     "motion": "Clips of joint positions: made, checked, made feasible.",
     "stiffness": "Learn the stiffness of a sole from the roughness of the ground.",
 }
-"""Commands that have commands of their own."""
+"""Commands that have commands of their own; a command of the same word runs when none of these follows."""
 
 COMMANDS = {
     "robots": "wbc.app.commands.robots:robots",
+    "robots check": "wbc.app.commands.robots:check",
+    "robots add": "wbc.app.commands.robots:add",
     "stand": "wbc.app.commands.balance:stand",
     "walk": "wbc.app.commands.walk:walk",
     "push": "wbc.app.commands.balance:push",

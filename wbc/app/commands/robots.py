@@ -1,22 +1,74 @@
-"""`wbc robots`: a table of the robots, or the description of one."""
+"""`wbc robots`: a table of the robots, the description of one, and robots of one's own."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.output import Output, OutputOptions, Report, reports
-from wbc.robots import load, names
+from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError, finite_scalar
+from wbc.core.settings import Positive, settings
+from wbc.robots import RobotDescription, load, names, others, saved
 
 COLUMNS = {"mass_kg": "mass kg", "height_m": "height m", "com_height_m": "CoM m", "dof": "joints"}
 """Columns of the table: key of `RobotDescription.summary` → heading."""
+
+FILE = Parameter(help="MJCF or URDF of the robot.")
+
+
+@settings(kw_only=True)
+class RobotFileOptions:
+    """What a robot's file does not say.
+
+    Attributes:
+        left: Left foot: a body, site or geom of an MJCF, a link of a URDF; the lowest limb of an MJCF when not given.
+        right: Right foot.
+        sole_size: Length and width of the soles, m; from the geometry of the feet when not given.
+        root: Body that floats, in an MJCF without a free joint or with several.
+        lock: Joints to fix, such as those of fingers, each as joint=position, rad or m.
+        without_meshes: Read an MJCF whose meshes are missing.
+        derive_gains: Derive the servo gains instead of taking those of the file.
+    """
+
+    left: str | None = None
+    right: str | None = None
+    sole_size: tuple[Positive, Positive] | None = None
+    root: str | None = None
+    lock: tuple[str, ...] = ()
+    without_meshes: bool = False
+    derive_gains: bool = False
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the readers that differ from their defaults, as plain values."""
+        given: dict[str, Any] = {
+            "left_sole": self.left,
+            "right_sole": self.right,
+            "sole_size": None if self.sole_size is None else list(self.sole_size),
+            "root": self.root,
+            "lock": {name: value for name, value in map(_locked, self.lock)} or None,
+            "meshes": False if self.without_meshes else None,
+            "use_gains": False if self.derive_gains else None,
+        }
+        return {name: value for name, value in given.items() if value is not None}
+
+
+def _locked(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise InputError(f"a locked joint must be joint=position, got '{text}'")
+    try:
+        return name, finite_scalar(f"position of locked joint '{name}'", float(value))
+    except ValueError as error:
+        raise InputError(f"position of locked joint '{name}' must be a number, got '{value}'") from error
 
 
 @reports
 def robots(
     name: Annotated[
-        str | None, Parameter(help="Robot to describe in full; all in a table when left out.")
+        str | None,
+        Parameter(help="Robot, or file of one, to describe in full; all in a table when left out."),
     ] = None,
     /,
     *,
@@ -27,7 +79,73 @@ def robots(
         description = load(name)
         return output.report(description.summary(), description.report())
     facts = [load(each).summary() for each in names()]
-    return output.report({"robots": [_brief(each) for each in facts]}, _table(facts))
+    lines = [_table(facts), *(f"{other:<18}{how or 'in files'}" for other, how in others().items())]
+    return output.report({"robots": [_brief(each) for each in facts], "others": others()}, "\n".join(lines))
+
+
+@reports
+def check(
+    file: Annotated[str, FILE],
+    /,
+    *,
+    options: Flat[RobotFileOptions] = RobotFileOptions(),
+    plot: Annotated[
+        Path | None, Parameter(help="File of a picture of the soles and the posture: png, svg, pdf.")
+    ] = None,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Read the file of a robot and report what is in it, what was derived and what is doubtful."""
+    if plot is not None:
+        from wbc.app.plot.output import check_output  # noqa: PLC0415  Matplotlib takes half a second
+
+        check_output(plot, [file])
+    description = _described(file, options)
+    doubts = description.doubts()
+    lines = [
+        description.report(),
+        "  doubtful:" if doubts else "  nothing is doubtful",
+        *(f"    {d}" for d in doubts),
+    ]
+    if plot is not None:
+        from wbc.app.plot.output import save  # noqa: PLC0415
+        from wbc.app.plot.robot import draw_robot  # noqa: PLC0415
+
+        written = save({"robot": draw_robot(description)}, plot)
+        lines += [f"  wrote {path}" for path in written]
+    return output.report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
+
+
+@reports
+def add(
+    file: Annotated[str, FILE],
+    /,
+    *,
+    name: Annotated[str, Parameter(help="Name for --robot in every later command.")],
+    options: Flat[RobotFileOptions] = RobotFileOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Write a TOML description of a robot to the user's configuration folder: --robot takes its name from then on."""
+    if name in names() or name in others() and name not in saved.own_robots():
+        raise InputError(f"the name '{name}' is that of a robot of the library; choose another")
+    path = saved.save(name, file, options.parameters())
+    description = load(name)
+    doubts = description.doubts()
+    lines = [
+        f"wrote {path}",
+        f"{name}: {description.robot().mass:.2f} kg, {len(description.joint_names)} joints; "
+        f"try: wbc stand --robot {name}",
+        *(f"  doubtful: {doubt}" for doubt in doubts),
+    ]
+    return output.report({"file": str(path), "name": name, "doubts": list(doubts)}, "\n".join(lines))
+
+
+def _described(file: str, options: RobotFileOptions) -> RobotDescription:
+    path = Path(file).expanduser()
+    if not path.is_file():
+        raise InputError(f"no robot file '{file}'; give an MJCF or a URDF")
+    if path.suffix.lower() == ".toml":
+        return saved.read(path)
+    return saved.describe(path, options.parameters())
 
 
 def _brief(facts: dict[str, Any]) -> dict[str, Any]:
@@ -38,12 +156,12 @@ def _brief(facts: dict[str, Any]) -> dict[str, Any]:
 
 def _table(facts: list[dict[str, Any]]) -> str:
     lines = [
-        f"{'robot':<14}" + "".join(f"{heading:>10}" for heading in COLUMNS.values()) + f"{'sole mm':>12}"
+        f"{'robot':<18}" + "".join(f"{heading:>10}" for heading in COLUMNS.values()) + f"{'sole mm':>12}"
     ]
     for each in facts:
         values = "".join(f"{_number(each[key]):>10}" for key in COLUMNS)
         length, width = next(iter(each["soles"].values()))["size_m"]
-        lines.append(f"{each['name']:<14}{values}{f'{1e3 * length:.0f} x {1e3 * width:.0f}':>12}")
+        lines.append(f"{each['name']:<18}{values}{f'{1e3 * length:.0f} x {1e3 * width:.0f}':>12}")
     return "\n".join(lines)
 
 

@@ -1,0 +1,175 @@
+"""Robots in files: an MJCF or a URDF as it is, and TOML descriptions in the user's configuration folder.
+
+A TOML description names the file of the robot and gives the parameters of `RobotDescription.from_mjcf` or `from_urdf`
+that are not to be derived:
+
+    file = "/home/me/robots/my.xml"     # relative to the TOML otherwise
+    left_sole = "left_foot"
+    right_sole = "right_foot"
+    sole_size = [0.2, 0.1]              # m
+    gains = { left_knee = [150.0, 4.0] }
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from wbc.core.errors import InputError, shown
+from wbc.core.files import read_text, write_text
+from wbc.core.registry import call_checked
+from wbc.core.settings import from_json
+from wbc.robots import urdf
+from wbc.robots.derivation.servo import ServoRule
+from wbc.robots.description import RobotDescription
+from wbc.robots.frames import FrameDescription, SoleDescription
+
+ENDINGS = (".toml", ".xml", ".mjcf", ".urdf")
+"""Endings of the files that describe a robot."""
+
+RESERVED = ("add", "check")
+"""Words of `wbc robots` that no robot can be called."""
+
+
+def folder() -> Path:
+    """Return the folder of the user's own robots; it need not exist."""
+    return platformdirs.user_config_path("wbc") / "robots"
+
+
+def own_robots() -> tuple[str, ...]:
+    """Return the names of the user's own robots, those that `save` wrote, in alphabetical order."""
+    try:
+        return tuple(sorted(path.stem for path in folder().glob("*.toml")))
+    except OSError:
+        return ()
+
+
+def is_path(name: str) -> bool:
+    """Return True if the name of a robot is meant as the path of a file."""
+    return name.lower().endswith(ENDINGS) or "/" in name or "\\" in name
+
+
+def read(path: str | Path) -> RobotDescription:
+    """Return the description of a robot in a file.
+
+    Args:
+        path: MJCF, URDF or a TOML description.
+
+    Raises:
+        InputError: No such file, or one that cannot be used.
+    """
+    place = Path(path).expanduser()
+    if not place.is_file():
+        raise InputError(f"no robot file {shown(str(path))}; give an MJCF, a URDF or a TOML description")
+    if place.suffix.lower() != ".toml":
+        return describe(place, {})
+    try:
+        values = tomllib.loads(read_text(place, "TOML"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{shown(str(path))} is no TOML: {error}") from error
+    source = values.pop("file", None)
+    if not isinstance(source, str):
+        raise InputError(f'{shown(str(path))} must name the file of the robot: file = "my.xml"')
+    values.setdefault("name", place.stem)
+    return describe(place.parent / Path(source).expanduser(), values)
+
+
+def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
+    """Return the description of an MJCF or a URDF with some parameters given.
+
+    Args:
+        path: The file.
+        parameters: Parameters of `from_mjcf` or `from_urdf` as plain values: lists, tables, numbers, texts.
+
+    Raises:
+        UnknownNameError: A parameter that the reader does not have.
+        InputError: A file or value that cannot be used.
+    """
+    known = {name: _typed(name, value) for name, value in parameters.items()}
+    known.setdefault("name", path.stem)
+    if not _is_urdf(path):
+        return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
+    if "left_sole" not in known or "right_sole" not in known:
+        links = [str(link.get("name")) for link in urdf.read(path).findall("link")]
+        feet = [link for link in links if any(word in link.lower() for word in ("foot", "sole", "ankle"))]
+        raise InputError(
+            "a URDF does not say which links are feet: give left_sole and right_sole (--left, --right); "
+            f"{shown(str(path))} has {', '.join((feet or links)[:8])}"
+        )
+    return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
+
+
+def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:
+    """Check a robot and write its TOML description to the user's configuration folder.
+
+    Args:
+        name: Name under which `load` finds it from now on.
+        path: MJCF or URDF.
+        parameters: Parameters of the reader as plain values.
+
+    Returns:
+        The TOML file.
+
+    Raises:
+        InputError: A name that cannot be used, or a robot that cannot be read.
+    """
+    usable = name and not name.startswith(("-", ".")) and all(c.isalnum() or c in "_-." for c in name)
+    if not usable or name in RESERVED or is_path(name):
+        raise InputError(
+            f"the name of a robot must be letters, digits, '_', '-' and no command, got {shown(name)}"
+        )
+    source = Path(path).expanduser().resolve()
+    describe(source, {**parameters, "name": name})
+    lines = [f"# wbc robots add: `--robot {name}` reads it.", f"file = {_toml(str(source))}"]
+    lines += [f"{key} = {_toml(value)}" for key, value in parameters.items()]
+    target = folder() / f"{name}.toml"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_text(target, "\n".join(lines) + "\n")
+    return target
+
+
+def _is_urdf(path: Path) -> bool:
+    """Return True if the first element of a file is that of a URDF."""
+    text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_text(path, "robot file"), flags=re.DOTALL)
+    return text.lstrip().startswith("<robot")
+
+
+def _typed(name: str, value: Any) -> Any:
+    """Return a plain value of a TOML as the readers take it: tables as frames and rules, lists as tuples."""
+    if isinstance(value, Mapping) and name in ("left_sole", "right_sole", "imu"):
+        plain = {key: tuple(each) if isinstance(each, list) else each for key, each in value.items()}
+        if name != "imu" and "length" in plain:
+            plain.setdefault("name", name.replace("sole", "foot"))
+            plain.setdefault("frame", name)
+            return call_checked(f"table '{name}'", SoleDescription, plain)
+        plain.setdefault("frame", name)
+        return call_checked(f"table '{name}'", FrameDescription, plain)
+    if isinstance(value, Mapping) and name == "servo":
+        return from_json(ServoRule, dict(value))
+    if isinstance(value, Mapping):
+        return {key: tuple(each) if isinstance(each, list) else each for key, each in value.items()}
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _toml(value: Any) -> str:
+    """Return a plain value as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        if not math.isfinite(value):
+            raise InputError(f"a number in a TOML description must be finite, got {value}")
+        return repr(value)
+    if isinstance(value, Mapping):
+        return (
+            "{ " + ", ".join(f"{json.dumps(str(key))} = {_toml(each)}" for key, each in value.items()) + " }"
+        )
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(each) for each in value) + "]"
+    return json.dumps(str(value), ensure_ascii=False)
