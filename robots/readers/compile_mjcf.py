@@ -14,7 +14,12 @@ from wbc.core.files import read_text
 
 
 def compiled(source: Any, *, meshes: bool) -> mujoco.MjModel:
-    """Return MuJoCo's compiled model of an MJCF.
+    """Return MuJoCo's compiled model of an MJCF; see `compiled_with_files`."""
+    return compiled_with_files(source, meshes=meshes)[0]
+
+
+def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, dict[str, str]]:
+    """Return MuJoCo's compiled model of an MJCF, and the files of its meshes by their names.
 
     Args:
         source: Path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
@@ -25,7 +30,7 @@ def compiled(source: Any, *, meshes: bool) -> mujoco.MjModel:
         ModelError: MuJoCo refuses it: its own words on one line, with the file.
     """
     if isinstance(source, mujoco.MjModel):
-        return source
+        return source, {}
     where = "MJCF string"
     try:
         if isinstance(source, mujoco.MjSpec):
@@ -38,11 +43,17 @@ def compiled(source: Any, *, meshes: bool) -> mujoco.MjModel:
             )
         if not meshes:
             _drop_meshes(spec)
-        return spec.compile()
+        return spec.compile(), _mesh_files(spec)
     except (ValueError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
         raise ModelError(f"{where}: {one_line(error)}") from error
+
+
+def _mesh_files(spec: mujoco.MjSpec) -> dict[str, str]:
+    folder = Path(spec.modelfiledir or ".") / spec.meshdir
+    files = {mesh.name or Path(mesh.file).stem: folder / mesh.file for mesh in spec.meshes if mesh.file}
+    return {name: str(file.resolve()) for name, file in files.items() if file.is_file()}
 
 
 def one_line(error: BaseException) -> str:

@@ -14,8 +14,8 @@ from wbc.robots import urdf
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
 from wbc.robots.frames import FrameDescription, SoleDescription
-from wbc.robots.readers import drives_mjcf, feet_mjcf, tree_mjcf
-from wbc.robots.readers.compile_mjcf import compiled
+from wbc.robots.readers import drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
+from wbc.robots.readers.compile_mjcf import compiled_with_files
 
 
 def fields(
@@ -36,12 +36,13 @@ def fields(
     **options: Any,
 ) -> dict[str, Any]:
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
-    model = compiled(source, meshes=meshes)
+    model, files = compiled_with_files(source, meshes=meshes)
     _refuse_odd_inertias(model)
     tree = tree_mjcf.find_tree(model, root, lock or {})
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
     writer = tree_mjcf.write(tree, name, drives.torque)
+    shapes_mjcf.add_visuals(writer.root, tree, files)
     tree.notes.append(
         f"velocity limits: an MJCF has none; {tree_mjcf.SPEED:g} rad/s (slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import metadata
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -126,6 +127,47 @@ def test_half_sitting_is_a_keyframe_in_which_the_robot_stands() -> None:
     straight = RobotDescription.from_mjcf(biped(extra=key("stand", 0.0)))
     assert straight.half_sitting["left_shoulder"] == pytest.approx(0.3)
     assert straight.half_sitting["left_knee"] == pytest.approx(np.radians(40.0), abs=0.02)
+
+
+def test_a_root_that_looks_backward_is_turned() -> None:
+    """Everything below the pelvis turned by half a turn: feet that are found and feet that are named."""
+    xml = biped()
+    start, end = xml.index('<body name="left_hip"'), xml.rindex("</body>", 0, xml.index("</worldbody>"))
+    backward = f'{xml[:start]}<frame euler="0 0 180">{xml[start:end]}</frame>{xml[end:]}'
+    plain = RobotDescription.from_mjcf(xml).robot()
+    for names in ({}, {"left_sole": "left_foot", "right_sole": "right_foot"}):
+        turned = RobotDescription.from_mjcf(backward, **names)
+        assert any("new root link 'pelvis_forward'" in line for line in turned.derived)
+        assert turned.soles[0].link == "left_foot"
+        robot = turned.robot()
+        for sole in ("left_foot", "right_foot"):
+            place, expected = (each.placement(each.sole(sole).frame) for each in (robot, plain))
+            np.testing.assert_allclose(place.rotation, expected.rotation, atol=1e-6)
+            np.testing.assert_allclose(place.translation[1:], expected.translation[1:], atol=1e-2)
+
+
+def test_shapes_are_kept_for_pictures(tmp_path: Path) -> None:
+    """Capsules, and a mesh at the place of the file although the compiler has moved it."""
+    corners = [(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.2) for z in (0.0, 0.3)]
+    faces = [(1, 3, 4), (1, 4, 2), (5, 6, 8), (5, 8, 7), (1, 2, 6), (1, 6, 5)]
+    faces += [(3, 7, 8), (3, 8, 4), (1, 5, 7), (1, 7, 3), (2, 4, 8), (2, 8, 6)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "hat.obj").write_text("\n".join(lines))
+    hat = '<geom type="mesh" mesh="hat" pos="0 0 0.3" contype="0" conaffinity="0"/>'
+    xml = biped(extra='<asset><mesh name="hat" file="hat.obj"/></asset>')
+    xml = xml.replace('<compiler angle="degree"', '<compiler angle="degree" meshdir="parts"')
+    xml = xml.replace('<joint name="waist"', f'{hat}<joint name="waist"')
+    (tmp_path / "biped.xml").write_text(xml)
+    root = ElementTree.fromstring(RobotDescription.from_mjcf(tmp_path / "biped.xml").urdf)
+    links = {link.get("name"): link for link in root.findall("link")}
+    assert len(links["left_foot"].findall("visual/geometry/capsule")) == 2
+    visual = links["chest"].find("visual")
+    assert visual is not None
+    mesh, origin = visual.find("geometry/mesh"), visual.find("origin")
+    assert mesh is not None and mesh.get("filename") == str(tmp_path / "parts" / "hat.obj")
+    assert origin is not None
+    np.testing.assert_allclose([float(x) for x in origin.get("xyz", "").split()], [0, 0, 0.3], atol=1e-9)
 
 
 def test_locked_joints_are_fixed_where_they_are_told() -> None:
