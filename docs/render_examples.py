@@ -29,7 +29,7 @@ INSTANTS = {
     "reach": 3.0,
     "push_recovery": 0.9,
     "walk": 4.6,
-    "walk_velocity": 4.6,
+    "drive": 4.6,
     "walk_stones": 5.7,
     "walk_soles": 6.9,
     "walk_stairs": 5.7,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -162,6 +162,7 @@ class PushTableSpec:
         noise: Errors of the sensors, none or realistic.
         seed: Fixes every random draw.
         feedback: In position control, whether the controller sees the robot as commanded or as estimated.
+        steps: Whether the robots may step: none or allowed.
     """
 
     robot: tuple[str, ...] = ("hrp4_class", "talos")
@@ -175,6 +176,7 @@ class PushTableSpec:
     noise: str = "none"
     seed: Seed = 0
     feedback: Feedback = "closed"
+    steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
         for robot in self.robot:
@@ -194,6 +196,7 @@ class PushTableSpec:
                 noise=self.noise,
                 seed=self.seed,
                 feedback=self.feedback,
+                steps=self.steps,
             )
             for robot in self.robot
             for mode in self.mode

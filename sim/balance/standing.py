@@ -13,6 +13,7 @@ from wbc.core.arguments import checked
 from wbc.core.control import Mode, PositionControl, TorqueControl
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, Seed, settings
+from wbc.core.signals import Command, Measurement
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.sim.plant.falls import TrueFallDetector
@@ -22,6 +23,8 @@ from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.balance import BalanceGains, balance_controller
+from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.planning.footsteps import FootstepPlan
 
 Feedback = Literal["open", "closed"]
 
@@ -53,6 +56,8 @@ class StandSpec:
             given.
         timestep: Physics step, s.
         gains: Weights and gains of the controller.
+        steps: Whether the robot may step: none keeps its feet in place with the balance controller, allowed stands with
+            the walking controller, which steps out of a push.
     """
 
     robot: str = "hrp4_class"
@@ -65,6 +70,7 @@ class StandSpec:
     control_period: Annotated[Positive, "s"] | None = None
     timestep: Annotated[Positive, "s"] = 0.001
     gains: BalanceGains = field(default_factory=BalanceGains)
+    steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
         load(self.robot)
@@ -146,12 +152,21 @@ class StandTrial:
             timestep=spec.timestep,
             control_period=spec.period,
         )
-        controller = balance_controller(description.robot(), spec.period, spec.gains)
-        self.control: PositionControl | TorqueControl = (
-            TorqueControl(controller)
-            if spec.mode == "torque"
-            else PositionControl(controller, feedback=spec.feedback)
-        )
+        robot = description.robot()
+        self.control: PositionControl | TorqueControl
+        self._command: Callable[[Measurement], Command]
+        if spec.steps == "allowed":
+            settings = WalkingControlSettings(mode=spec.mode)
+            walking = WalkingControl(robot, FootstepPlan.standing(robot), spec.period, settings)
+            self.control, self._command = walking.control, walking.command
+        else:
+            controller = balance_controller(robot, spec.period, spec.gains)
+            self.control = (
+                TorqueControl(controller)
+                if spec.mode == "torque"
+                else PositionControl(controller, feedback=spec.feedback)
+            )
+            self._command = self.control.command
         self.tick_times: list[float] = []
         self._falls = TrueFallDetector(self.plant.robot)
         self.fallen = False
@@ -165,11 +180,11 @@ class StandTrial:
         Yields:
             The true state after each control period.
         """
-        plant, control = self.plant, self.control
+        plant = self.plant
         while plant.time < until - 0.5 * plant.control_period and not self.fallen:
             measurement = plant.measure()
             start = time.perf_counter()
-            command = control.command(measurement)
+            command = self._command(measurement)
             self.tick_times.append(time.perf_counter() - start)
             plant.step(command)
             truth = plant.truth()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import io
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -19,7 +20,7 @@ import wbc
 
 FOLDER = Path(__file__).parents[2] / "examples"
 STANDING = ("own_robot", "own_task", "push_recovery", "reach", "squat", "stand")
-WALKING = ("walk", "walk_push", "walk_soles", "walk_stairs", "walk_stones", "walk_tune", "walk_velocity")
+WALKING = ("walk", "walk_push", "walk_soles", "walk_stairs", "walk_stones", "walk_tune", "drive")
 NAMES = (*STANDING, *WALKING)
 
 Load = Callable[[str], ModuleType]
@@ -176,12 +177,10 @@ def test_walk_arrives(load: Load) -> None:
     assert result["steps"] == 3  # two, and one to close up
 
 
-def test_walk_goes_where_its_velocity_says_and_stops_when_told_to(load: Load) -> None:
-    result = walk(
-        load("walk_velocity"), "--seconds", "2", "--forward", "0", "--left", "0.05", "--turn", "0.15"
-    )
-    assert result["stands"]
-    assert abs(result["forward_m"]) < 0.04 < result["left_m"] and result["turned_deg"] > 5.0
+def test_drive_walks_an_s_without_a_terminal(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    result = load("drive").main(["--seconds", "4"])
+    assert result["upright"] and result["steps"] >= 2 and 0.05 < result["forward_m"] < 0.8
 
 
 def test_walk_on_stones_feels_them(load: Load) -> None:

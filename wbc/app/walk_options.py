@@ -22,6 +22,9 @@ from wbc.walking.planning.gait import Gait
 STONES_AMPLITUDE = 0.02
 """Height of the stones that are the ground when none is named, m."""
 
+DRIVE_TIME = 3600.0
+"""Longest time of a drive from the page, s, unless another one is given."""
+
 DRIVE_COLUMNS = ("time", "forward", "left", "turn")
 """Columns of a file of velocities over time: s, m/s, m/s, rad/s."""
 
@@ -52,6 +55,8 @@ class WalkOptions:
         velocity: Walk with a velocity instead: forward (m/s), left (m/s), turn (rad/s).
         velocity_file: Walk with velocities over time instead: a CSV file with the columns time (s), forward (m/s),
             left (m/s) and turn (rad/s); the last row is a stand.
+        drive: Drive the robot from the live page instead, with arrow keys, the stick or a gamepad; shows the view.
+        seconds: Longest time of such a drive, s; it ends with a stand.
         steps: Number of steps with a velocity.
         turn: Turn on the spot instead, to the left, degrees.
         stairs: Climb the stairs of the terrain instead: together (both feet on each stair) or alternate.
@@ -86,6 +91,8 @@ class WalkOptions:
     distance: float | None = None
     velocity: tuple[float, float, float] | None = None
     velocity_file: Path | None = None
+    drive: bool = False
+    seconds: float | None = None
     steps: int | None = None
     turn: float | None = None
     stairs: Literal["together", "alternate"] | None = None
@@ -129,7 +136,7 @@ class WalkOptions:
             plan=WalkPlan(
                 distance=self.distance,
                 velocity=self.velocity,
-                drive=None if self.velocity_file is None else read_drive(self.velocity_file),
+                drive=self._rows(),
                 steps=self.steps,
                 turn=None if self.turn is None else math.radians(self.turn),
                 stairs=self.stairs,
@@ -140,6 +147,21 @@ class WalkOptions:
             changes=tuple(read_changes(self.set).items()),
             pushes=tuple(read_push(text) for text in self.push),
         )
+
+    def _rows(self) -> tuple[tuple[float, float, float, float], ...] | None:
+        """Return the velocities over time; None for another plan."""
+        if self.seconds is not None and not self.drive:
+            raise InputError("seconds belong to a drive; give --drive as well")
+        if self.velocity_file is not None:
+            if self.drive:
+                raise InputError("give either --drive or --velocity-file")
+            return read_drive(self.velocity_file)
+        if not self.drive:
+            return None
+        end = (
+            DRIVE_TIME if self.seconds is None else finite_scalar("seconds of a drive", self.seconds, low=0.1)
+        )
+        return ((end, 0.0, 0.0, 0.0),)
 
 
 def read_spec(path: Path) -> WalkSpec:

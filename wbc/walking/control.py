@@ -183,6 +183,7 @@ class WalkingControl:
         self._estimated_soles = [estimate.placement(sole.frame) for sole in estimate.soles]
         self._torso = estimate.placement(estimate.torso_frame)
         self._area = self._support_area()
+        self._beyond = -math.inf  # distance of the DCM beyond the hull of both soles, m
         if len(plan):
             self.walk.start()
 
@@ -231,6 +232,11 @@ class WalkingControl:
             source = self.driver.velocity_source()
             self.driver.follow(source)
         source.target = target
+
+    @property
+    def steered(self) -> bool:
+        """True if the robot is steered, or stands without a plan and may be."""
+        return self.driver.steered
 
     @property
     def granted_velocity(self) -> Velocity:
@@ -321,11 +327,11 @@ class WalkingControl:
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 
     def _update_walk(self, bias: Array | None) -> WalkReference:
-        self.driver.update(self.time)
         dcm = self._dcm
         if bias is not None:
             dcm = dcm.copy()
             dcm[:2] -= bias
+        self.driver.update(self.time, dcm, self._beyond)
         # Filtered loads: a foot that has just met the ground presses in jerks.
         return self.walk.update(self.control.observer.load.tolist(), self._soles, dcm)
 
@@ -376,6 +382,7 @@ class WalkingControl:
         normals, offsets = self._area
         beyond = normals.dot(self._dcm[:2])
         beyond -= offsets
+        self._beyond = float(beyond[beyond.argmax()])
         solution = self.control.solution
         self.falls.update(
             self.time,
@@ -384,7 +391,7 @@ class WalkingControl:
             v=estimate.v,
             drop=float(pendulum.com[2] - estimate.com[2]),
             torso_up=self._torso.rotation[:, 2],
-            dcm_distance=float(beyond[beyond.argmax()]),
+            dcm_distance=self._beyond,
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
 

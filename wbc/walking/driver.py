@@ -10,10 +10,12 @@ to a stand, and the reason is logged.
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import replace
 
-from wbc.core.errors import InputError
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
+from wbc.walking.planning.capture import CaptureSteps
 from wbc.walking.planning.footsteps import SIDES, FootstepPlan
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import check_plan
@@ -42,6 +44,7 @@ class Driver:
         settings: Settings.
         source: Source of the footsteps; None for the plan that the walk began with.
         reason: Reason for which the last source was dropped; empty if none was.
+        steered: True if footsteps come, or may come, from a source; False for a walk along its first plan.
     """
 
     def __init__(
@@ -64,6 +67,18 @@ class Driver:
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, Velocity] = (None, AT_REST)
         self._landed = False
+        capture = self.settings.capture
+        self._capture = (
+            None if capture is None else CaptureSteps(walk.omega, walk.reach, walk.sole_sizes, capture)
+        )
+        self.steered = not len(plan)  # a plan from the start is walked as it is
+        self._outside = 0.0  # time that the DCM has been outside the feet, s
+        self._waits = walk.phases.settings
+
+    @property
+    def capturing(self) -> bool:
+        """True while the robot steps out of a push."""
+        return self._walk.phases.settings is not self._waits
 
     def velocity_source(self) -> VelocitySource:
         """Return a source of velocities that goes on from the velocity granted now."""
@@ -79,16 +94,21 @@ class Driver:
 
     def follow(self, source: FootstepSource) -> None:
         """Take the footsteps from a source, from the next tick on."""
-        self.source, self.reason = source, ""
+        self.source, self.reason, self.steered = source, "", True
         self._next = 0.0
 
-    def update(self, time: float) -> None:
+    def update(self, time: float, dcm: Array | None = None, beyond: float = -math.inf) -> None:
         """Plan the footsteps anew if it is time to.
 
         Args:
             time: Time since the start of the walk, s.
+            dcm: Measured DCM, shape (2,) or (3,), m; without it the robot does not step out of a push.
+            beyond: Distance of that DCM beyond the hull of both soles, m; negative inside.
         """
         source, phases = self.source, self._walk.phases
+        capture = self._capture if self.steered and dcm is not None else None
+        if capture is not None and dcm is not None and self._step_out(time, dcm, beyond, capture):
+            return
         if source is None:
             return
         swings = phases.phase is Phase.SINGLE
@@ -109,6 +129,39 @@ class Driver:
             self._steer(plan)
         except Exception as error:  # of a source of the user's own, too: the robot comes to a stand
             self._drop(error, now)
+
+    def _step_out(self, time: float, dcm: Array, beyond: float, capture: CaptureSteps) -> bool:
+        """Step out of a push; True while the robot does."""
+        walk, phases, s = self._walk, self._walk.phases, capture.settings
+        rests = phases.step >= len(phases.plan)
+        if not self.capturing:
+            self._outside = self._outside + walk.period if rests and beyond > s.trigger else 0.0
+            if self._outside < s.debounce - 1e-9:
+                return False
+            phases.settings = replace(self._waits, max_wait=s.wait)
+            self._next = time
+        if phases.phase is Phase.SINGLE:
+            self._next = time
+            return True
+        if phases.phase is Phase.STANDING and beyond < -s.inside:
+            phases.settings, self._outside, self._next = self._waits, 0.0, time
+            return False
+        if time < self._next:
+            return True
+        self._next = time + s.again
+        now = self._standing(time)
+        if beyond < -s.inside:
+            if rests:
+                return True
+            # What is left of the push is for the feet on the ground: close up, quietly.
+            plan = close_up(replace(now.start, gait=s.gait), now.first or "left")
+            if len(phases.plan) - phases.step != len(plan):
+                walk.steer(plan.steps, s.gait.on_grid(walk.period)[0])
+            return True
+        wait = s.gait.initial_double_support if rests else max(phases.duration - phases.elapsed, 0.0)
+        plan = capture.footsteps(dcm, now.start, now.first, wait)
+        walk.steer(plan.steps, s.gait.on_grid(walk.period)[0], dcm)
+        return True
 
     def _standing(self, time: float) -> Standing:
         """Feet on the ground, and the one in the air where it will land."""

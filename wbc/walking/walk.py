@@ -234,12 +234,13 @@ class Walk:
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
-    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
+    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None, dcm: Array | None = None) -> None:
         """Replace all steps that have not begun; a robot that stands sets off with the next update.
 
         Args:
             steps: Landings from now on, after that of the foot in the air; none for a stand.
             gait: Sizes and timings from the next phase on; as before when None.
+            dcm: DCM from which the pattern goes on, shape (2,) or (3,), m; that of the pattern when None.
 
         Raises:
             InputError: Sides that do not alternate, or a single support too short for a swing; nothing is changed then.
@@ -261,7 +262,7 @@ class Walk:
             self._events = (phases.start(),)
             if self._rest is not None:
                 self._rest, self._time = None, 0.0
-        self._replan(None)
+        self._replan(None, dcm)
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
@@ -340,9 +341,13 @@ class Walk:
         self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
 
-    def _replan(self, dcm: Array | None) -> None:
-        """Plan the pattern anew, from the pendulum as planned or partly as measured."""
+    def _replan(self, dcm: Array | None, pushed: Array | None = None) -> None:
+        """Plan the pattern anew, from the pendulum as planned, partly as measured, or with the DCM of a push."""
         start = self._pattern.at(self._time)
+        if pushed is not None:
+            velocity = start.com_velocity.copy()
+            velocity[:2] += self.omega * (np.asarray(pushed)[:2] - start.dcm[:2])
+            start = start._replace(com_velocity=velocity)
         if dcm is not None and self.settings.feedback > 0.0:
             error = self.settings.feedback * (np.asarray(dcm[:2]) - start.dcm[:2])
             com = start.com.copy()

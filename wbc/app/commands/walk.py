@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wbc.app.files import check_target
@@ -30,6 +31,8 @@ def walk(
         inputs = [options.spec, options.config, options.velocity_file, *options.param, *options.policy_param]
         target = check_target("a log", options.record, (".arrow",), inputs)
     spec = options.walk()
+    if options.drive:
+        live = replace(live, view=True)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         check_clearance(spec.ground(), spec.gait.swing_height)
     hooks: list[WalkHook] = []

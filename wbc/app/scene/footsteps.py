@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.app.scene.colours import FOOTSTEP_LEGEND, SIDE_COLOURS, translucent
 from wbc.app.scene.layer import Annotations, Layer
-from wbc.app.scene.marks import LIFT, outline, polygon, rectangle
-from wbc.app.scene.shapes import HIDDEN
+from wbc.app.scene.marks import LIFT, LINE, outline, polygon, rectangle, ribbon, ribbon_edges
+from wbc.app.scene.shapes import HIDDEN, ROOT, Colour
 from wbc.core.errors import Array
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, other
 
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 
 MAX_STEPS = 128
 """Largest number of footsteps of each kind; of a longer walk the last ones, and half as many to come."""
+
+PATH_POINTS, PATH_MARKS, PATH_SPACING = 512, 128, 0.04
+"""Points of the path that are kept and that are drawn, and the distance between them, m."""
+
+PATH_COLOUR: Colour = (0.25, 0.25, 0.3, 0.8)
 
 DRIVEN_STEPS = 32
 """Number of footsteps of each kind of a walk that is steered."""
@@ -55,6 +61,11 @@ class FootstepsLayer(Layer):
             self._planned.append(self.add(f"footsteps/planned_{i}", outline(corners), colour, on_top=True))
             self._real.append(self.add(f"footsteps/real_{i}", polygon(corners), translucent(colour)))
         self.legend = FOOTSTEP_LEGEND
+        self._path: deque[Array] | None = None
+        if not len(plan):
+            self._path = deque(maxlen=PATH_POINTS)
+            self.add("footsteps/path", ribbon(np.zeros((2 * PATH_MARKS, 3))), PATH_COLOUR, deformable=True)
+            self.legend = (*FOOTSTEP_LEGEND, ("path of the robot", PATH_COLOUR))
         self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._first = first
@@ -79,6 +90,17 @@ class FootstepsLayer(Layer):
             self._real_at[(i + self._offset) % self._count] = self._pose(self._feet[i].side)
         matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
         annotations.text += walk_lines(self._walking)
+        if self._path is not None:
+            self._follow(self._path, annotations)
+
+    def _follow(self, path: deque[Array], annotations: Annotations) -> None:
+        """Draw the way of the middle between the feet."""
+        middle = np.mean(self._plant.data.site_xpos[self._sites], axis=0) + (0.0, 0.0, LIFT)
+        if not path or float(np.linalg.norm(middle - path[-1])) > PATH_SPACING:
+            path.append(middle)
+            annotations.shapes[f"{ROOT}/footsteps/path"] = ribbon_edges(
+                np.array(path), 2.0 * LINE, PATH_MARKS
+            )
 
     def _mark_plan(self, feet: list[Footstep], step: int) -> None:
         """Move the marks of future steps to their planned placements.

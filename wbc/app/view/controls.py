@@ -5,11 +5,12 @@ intervention with its time, and results say that there were any.
 
     push        a push on the torso, from the robot's front, back or sides
     stop        the walk stops safely, with the present step
+    drive       velocity of a robot that is steered: forward, left and turn; a stand when the last page is closed
     gains       of the stabilizer, from the next tick on
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing
 
-Not offered: footsteps, velocity, gait, terrain and seed are checked before a walk starts and belong to another run. The
+Not offered: a footstep plan, gait, terrain and seed are checked before a walk starts and belong to another run. The
 stiffness of a passive sole is fixed by its material. A run cannot go back in time: record and replay it (`wbc view`).
 """
 
@@ -46,6 +47,9 @@ DIRECTIONS = {"forward": 0.0, "left": 0.5 * math.pi, "back": math.pi, "right": -
 IMPULSE, MAX_IMPULSE = 0.1, 2.0
 """Impulse of a push per mass, Ns/kg: the page's default (a walk recovers from it), and the largest one."""
 
+MAX_SPEED = 10.0
+"""Largest speed that a page may ask for, m/s and rad/s; the robot grants what it can."""
+
 PUSH_DURATION = 0.1
 """Duration of a push, s; as in `wbc push`."""
 
@@ -73,6 +77,8 @@ class LiveControls:
             self._actions["push"] = self._push
             if walking is not None:
                 self._actions |= {"stop": self._stop, "gain": self._set_gain}
+                if walking.steered:
+                    self._actions["drive"] = self._drive
                 if isinstance(plant.foot, VariableStiffnessFoot):
                     self._actions["stiffness"] = self._set_stiffness
 
@@ -83,6 +89,10 @@ class LiveControls:
             controls["push"] = {"impulse": IMPULSE, "largest": MAX_IMPULSE, "directions": list(DIRECTIONS)}
         if "stop" in self._actions:
             controls["stop"] = True
+        if "drive" in self._actions:
+            assert self._walking is not None
+            forward, left, turn = self._walking.settings.drive.fastest
+            controls["drive"] = {"forward": forward, "left": left, "turn": turn}
         if "gain" in self._actions:
             assert self._walking is not None
             gains = self._walking.stabilizer.gains
@@ -114,6 +124,9 @@ class LiveControls:
             return
         assert self._plant is not None
         entry = {"time": self._plant.time, "what": request["do"], **facts}
+        last = self.interventions[-1] if self.interventions else None
+        if last is not None and last["what"] == "drive" == entry["what"] and last["time"] == entry["time"]:
+            self.interventions.pop()  # only the last of several commands to one tick counts
         self.interventions.append(entry)
         self.message = intervention_text(entry)
 
@@ -133,6 +146,27 @@ class LiveControls:
         assert self._walking is not None
         self._walking.stop()
         return {}
+
+    def _drive(self, request: dict[str, Any]) -> dict[str, Any]:
+        assert self._walking is not None
+        velocity = tuple(
+            _number(f"{name} of a velocity", request.get(name), low=-MAX_SPEED, high=MAX_SPEED)
+            for name in ("forward", "left", "turn")
+        )
+        self._walking.velocity = velocity
+        forward, left, turn = velocity
+        return {"forward": forward, "left": left, "turn": turn}
+
+    def halt(self) -> None:
+        """Bring a robot that is driven from a page to a stand, because the last page has been closed."""
+        walking = self._walking
+        if "drive" in self._actions and walking is not None and any(walking.velocity or ()) and self._driven:
+            self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
+
+    @property
+    def _driven(self) -> bool:
+        """True if the last command of a velocity came from a page."""
+        return any(entry["what"] == "drive" for entry in self.interventions)
 
     def _set_gain(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._walking is not None
@@ -163,6 +197,7 @@ def intervention_text(entry: dict[str, Any]) -> str:
     what = {
         "push": "pushed {direction} with {impulse:g} Ns/kg",
         "stop": "told to stop",
+        "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
         "gain": "gain {name} set to {value:g}",
         "stiffness": "soles told to take {value:g} Nm/rad",
     }[entry["what"]]
@@ -174,7 +209,7 @@ def _first(value: Any) -> float:
     return float(value[0] if isinstance(value, tuple) else value)
 
 
-def _number(what: str, value: Any, high: float = math.inf) -> float:
+def _number(what: str, value: Any, high: float = math.inf, low: float = 0.0) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InputError(f"{what} must be a number, got {value!r}")
-    return finite_scalar(what, value, low=0.0, high=high)
+    return finite_scalar(what, value, low=low, high=high)

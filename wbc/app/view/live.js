@@ -36,6 +36,7 @@ function build(controls) {
         button.onclick = () =>
             order({do: "push", direction: direction.value, impulse: Number(impulse.value)});
     }
+    drive(controls.drive, place);
     if (controls.stop) make("button", place, {id: "stop"}, "stop walking").onclick = () => order({do: "stop"});
     if (controls.stiffness) {
         const limits = {min: controls.stiffness.low, max: controls.stiffness.high, id: "stiffness"};
@@ -52,6 +53,54 @@ function build(controls) {
         }
     }
 }
+// ---- driving: arrow keys (with shift to the side), the stick, or a gamepad; a command is sent when it changes
+
+let fastest = null, sent = "", held = new Set(), stick = [0, 0];
+function drive(limits, place) {
+    fastest = limits || null;
+    held.clear();
+    sent = "";
+    if (!fastest) return;
+    const pad = make("span", place, {id: "stick", title: "drive: drag, or use the arrow keys, with shift to the side"});
+    const knob = make("span", pad, {id: "knob"});
+    const move = (event) => {
+        const box = pad.getBoundingClientRect(), half = box.width / 2;
+        const limit = (value) => Math.max(-1, Math.min(1, value / half));
+        stick = [limit(event.clientX - box.left - half), limit(event.clientY - box.top - half)];
+        knob.style.transform = `translate(${stick[0] * 20}px, ${stick[1] * 20}px)`;
+    };
+    pad.onpointerdown = (event) => { pad.setPointerCapture(event.pointerId); move(event); };
+    pad.onpointermove = (event) => { if (pad.hasPointerCapture(event.pointerId)) move(event); };
+    pad.onpointerup = pad.onpointercancel = () => { stick = [0, 0]; knob.style.transform = ""; };
+}
+function steer() {
+    if (!fastest || !mayChange) return;
+    const key = (name) => (held.has(name) ? 1 : 0), free = (value) => (Math.abs(value) > 0.15 ? value : 0);
+    let ahead = key("ArrowUp") - key("ArrowDown") - free(stick[1]), left = 0, turn = -free(stick[0]);
+    const side = key("ArrowLeft") - key("ArrowRight");
+    if (held.has("Shift")) left += side; else turn += side;
+    for (const pad of navigator.getGamepads ? navigator.getGamepads() : []) {
+        if (!pad || !pad.connected) continue;
+        ahead -= free(pad.axes[1] || 0); left -= free(pad.axes[0] || 0); turn -= free(pad.axes[2] || 0);
+    }
+    const part = (value, most) => Math.round(100 * Math.max(-1, Math.min(1, value)) * most) / 100;
+    const wish = {do: "drive", forward: part(ahead, fastest.forward), left: part(left, fastest.left),
+                  turn: part(turn, fastest.turn)};
+    const text = JSON.stringify(wish);
+    if (text === sent || (sent === "" && !wish.forward && !wish.left && !wish.turn)) return;
+    if (socket && socket.readyState === 1) { order(wish); sent = text; }
+}
+setInterval(steer, 100);
+const typing = (event) => ["SELECT", "INPUT"].includes(event.target.tagName);
+document.addEventListener("keydown", (event) => {
+    if (!fastest || typing(event)) return;
+    if (event.key === "Shift" || event.key.startsWith("Arrow")) {
+        if (event.key !== "Shift") event.preventDefault();
+        held.add(event.key);
+    }
+}, true);
+document.addEventListener("keyup", (event) => held.delete(event.key), true);
+window.addEventListener("blur", () => held.clear());
 let paused = false;
 byId("pause").onclick = () => tell({paused: !paused});
 byId("speed").onchange = (event) => {

@@ -197,6 +197,8 @@ class MeshcatView:
             raise InputError("a view of a plant takes its state from the plant; call update() alone")
         self._measurement = measurement
         self._read_input()
+        if self.controls.interventions and self.pages == 0:
+            self.controls.halt()
         if self._paused:
             self._draw(self._snapshot(state, sole_wrench, time))
             self._wait_for_end_of_pause()

@@ -1,0 +1,66 @@
+"""Drive a robot: arrow keys in the terminal (or in the page, with `--view`), space to stand, q to end.
+
+    python drive.py --view
+
+Without a terminal it walks an S. The velocity is a value that changes at any tick; footsteps are planned as it goes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import sys
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from _common import parse, report, upright
+
+import wbc
+from wbc.walking import FootstepPlan, WalkingControl
+
+KEYS = {
+    "A": (0.05, 0.0),
+    "B": (-0.05, 0.0),
+    "C": (0.0, -0.1),
+    "D": (0.0, 0.1),
+}  # escape sequences of the arrows
+S = [(0.5, (0.2, 0.0, 0.2)), (6.0, (0.2, 0.0, -0.2)), (12.0, None)]
+
+
+@contextlib.contextmanager
+def keys() -> Iterator[Any]:
+    """Give a function that returns the next key, or nothing at once."""
+    import termios  # noqa: PLC0415 - only on a terminal
+    import tty  # noqa: PLC0415
+
+    old = termios.tcgetattr(sys.stdin)
+    try:
+        tty.setcbreak(sys.stdin)
+        yield lambda: sys.stdin.read(1) if select.select([sys.stdin], [], [], 0.0)[0] else ""
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, old)
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
+    """Run the example."""
+    options = parse(__doc__, arguments, seconds=16.0)
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"), noise="realistic")
+    robot = plant.description.robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
+    by_hand, way, key = sys.stdin.isatty(), list(S), ""
+    with keys() if by_hand else contextlib.nullcontext(str) as pressed, options.watch(plant, walking) as view:
+        while (plant.time < options.seconds or by_hand) and key != "q" and walking.fallen is None:
+            while way and plant.time >= way[0][0] and not by_hand:
+                walking.velocity = way.pop(0)[1]
+            if (key := pressed()) in KEYS or key == " ":
+                change = (0.0, 0.0) if key == " " else KEYS[key]
+                forward, _, turn = (0.0, 0.0, 0.0) if key == " " else walking.velocity or (0.0, 0.0, 0.0)
+                walking.velocity = (forward + change[0], 0.0, turn + change[1])
+            plant.step(walking.command(plant.measure()))
+            view.update()
+    forward, left = plant.truth().com[:2].tolist()
+    return report(upright=upright(plant), steps=walking.steps_done, forward_m=forward, left_m=left)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""Driving from the live page: requests, keys in a real browser, and a page that is closed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import Browser, needs_chromium
+
+import wbc
+from wbc.app.cli import BAD_INPUT, main
+from wbc.app.view import MeshcatView
+from wbc.app.view.controls import LiveControls
+from wbc.walking import FootstepPlan, WalkingControl, walk_distance
+
+
+def stage(distance: float | None = None) -> tuple[wbc.Plant, WalkingControl]:
+    description = wbc.load_robot("hrp4_class")
+    robot = description.robot()
+    plan = FootstepPlan.standing(robot)
+    if distance is not None:
+        plan = walk_distance(plan, distance)
+    return wbc.Plant(description), WalkingControl(robot, plan, 0.005)
+
+
+def test_a_page_drives_a_robot_that_stands_and_no_plan() -> None:
+    plant, walking = stage()
+    controls = LiveControls(plant, walking)
+    assert controls.available()["drive"] == {"forward": 0.4, "left": 0.2, "turn": 0.5}
+    controls.apply({"do": "drive", "forward": 0.2, "left": -0.1, "turn": 0.3})
+    assert walking.velocity == (0.2, -0.1, 0.3) and "0.20 m/s forward" in controls.message
+    controls.apply({"do": "drive", "forward": 0.1, "left": 0.0, "turn": 0.0})
+    assert len(controls.interventions) == 1, "of several commands to one tick the last one counts"
+    controls.halt()
+    assert walking.velocity == (0.0, 0.0, 0.0)
+    assert "drive" not in LiveControls(*stage(0.3)).available()
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        ({"do": "drive", "forward": 0.1, "left": 0.0}, "turn of a velocity"),
+        ({"do": "drive", "forward": "fast", "left": 0.0, "turn": 0.0}, "forward of a velocity"),
+        ({"do": "drive", "forward": 0.1, "left": float("nan"), "turn": 0.0}, "left of a velocity"),
+        ({"do": "drive", "forward": 99.0, "left": 0.0, "turn": 0.0}, "forward of a velocity"),
+    ],
+)
+def test_bad_velocities_of_a_page_change_nothing(request_: dict[str, Any], message: str) -> None:
+    plant, walking = stage()
+    controls = LiveControls(plant, walking)
+    controls.apply(request_)
+    assert controls.message.startswith("refused") and message in controls.message
+    assert walking.velocity is None and not controls.interventions
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,forward,left\n0,0,0\n", "each of the columns"),
+        ("time,forward,left,spin\n0,0,0,0\n", "column"),
+        ("time,forward,left,turn\n1,0.1,0,0\n0.5,0,0,0\n", "times of a drive increase"),
+        ("time,forward,left,turn\n1,0.1,0,0\n", "ends with a stand"),
+        ("time,forward,left,turn\n1,nan,0,0\n2,0,0,0\n", "finite"),
+        ("time,forward,left,turn\n1,0.1,0\n", "3 values for 4 columns"),
+        ("", "is empty"),
+    ],
+)
+def test_velocity_files_that_are_refused(
+    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "drive.csv"
+    path.write_text(text)
+    assert main(["walk", "--velocity-file", str(path)]) == BAD_INPUT
+    assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
+    plant, walking = stage()
+    with MeshcatView(plant, walking=walking, port=0) as view:
+
+        def run(until: Any, ticks: int = 3000) -> None:
+            for _ in range(ticks):
+                if until():
+                    return
+                plant.step(walking.command(plant.measure()))
+                view.update()
+            raise AssertionError("never happens")
+
+        with Browser(tmp_path / "profile") as browser:
+            browser.open(view.url)
+            assert view.wait_for_page(60.0)
+            browser.wait('document.getElementById("stick") !== null')
+            key = {"key": "ArrowUp", "code": "ArrowUp", "windowsVirtualKeyCode": 38}
+            browser.call("Input.dispatchKeyEvent", type="keyDown", **key)
+            run(lambda: walking.velocity == (0.4, 0.0, 0.0))
+            run(lambda: walking.steps_done >= 2)
+            assert walking.granted_velocity[0] > 0.1
+            browser.wait('document.getElementById("text").textContent.includes("granted")')
+            browser.call("Input.dispatchKeyEvent", type="keyUp", **key)
+            run(lambda: walking.velocity == (0.0, 0.0, 0.0))
+            run(lambda: walking.finished)
+            left = {"key": "ArrowLeft", "code": "ArrowLeft", "windowsVirtualKeyCode": 37}
+            browser.call("Input.dispatchKeyEvent", type="keyDown", **left)
+            run(lambda: walking.velocity == (0.0, 0.0, 0.5))
+            assert not browser.errors
+        run(lambda: walking.velocity == (0.0, 0.0, 0.0))  # the last page is closed
+        run(lambda: walking.finished)
+    assert walking.fallen is None
+    assert {entry["what"] for entry in view.interventions} == {"drive"}

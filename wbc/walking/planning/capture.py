@@ -1,0 +1,194 @@
+"""Steps out of a push: which foot, where, and how many, so that the pendulum comes to rest over the feet.
+
+Over a ZMP at rest in z the DCM runs away from it,
+
+    ξ(T) = z + (ξ − z) e^{ωT},
+
+so that the stance foot holds the DCM back best from its point next to it. For either foot the DCM at the landing is
+predicted, the landing is put under it as far as the leg reaches, and where that is not far enough the other foot steps
+on from there. The side that needs fewer steps wins, of two equal ones the shorter step.
+
+Source: T. Koolen et al., "Capturability-based analysis and control of legged locomotion", IJRR 31(9), 2012.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import field, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, other
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.reach import Reach
+from wbc.walking.planning.schedule import SoleSizes, support_area
+
+
+def _quick() -> Gait:
+    return Gait(
+        single_support=0.28,
+        double_support=0.1,
+        initial_double_support=0.02,
+        final_double_support=0.6,
+        swing_height=0.04,
+        takeoff_time=0.03,
+        landing_time=0.05,
+        landing_speed=0.2,
+        landing_height=0.0,
+    )
+
+
+@settings
+class CaptureSettings:
+    """Settings of steps out of a push.
+
+    Attributes:
+        trigger: Distance of the DCM beyond the edge of the soles from which a standing robot steps, m.
+        debounce: Time beyond that distance before it steps, s.
+        inside: Distance of the DCM inside the edge of the soles at which a foot that has landed is enough, m.
+        margin: Distance of the ZMP from the edge of a stance foot in predictions, m.
+        beyond: Distance by which a landing is put beyond the predicted DCM, m.
+        reach: Share of the legs' reach that steps may use.
+        steps: Greatest number of steps predicted.
+        again: Time between predictions while both feet stand, s.
+        wait: Longest time that a loaded foot delays its lift-off, s.
+        gait: Timings and swing.
+    """
+
+    trigger: Annotated[float, "m"] = -0.01
+    debounce: Annotated[NonNegative, "s"] = 0.01
+    inside: Annotated[float, "m"] = 0.02
+    margin: Annotated[NonNegative, "m"] = 0.015
+    beyond: Annotated[NonNegative, "m"] = 0.02
+    reach: Share = 1.0
+    steps: Annotated[int, Field(ge=1, le=6)] = 3
+    again: Annotated[Positive, "s"] = 0.02
+    wait: Annotated[NonNegative, "s"] = 0.0
+    gait: Gait = field(default_factory=_quick)
+
+
+class CaptureSteps:
+    """Planner of steps out of a push, for one robot.
+
+    Attributes:
+        settings: Settings.
+    """
+
+    @checked
+    def __init__(
+        self, omega: float, reach: Reach, sizes: SoleSizes, settings: CaptureSettings | None = None
+    ) -> None:
+        """Keep the robot's figures.
+
+        Args:
+            omega: Natural frequency, 1/s.
+            reach: Reach of the legs.
+            sizes: (length, width) of the left and of the right sole, m.
+            settings: Settings; the defaults when None.
+        """
+        self.settings = settings or CaptureSettings()
+        self._omega, self._reach, self._sizes = omega, reach, sizes
+
+    def outside(self, dcm: Array, start: FootstepPlan) -> float:
+        """Return the distance of a DCM (shape (2,) or (3,), m) beyond the hull of both soles, m; negative inside."""
+        return _beyond(dcm, (start.left, start.right), self._sizes)
+
+    def footsteps(self, dcm: Array, start: FootstepPlan, first: str | None, wait: float) -> FootstepPlan:
+        """Return the feet with the steps that catch a DCM, and the one that closes up.
+
+        Args:
+            dcm: DCM now, in the world, shape (2,) or (3,), m.
+            start: Feet on the ground.
+            first: Side that steps next; None for either.
+            wait: Time until it lifts off, s.
+        """
+        best: tuple[tuple[float, ...], tuple[Footstep, ...]] | None = None
+        for side in SIDES if first is None else (first,):
+            steps, missing = self._from(np.asarray(dcm, dtype=float)[:2], start, side, wait)
+            stance = start.right if side == "left" else start.left
+            cost = (len(steps), missing, math.hypot(steps[0].x - stance.x, steps[0].y - stance.y))
+            if best is None or cost < best[0]:
+                best = cost, steps
+        assert best is not None
+        steps = best[1]
+        return replace(start, steps=(*steps, self._closing(start, steps)), gait=self.settings.gait)
+
+    def _from(
+        self, dcm: Array, start: FootstepPlan, side: str, wait: float
+    ) -> tuple[tuple[Footstep, ...], float]:
+        """Steps that begin with a side, and the distance by which the last one misses the DCM."""
+        s, omega = self.settings, self._omega
+        feet = {"left": start.left, "right": start.right}
+        steps: list[Footstep] = []
+        missing = math.inf
+        grow = math.exp(omega * s.gait.single_support)
+        while len(steps) < s.steps:
+            stance = feet[other(side)]
+            # On both feet the ZMP goes from the point next to the DCM to the stance foot.
+            hold = _nearest(dcm, tuple(feet.values()), self._sizes, s.margin)
+            rest = _nearest(dcm, (stance,), self._sizes, s.margin)
+            shift = 0.5 * (hold + rest)
+            dcm = shift + (dcm - shift) * math.exp(omega * wait)
+            rest = _nearest(dcm, (stance,), self._sizes, s.margin)
+            dcm = rest + (dcm - rest) * grow
+            landing = self._landing(dcm, stance, side)
+            steps.append(landing)
+            feet[side] = landing
+            missing = _beyond(dcm, (stance, landing), self._sizes) + s.margin
+            if missing <= 0.0:
+                break
+            side, wait = other(side), s.gait.double_support
+        return tuple(steps), max(missing, 0.0)
+
+    def _landing(self, dcm: Array, stance: Footstep, side: str) -> Footstep:
+        """Landing under a DCM, as far as the leg reaches from the stance foot."""
+        s, r = self.settings, self._reach
+        c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
+        dx, dy = float(dcm[0]) - stance.x, float(dcm[1]) - stance.y
+        forward, outward = c * dx + sn * dy, c * dy - sn * dx
+        sign = 1.0 if side == "left" else -1.0
+        forward += math.copysign(min(s.beyond, abs(forward)), forward)
+        outward = sign * outward + s.beyond
+        longest = s.reach * r.max_length
+        forward = max(-longest, min(longest, forward))
+        outward = max(r.min_spacing, min(s.reach * r.max_spacing, outward)) * sign
+        return Footstep(
+            side,
+            stance.x + c * forward - sn * outward,
+            stance.y + sn * forward + c * outward,
+            stance.z,
+            stance.yaw,
+        )
+
+    @staticmethod
+    def _closing(start: FootstepPlan, steps: tuple[Footstep, ...]) -> Footstep:
+        """Landing of the other foot beside the last one."""
+        last = steps[-1]
+        offset = start.spacing if last.side == "right" else -start.spacing
+        c, s = math.cos(last.yaw), math.sin(last.yaw)
+        return replace(last, side=other(last.side), x=last.x - s * offset, y=last.y + c * offset)
+
+
+def _beyond(point: Array, feet: tuple[Footstep, ...], sizes: SoleSizes) -> float:
+    """Distance of a point beyond the hull of soles, m; negative inside."""
+    normals, offsets = support_area(feet, sizes)
+    needed = normals.any(axis=1)
+    return float((normals[needed] @ np.asarray(point, dtype=float)[:2] - offsets[needed]).max())
+
+
+def _nearest(point: Array, feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float) -> Array:
+    """Point of the hull of soles, less a margin, next to a point, shape (2,), m."""
+    normals, offsets = support_area(feet, sizes, margin)
+    place = np.array(point, dtype=float)
+    for _ in range(8):  # onto the edge that is crossed furthest, again and again
+        over = normals @ place - offsets
+        worst = int(over.argmax())
+        if over[worst] <= 1e-9:
+            break
+        place -= over[worst] * normals[worst]
+    return place
