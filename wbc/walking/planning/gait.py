@@ -30,7 +30,7 @@ SPEEDS: dict[float, dict[str, float]] = {
     0.0: {"single_support": 0.8, "double_support": 0.3, "landing_time": 0.1, "initial_double_support": 0.8},
     0.15: {"single_support": 0.8, "double_support": 0.3, "landing_time": 0.1, "initial_double_support": 0.8},
     0.3: {"single_support": 0.6, "double_support": 0.2, "landing_time": 0.1, "initial_double_support": 0.6},
-    0.5: {"single_support": 0.5, "double_support": 0.15, "landing_time": 0.08, "initial_double_support": 0.6},
+    0.5: {"single_support": 0.4, "double_support": 0.1, "landing_time": 0.08, "initial_double_support": 0.6},
 }
 """Timings (s) by speed (m/s): the greatest of forward speed, twice the sideways speed and 0.6 m of the turning one."""
 
