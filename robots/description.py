@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import check_fields, checked
-from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, non_negative
+from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.registry import named_parameters
 from wbc.core.robot import Robot, Sole
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
-from wbc.robots.derivation.complete import complete, from_geometry
+from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, leg_joints
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.readers import from_pinocchio
@@ -82,26 +82,12 @@ class RobotDescription:
             missing = [name for name in names if name not in given]
             if missing:
                 raise InputError(f"{what} must give every joint; missing: {', '.join(missing)}")
-        for name, value in self.armature.items():
-            choose("joint", name, names)
-            non_negative(f"armature of joint '{name}' (kg m²)", value)
-        for what, losses in (("damping", self.damping), ("friction", self.frictionloss)):
-            for name, value in losses.items():
-                choose("joint", name, names)
-                non_negative(f"{what} of joint '{name}'", value)
-        for name, (kp, kd) in self.gains.items():
-            choose("joint", name, names)
-            non_negative(f"kp of joint '{name}' (Nm/rad)", kp)
-            non_negative(f"kd of joint '{name}' (Nms/rad)", kd)
-        model = self._model
-        for name, value in self.half_sitting.items():
-            choose("joint", name, names)
-            i = 7 + names.index(name)
-            low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-            finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
+        check_values(
+            names, self._model, self.half_sitting, self.armature, self.damping, self.frictionloss, self.gains
+        )
         q = self._half_sitting_configuration()
-        posture.check_posture(model, self._sole_frames, q)
-        posture.check_balance(model, self.soles, q)
+        posture.check_posture(self._model, self._sole_frames, q)
+        posture.check_balance(self._model, self.soles, q)
         self.robot()  # raises for frames that do not exist
 
     @classmethod
@@ -243,16 +229,16 @@ class RobotDescription:
             lock: Joint → position at which it is fixed, such as those of fingers, rad or m.
             meshes: False to read a file whose meshes are missing; every body must then give its inertia.
             use_gains: False to derive all servo gains instead of taking those of the file.
-            half_sitting: As in `from_urdf`; a keyframe when the robot stands in one.
-            torso: As in `from_urdf`.
             imu: Site or body, or a placement in a body; the site of a gyroscope when None.
             hands: Role → body.
-            armature: As in `from_urdf`, in place of the file's.
-            servo: As in `from_urdf`.
+            armature: In place of the file's.
             gains: Joint → (kp, kd), in place of the file's, Nm/rad and Nms/rad.
+            half_sitting: As in `from_urdf`. A keyframe when the robot stands in one.
+            torso: As in `from_urdf`.
+            servo: As in `from_urdf`.
             position_limits: As in `from_urdf`.
-            velocity_limits: As in `from_urdf`; an MJCF has none, 20 rad/s is the default.
-            torque_limits: As in `from_urdf`; the tightest of the file's otherwise.
+            velocity_limits: As in `from_urdf`. An MJCF has none: 20 rad/s.
+            torque_limits: As in `from_urdf`. The tightest of the file's.
             turn_root: As in `from_urdf`.
             repair: As in `from_urdf`.
             height: As in `from_urdf`.

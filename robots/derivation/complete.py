@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ModelError, choose, positive
+from wbc.core.errors import ModelError, choose, finite_scalar, non_negative, positive
 from wbc.core.robot import GRAVITY
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
@@ -168,6 +168,46 @@ def complete(
         "derived": tuple(notes),
         **taken,
     }
+
+
+def check_values(
+    names: Sequence[str],
+    model: pin.Model,
+    half_sitting: Mapping[str, float],
+    armature: Mapping[str, float],
+    damping: Mapping[str, float],
+    friction: Mapping[str, float],
+    gains: Mapping[str, tuple[float, float]],
+) -> None:
+    """Check the values that a description gives for single joints.
+
+    Args:
+        names: Actuated joints.
+        model: Pinocchio model.
+        half_sitting: Joint → position, rad or m.
+        armature: Joint → rotor inertia, kg m².
+        damping: Joint → passive damping, Nms/rad.
+        friction: Joint → dry friction, Nm.
+        gains: Joint → (kp, kd), Nm/rad and Nms/rad.
+
+    Raises:
+        UnknownNameError: No such joint.
+        InputError: A value that is not finite, negative or outside its limits.
+    """
+    values = {"armature": (armature, " (kg m²)"), "damping": (damping, ""), "friction": (friction, "")}
+    for what, (given, unit) in values.items():
+        for name, value in given.items():
+            choose("joint", name, names)
+            non_negative(f"{what} of joint '{name}'{unit}", value)
+    for name, (kp, kd) in gains.items():
+        choose("joint", name, names)
+        non_negative(f"kp of joint '{name}' (Nm/rad)", kp)
+        non_negative(f"kd of joint '{name}' (Nms/rad)", kd)
+    for name, value in half_sitting.items():
+        choose("joint", name, names)
+        i = 7 + names.index(name)
+        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+        finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
 
 
 def _add_soles(

@@ -210,6 +210,19 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool) -> None:
     assert np.median(inward) == pytest.approx(expected, abs=2e-3)
 
 
+def test_the_default_zmp_fits_on_narrow_soles_and_a_given_one_is_refused() -> None:
+    description = load("g1")
+    narrow = replace(
+        description, soles=tuple(replace(sole, width=0.05) for sole in description.soles)
+    ).robot()
+    plan = walk_distance(FootstepPlan.standing(narrow, Gait()), 0.4)
+    walk = Walk(narrow, plan, float(narrow.com[2]), DT)
+    assert walk._preview.settings.target.inward == pytest.approx(0.5 * (0.025 - 0.008))
+    given = replace(WalkSettings().preview, target=replace(WalkSettings().preview.target, inward=0.0199))
+    with pytest.raises(InputError, match="target of the ZMP"):
+        Walk(narrow, plan, float(narrow.com[2]), DT, replace(WalkSettings(), preview=given))
+
+
 def test_the_zmps_lead_takes_out_the_lag_of_the_cop(metre: Result) -> None:
     lead = run(walk_distance(START, 0.6), gains=StabilizerGains(zmp_d=1 / 20.0))
     plain, led = (np.linalg.norm(r.dcm_error, axis=1).mean() for r in (metre, lead))
