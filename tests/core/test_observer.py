@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +11,9 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError, MeasurementError
+from wbc.core.estimation.consistency import ConsistencyMonitor
 from wbc.core.estimation.observer import Observer, ObserverSettings
+from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import GRAVITY, Robot, Sole
 from wbc.core.signals import Measurement
 
@@ -294,6 +297,62 @@ def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radi
         worst[at_cop] = errors(observer, sensors, qs, vs)[:, [0, 2]].max(axis=0)
     assert worst[True][0] < 2e-4 and worst[True][1] < 5e-4
     assert worst[False][0] > 2e-3 and worst[False][1] > 4e-3  # a sole taken for flat
+
+
+@pytest.mark.parametrize("axis", [0, 1], ids=["sideways", "forwards"])
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_a_gyroscope_that_is_wrong_is_told_from_a_foot_that_turns(radius: float, axis: int) -> None:
+    """Both turn the foot, by encoders and gyroscope; but only the foot moves the accelerometer."""
+    sensors, qs, _ = rolling(radius, axis)
+    sensors = noisy(sensors, 0)
+    dt, start = 0.005, 1.4
+    off = 0.1 * np.eye(3)[axis]
+
+    def doubts(wrong: Callable[[np.ndarray], np.ndarray]) -> list[tuple[float, str]]:
+        robot = biped().clone()
+        observer = Observer(robot, ObserverSettings(cop_time_constant=0.0))
+        observer.reset(qs[0])
+        plausibility = Plausibility(robot, dt)
+        monitor = ConsistencyMonitor(robot, dt, plausibility.names)
+        found = []
+        for true in sensors:
+            rate = true.angular_velocity
+            sensor = replace(true, angular_velocity=wrong(rate) if true.time > start else rate)
+            observer.update(plausibility.check(sensor)[0])
+            monitor.update(
+                plausibility.values,
+                sensor,
+                GRAVITY,
+                observer.foot_rotation,
+                observer.stance_rotation,
+                observer.inertial.unexplained,
+            )
+            found += [(sensor.time - start, doubt) for doubt in monitor.doubts]
+        return found
+
+    assert not doubts(lambda rate: rate)
+    for wrong in (lambda rate: rate + off, lambda rate: rate - off, np.negative):
+        found = doubts(wrong)
+        assert found and 0.0 < found[0][0] < 0.2 and "gyroscope" in found[0][1]
+
+
+def test_what_the_accelerometer_does_not_show_of_a_wrong_turn_is_the_turn_times_the_arm() -> None:
+    sensors, qs, _ = rolling(0.3)
+    at, off = 200, np.array([0.1, -0.05, 0.0])
+    changes = []
+    for error in (np.zeros(3), off):
+        observer = Observer(biped(), ObserverSettings(cop_time_constant=0.0))
+        observer.reset(qs[0])
+        for sensor in sensors[:at]:
+            observer.update(sensor)
+        observer.update(replace(sensors[at], angular_velocity=sensors[at].angular_velocity + error))
+        changes.append(observer.inertial.unexplained)
+    robot = observer.robot
+    imu = robot.placement(robot.frame_id("imu"))
+    arm = imu.translation - observer.anchor[0]
+    expected = np.cross(imu.rotation @ off, arm)
+    assert changes[0] == pytest.approx(0.0, abs=2e-4)
+    assert changes[1] == pytest.approx(complex(*expected[:2]), abs=3e-3)
 
 
 def test_a_foot_that_steps_ahead_carries_from_where_it_lands() -> None:

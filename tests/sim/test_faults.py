@@ -18,6 +18,7 @@ import wbc
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.core.gate import CommandGate
 from wbc.robots import load
+from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, walk
 
 QUICK = (
     "joint_position nan",
@@ -35,12 +36,6 @@ QUICK = (
 
 QUICK_CHANGES = ("masses +30 %", "hard tasks that contradict each other")
 """The same of other masses and of what is asked of the robot."""
-
-SILENT = {
-    ("gyroscope off by 0.1 rad/s", "stand", "position"),
-    ("angular_velocity opposite sign", "stand", "torque"),
-}
-"""Faults that make the robot fall before they can be told from a possible motion."""
 
 
 @pytest.mark.parametrize("mode", ["position", "torque"])
@@ -73,8 +68,43 @@ def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: st
     assert report.raised is None and report.wild is None
     if faults()[name][1]:
         assert report.named <= 0.2, f"named after {report.named} s: {report.status}"
-    elif (name, task, mode) not in SILENT:
+    else:
         assert report.upright or math.isfinite(report.named), "fell without a word"
+
+
+@pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["gyroscope off by 0.1 rad/s", "angular_velocity opposite sign"])
+def test_a_wrong_gyroscope_is_named_while_walking(name: str, mode: str) -> None:
+    report = run("walk", mode, name, lasting=True)
+    assert report.named <= 0.2 and "gyroscope" in report.status
+
+
+class Doubts(WalkHook):
+    """Collects what the monitor doubts in a walk."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+
+    def tick(self, tick: WalkTick) -> None:
+        self.found += tick.walking.control.monitor.doubts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize(
+    "ground",
+    [
+        {"foot": "rigid", "terrain": "stones", "amplitude": 0.02},
+        {"foot": "soft", "terrain": "stones", "amplitude": 0.03},
+        {"foot": "soft", "terrain": "slats"},
+        {"robot": "talos"},
+        {"robot": "g1"},
+    ],
+)
+def test_nothing_is_doubted_of_good_sensors_on_any_ground(ground: dict[str, Any], mode: str) -> None:
+    look = Doubts()
+    result = walk(WalkSpec(mode=mode, plan=WalkPlan(distance=0.8), **ground), hooks=[look])
+    assert result.fall is None and not look.found
 
 
 @pytest.mark.parametrize("mode", ["position", "torque"])

@@ -110,7 +110,7 @@ def faults() -> dict[str, tuple[Fault, bool]]:
     found["encoder off by 0.1 rad"] = (_element("joint_position", 3, lambda x: x + 0.1), False)
     found["encoder off by 0.3 rad"] = (_element("joint_position", 3, lambda x: x + 0.3), False)
     found["velocities twice as large"] = (_changed("joint_velocity", lambda v: 2.0 * v), False)
-    found["gyroscope off by 0.1 rad/s"] = (_element("angular_velocity", 0, lambda x: x + 0.1), False)
+    found["gyroscope off by 0.1 rad/s"] = (_element("angular_velocity", 0, lambda x: x + 0.1), True)
     found["accelerometer off by 1 m/s²"] = (_element("specific_force", 0, lambda x: x + 1.0), False)
     found["gyroscope saturated"] = (_changed("angular_velocity", lambda w: np.full(3, 34.9)), True)
     found["left force sensor dead"] = (_element("sole_wrench", 0, lambda _: 0.0), True)

@@ -181,7 +181,14 @@ class _Control:
         self.observer.update(measurement, soles, plausible=True)
         observer = self.observer
         vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
-        self.monitor.update(self.plausibility.values, measurement, vertical, observer.foot_rotation)
+        self.monitor.update(
+            self.plausibility.values,
+            measurement,
+            vertical,
+            observer.foot_rotation,
+            observer.stance_rotation,
+            observer.inertial.unexplained,
+        )
         return measurement
 
     def _fail(self, reason: str, error: Exception | None = None) -> bool:

@@ -56,7 +56,7 @@ class CommandGate:
         self._names = robot.joint_names
         self._torque = np.minimum(robot.torque_limit, UNLIMITED)
         self._lower, self._upper = robot.position_lower, robot.position_upper
-        self._speed = np.minimum(s.speed_margin * robot.velocity_limit, UNLIMITED)
+        self._speed = np.minimum(s.speed_margin * np.minimum(robot.velocity_limit, UNLIMITED), UNLIMITED)
         self._step = self._speed * dt
         # By how much torque, velocity, change of position and position exceed their limits; the last one twice.
         self._excess = np.zeros((5, robot.na))

@@ -6,6 +6,7 @@ The monitor refuses nothing; it names what it doubts, for the log and for `statu
 from __future__ import annotations
 
 import logging
+import math
 from typing import Annotated
 
 import numpy as np
@@ -16,11 +17,26 @@ from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Count, Positive, settings
 from wbc.core.signals import Measurement
-from wbc.core.vectors import largest
+from wbc.core.vectors import Vector, largest
 
 logger = logging.getLogger(__name__)
 
 _ONE = scalar(1.0)
+
+DRIFT = 0.3
+"""Time over which the speeds of legs and accelerometer are compared, s."""
+
+OFFSET = 1.0
+"""Time constant with which a constant difference of them, an accelerometer's bias, is taken for normal, s."""
+
+SMOOTHING, SUSPICION = 0.03, 0.03
+"""Low-pass of the difference, and time for which it must be too large, s."""
+
+SETTLING = 0.1
+"""Time for which speeds are not compared after the feet have hopped or slid, s."""
+
+REMEMBERED = 1.0
+"""Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
 
 
 @settings
@@ -36,7 +52,12 @@ class ConsistencySettings:
         gravity_share: The accelerometer must show at least this part of gravity, upwards as estimated.
         velocity_difference: A joint velocity may differ by this from the speed of its encoder.
         foot_rotation: Both feet on the ground may turn alike, by encoders and gyroscope, at most so fast.
-        lasting: Time that a contradiction must last before it is named.
+        speed_difference: The speed of the legs may depart so far from that of the accelerometer within 0.3 s, while the
+            foot on the ground seems to turn: a foot that turns, as on stones, moves the accelerometer, too; an error
+            of the gyroscope does not.
+        stance_rotation: The foot on the ground seems to turn from this speed on, by encoders and gyroscope.
+        foot_spin: A foot on the ground that turns faster about the vertical slides; speeds are not compared then.
+        lasting: Time that a contradiction must last before it is named; 0.03 s for speeds.
     """
 
     frozen_after: Count = 20
@@ -46,6 +67,9 @@ class ConsistencySettings:
     gravity_share: Annotated[Positive, ""] = 0.6
     velocity_difference: Annotated[Positive, "rad/s"] = 1.0
     foot_rotation: Annotated[Positive, "rad/s"] = 0.5
+    speed_difference: Annotated[Positive, "m/s"] = 0.035
+    stance_rotation: Annotated[Positive, "rad/s"] = 0.05
+    foot_spin: Annotated[Positive, "rad/s"] = 0.5
     lasting: Annotated[Positive, "s"] = 0.08
 
 
@@ -74,6 +98,8 @@ class ConsistencyMonitor:
         self._na = robot.na
         self._wrenches = len(channels) - 6 * len(self._names)
         self._gain = lag_gain(dt, s.time_constant)
+        self._keep, self._offset_gain = 1.0 - lag_gain(dt, DRIFT), lag_gain(dt, OFFSET)
+        self._smoothing = lag_gain(dt, SMOOTHING)
         self._gain_scalar, self._dt_scalar = scalar(self._gain), scalar(dt)
         self.reset()
 
@@ -87,9 +113,18 @@ class ConsistencyMonitor:
         self._speed = np.zeros(self._na)
         self._share, self._gravity, self._rotation = 1.0, 1.0, 0.0
         self._since = [0.0, 0.0, 0.0, 0.0]
+        self._drift = self._offset = self._parted = 0j
+        self._suspected = self._gyro_doubted = self._unsettled = 0.0
+        self._turned: Vector = (0.0, 0.0, 0.0)
 
     def update(
-        self, values: Array, measurement: Measurement, vertical_force: float, foot_rotation: float
+        self,
+        values: Array,
+        measurement: Measurement,
+        vertical_force: float,
+        foot_rotation: float,
+        stance_rotation: Vector,
+        unexplained: complex,
     ) -> None:
         """Compare the sensors of one tick.
 
@@ -98,6 +133,8 @@ class ConsistencyMonitor:
             measurement: The measurement.
             vertical_force: Specific force upwards in the world, by the estimated attitude, m/s².
             foot_rotation: Angular speed with which both feet on the ground turn alike, rad/s.
+            stance_rotation: Angular velocity of the foot that carries more, in the world, rad/s.
+            unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
         """
         gain, s = self._gain, self.settings
         doubts = self._compare_velocities(values) + self._frozen(values)
@@ -105,6 +142,8 @@ class ConsistencyMonitor:
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
         self._rotation += gain * (foot_rotation - self._rotation)
+        if self._gyroscope_contradicts(stance_rotation, unexplained):
+            doubts.append("gyroscope contradicts accelerometer and legs")
         wrong = (
             self._gravity > s.gravity_share > self._share,
             self._share > s.weight_excess * max(self._gravity, 1.0),
@@ -142,6 +181,31 @@ class ConsistencyMonitor:
         self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
         named = (self._contradicts >= self.settings.lasting).nonzero()[0]
         return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
+
+    def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex) -> bool:
+        """Compare the speed of the legs, which the gyroscope turns about the foot, with that of the accelerometer."""
+        s = self.settings
+        if self._share < s.weight_share or abs(rotation[2]) > s.foot_spin:
+            self._unsettled = SETTLING
+        if self._unsettled > 0.0:  # the feet hop or slide, as after a push
+            self._unsettled -= self._dt
+            self._drift, self._parted, unexplained = self._offset, 0j, 0j
+        self._drift = drift = self._keep * self._drift + unexplained
+        self._offset += self._offset_gain * (drift - self._offset)
+        self._parted += self._smoothing * (drift - self._offset - self._parted)
+        if abs(self._parted) > s.speed_difference:
+            self._suspected += self._dt
+            (x, y, z), (u, v, w) = self._turned, rotation
+            self._turned = x + self._dt * u, y + self._dt * v, z + self._dt * w
+            turns = math.hypot(*self._turned) > s.stance_rotation * self._suspected
+            if turns and self._suspected >= SUSPICION:
+                self._gyro_doubted = REMEMBERED
+        elif self._suspected:
+            self._suspected, self._turned = 0.0, (0.0, 0.0, 0.0)
+        if self._gyro_doubted <= 0.0:
+            return False
+        self._gyro_doubted -= self._dt
+        return True
 
     def _frozen(self, values: Array) -> list[str]:
         """Names of the channels whose reading has stayed the same for too long."""

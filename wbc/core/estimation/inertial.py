@@ -56,6 +56,8 @@ class InertialFilter:
         rotation: Attitude of the IMU in the world, shape (3, 3).
         velocity: Velocity of the IMU point in the world, shape (3,), m/s.
         gyro_bias: Bias of the gyroscope in the IMU frame, measured minus true, shape (3,), rad/s.
+        unexplained: Change of the legs' horizontal velocity in the last period that the accelerometer does not show,
+            x + iy in the world, m/s; zero in flight.
     """
 
     def __init__(self, settings: InertialSettings | None = None) -> None:
@@ -63,6 +65,8 @@ class InertialFilter:
         self.rotation: Array = np.eye(3)
         self.velocity: Array = np.zeros(3)
         self.gyro_bias: Array = np.zeros(3)
+        self.unexplained = 0j
+        self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)
         self._velocity_gain, self._yaw_gain = LagGain(), LagGain()
@@ -77,6 +81,7 @@ class InertialFilter:
         self.rotation = np.array(rotation)
         self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
         self._last = None
+        self.unexplained, self._left = 0j, None
 
     def align(self, specific_force: Array) -> None:
         """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up.
@@ -126,10 +131,14 @@ class InertialFilter:
         s = self.settings
         if velocity is None:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
+            self.unexplained, self._left = 0j, None
             return
         innovation = velocity - self.velocity
         gain = self._velocity_gain(dt, s.velocity_time_constant)
         x, y, _ = innovation.tolist()
+        found = complex(x, y)
+        self.unexplained = 0j if self._left is None else found - self._left
+        self._left = found * (1.0 - float(gain))
         innovation *= gain
         self.velocity += innovation
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.

@@ -68,6 +68,8 @@ class Observer:
         inertial: Attitude, velocity and gyro bias of the IMU.
         foot_rotation: Angular speed with which both feet on the ground turn alike, by encoders and gyroscope, rad/s;
             zero if they turn differently, as on stones, or if one carries everything.
+        stance_rotation: Angular velocity of the foot that carries more, by encoders and gyroscope, in the world, rad/s;
+            zero in flight.
     """
 
     @checked
@@ -116,6 +118,7 @@ class Observer:
         self._position: Vector = (0.0, 0.0, 0.0)
         self._time: float | None = None
         self.foot_rotation = 0.0
+        self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         self.reset(q)
 
     @property
@@ -240,6 +243,7 @@ class Observer:
         yaw_error = 0.0
         velocity = None
         rotations: list[Vector] = []
+        self.stance_rotation = (0.0, 0.0, 0.0)
         if not self.in_flight:
             vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
             for i, sole in enumerate(self._soles):
@@ -252,6 +256,8 @@ class Observer:
                 sliding, (rx, ry, rz), point, axis = turned_all(turn, (at_cop, rotating, points[i], ahead[i]))
                 if share > SHARED:
                     rotations.append((rx + turning[0], ry + turning[1], rz + turning[2]))
+                    if share >= 0.5:
+                        self.stance_rotation = rotations[-1]
                 x, y, z = add_cross(sliding, turning, point)
                 vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
                 yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))

@@ -26,6 +26,9 @@ logger = logging.getLogger(__name__)
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 """Signals that an estimate is made of, as `Measurement` calls them."""
 
+UNLIMITED = 1e6
+"""Speed limit from which on a model is taken to give none, rad/s or m/s: Pinocchio has the largest number there."""
+
 
 @settings
 class PlausibilitySettings:
@@ -89,9 +92,9 @@ class Plausibility:
         self._middle = np.zeros(2 * na + 6 + 6 * n)
         self._bound = np.full(self._middle.size, np.finfo(float).max)
         self._middle[:na][known] = 0.5 * (lower + upper)[known]
-        self._bound[:na][known] = 0.5 * (upper - lower)[known] + s.position_margin
-        speed = s.velocity_margin * robot.velocity_limit
-        self._speed = np.where(np.isfinite(speed), speed, 1e3)
+        self._bound[:na][known] = (0.5 * upper - 0.5 * lower)[known] + s.position_margin
+        speed = robot.velocity_limit
+        self._speed = np.where(speed < UNLIMITED, s.velocity_margin * np.minimum(speed, UNLIMITED), 1e3)
         self._bound[na : 2 * na] = self._speed
         self._bound[2 * na : 2 * na + 3] = s.gyro_range
         self._bound[2 * na + 3 : 2 * na + 6] = s.accelerometer_range
