@@ -279,6 +279,10 @@ def test_gains_are_those_of_the_papers_equations(law: ConstraintLaw) -> None:
         assert law.impedance[0] <= d <= d_max
     assert law.gains(0.0).impedance == law.impedance[0]
     assert law.gains(law.width).impedance == pytest.approx(d_max)
+    for share in (0.1, 0.25, 0.4):  # the rise is the same turned about its middle, and steepest there
+        low, high = (law.gains(part * law.width).impedance for part in (share, 1.0 - share))
+        assert low + high == pytest.approx(sum(law.impedance))
+        assert low <= law.impedance[0] + share * (d_max - law.impedance[0])
 
 
 def test_a_critically_damped_law_returns_without_overshoot_at_its_time_constant() -> None:

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.control import Mode
+from wbc.core.robot import Robot
 from wbc.core.settings import to_json
 from wbc.feet import foot
 from wbc.robots import load, names
@@ -135,6 +136,26 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
         lost = np.array(q)
         lost[place] = np.nan
         assert detector.fallen(lost)
+
+
+def test_fallen_depends_neither_on_the_axes_of_the_base_nor_on_the_level_of_the_ground() -> None:
+    model, rng = load("hrp4_class").robot(), np.random.default_rng(0)
+    outcomes = set()
+    for _ in range(40):
+        axes, turn = (pin.Quaternion(pin.exp3(rng.normal(scale=s, size=3))) for s in (1.0, 0.7))
+        half_sitting, q = np.array(model.half_sitting), np.array(model.half_sitting)
+        q[2] *= rng.uniform(0.6, 1.1)
+        q[3:7] = (turn * pin.Quaternion(q[3:7])).coeffs()
+        fallen = TrueFallDetector(model).reason(q)
+        outcomes.add(fallen)
+        for configuration in (half_sitting, q):  # the same poses of a base with other axes
+            configuration[3:7] = (pin.Quaternion(configuration[3:7]) * axes).coeffs()
+        other = Robot(model.model, model.soles, half_sitting, frames=model.frames)
+        detector = TrueFallDetector(other)
+        assert detector.reason(q) is fallen
+        q[2] += 3.0
+        assert detector.reason(q, 3.0) is fallen
+    assert len(outcomes) == 3
 
 
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:

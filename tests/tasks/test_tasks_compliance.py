@@ -354,6 +354,33 @@ def test_feed_forward_is_that_of_the_user_plus_that_of_the_compliance() -> None:
     )
 
 
+def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
+    """Velocities are along the axes of the reference, which turn with it."""
+    robot, seconds, dt = robot_with_palm(), 1.0, 1e-4
+    task = AdmittanceTask("palm", admittance=(1e-3, 1e-3), velocity_bound=(10, 10), time_constant=0.0)
+    task.bind(robot)
+    task.measured_wrench = wrench = np.array([200.0, -100.0, 50.0, 300.0, 500.0, -700.0])
+    for _ in range(round(seconds / dt)):
+        task.advance(dt)
+    screw = pin.exp6(pin.Motion(1e-3 * seconds * wrench))
+    np.testing.assert_allclose(task.offset.homogeneous, screw.homogeneous, atol=1e-4)
+
+
+def test_a_velocity_at_its_bound_does_not_accelerate() -> None:
+    robot = robot_with_palm()
+    task = AdmittanceTask("palm", admittance=(1e-3, 1e-3), velocity_bound=(0.05, 10.0), time_constant=0.02)
+    task.bind(robot)
+    task.measured_wrench = np.full(6, 100.0)  # 0.1 m/s, of which 0.05 are allowed, and 0.1 rad/s
+    for _ in range(40):
+        task.advance(0.001)
+    rows_of(task, robot)
+    assert (np.abs(task.compliance_velocity[:3]) == 0.05).all()
+    turn = robot.placement(task.frame).rotation.T @ task.reference.rotation
+    acceleration = np.kron(np.eye(2), turn.T) @ task._rows.acceleration
+    np.testing.assert_allclose(acceleration[:3], 0.0, atol=1e-12)
+    assert (acceleration[3:] > 0.1).all()
+
+
 def test_measurement_with_nan_changes_nothing() -> None:
     robot = robot_with_palm()
     task = AdmittanceTask("palm", admittance=(1e-3, 1e-1))

@@ -312,3 +312,16 @@ def test_standing_plans_keep_standing_and_bad_settings_are_refused() -> None:
         PreviewSettings(knots=1)
     with pytest.raises(InputError, match="at least one support"):
         preview.plan((), REST)
+
+
+def test_a_higher_cost_of_rates_makes_the_correction_of_a_push_smoother() -> None:
+    """The rate is that of the way which the ZMP goes beside its reference."""
+    start = pushed(REST, np.array([0.004, 0.002]))
+    times = np.arange(0.0, 1.5, 0.005)
+    roughness = []
+    for weight in (0.0, 1e-3, 1e-1):
+        controller = PreviewController(SIZES, HEIGHT, PreviewSettings(rate_weight=weight))
+        plans = [controller.plan(WALK, state) for state in (REST, start)]
+        zmp, pushed_zmp = (np.array([plan.at(t).zmp[:2] for t in times]) for plan in plans)
+        roughness.append(np.square(np.diff(pushed_zmp - zmp, axis=0)).sum())
+    assert roughness[0] > roughness[1] * 1.02 and roughness[1] > roughness[2] * 1.02
