@@ -242,7 +242,7 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     places = finite_array("places of a profile (m)", x)
     try:
         heights = np.asarray(z, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"heights of a profile (m) must be numbers, got {shown(z)}") from error
     if places.ndim != 1 or heights.shape != places.shape:
         raise InputError(f"x and z must have the same shape (n,), got {places.shape} and {heights.shape}")

@@ -61,6 +61,10 @@ class Foot(ABC):
         """
 
 
+LARGEST_FOOT = 2.0
+"""Largest length, width and height of a foot, m."""
+
+
 @checked
 def fitted_sole(
     sole: SoleGeometry,
@@ -98,6 +102,11 @@ def fitted_sole(
                 f"{min_height:.4f} m over the sole, got {height:.4f} m "
                 f"(the robot's own is {own_height:.4f} m)"
             )
+    if max(length, width, height) > LARGEST_FOOT:
+        raise InputError(
+            f"length, width and ankle height of a foot must be at most {LARGEST_FOOT:g} m, got {length:g}, {width:g} "
+            f"and {height:g} m"
+        )
     lateral = float(sole.ankle[1])
     if abs(ankle_behind) > length / 2.0 or abs(lateral) > width / 2.0:
         raise InputError(

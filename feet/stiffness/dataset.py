@@ -257,7 +257,7 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
     """
     try:
         head = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not a {kind}: {error}") from error
     if not isinstance(head, dict) or head.get("format") != kind:
         other = head.get("format") if isinstance(head, dict) else None

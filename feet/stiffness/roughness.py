@@ -222,6 +222,10 @@ def detrend(z: Array, kind: Detrend = "line") -> Array:
     return z
 
 
+LOWEST_CORNER = 1e-6
+"""Lowest corner of the low-pass, cycles per sample: below, its equations lose the ground in rounding."""
+
+
 @checked
 def low_pass(z: Array, step: float, corner: float) -> Array:
     """Return heights after a first-order Butterworth low-pass, forwards and backwards, same shape, m.
@@ -243,8 +247,15 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
     Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
     """
     positive("corner (cycles/m)", corner)
+    z = finite_array("heights (m)", z)
+    if z.ndim == 0 or z.shape[-1] == 0:
+        raise InputError(f"heights must be those of at least one sample, got shape {z.shape}")
     if corner >= 0.5 / positive("step (m)", step):
         return z
+    if corner * step < LOWEST_CORNER:
+        raise InputError(
+            f"corner (cycles/m) must be at least {LOWEST_CORNER:g} / step = {LOWEST_CORNER / step:g}, got {corner:g}"
+        )
     bands = _bands(z.shape[-1], corner * step)
     padded = np.concatenate([z[..., :1], z, z[..., -1:]], axis=-1)
     right = padded[..., :-2] + 2.0 * z + padded[..., 2:]

@@ -34,6 +34,9 @@ SLIP_SPEED = 0.05
 _RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft foot by less than 1 mm
 _SAMPLE = 0.005  # s between samples of the centre of pressure
 
+LONGEST = 60.0
+"""Longest motion of a test, s."""
+
 
 @checked
 def press(test: FootTest, *, support: bool = True) -> PressResult:
@@ -78,7 +81,7 @@ def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> Sli
         ramp: Growth of shear over weight per second afterwards, 1/s.
     """
     finite_scalar("shear over weight", shear_share, low=0.0, high=2.0)
-    positive("shear ramp (1/s)", ramp)
+    _check_duration("shear", (3.0 - shear_share) / positive("shear ramp (1/s)", ramp))
     rig = Rig(test, shear=True)
     if land(rig) is None:
         return SlideResult(True, shear_share)
@@ -114,8 +117,13 @@ def pitch(
     """
     if test.ankle_stiffness == 0.0:
         raise InputError("pitching needs an ankle servo: ankle_stiffness must be above 0 Nm/rad")
-    positive("pitch amplitude (rad)", amplitude)
-    positive("pitch rate (rad/s)", rate)
+    finite_scalar("pitch amplitude (rad)", amplitude, low=0.0, high=0.5 * math.pi, open_low=True)
+    duration = 4.0 * amplitude / positive("pitch rate (rad/s)", rate)
+    _check_duration("pitch", duration)
+    if duration < 2.0 * _SAMPLE:
+        raise InputError(
+            f"pitching by {amplitude:g} rad at {rate:g} rad/s lasts {duration:g} s, less than two samples"
+        )
     rig = Rig(test)
     if land(rig) is None:
         return PitchResult(True)
@@ -133,6 +141,13 @@ def pitch(
         return PitchResult(True)
     angles, centres, moments, heights = (tuple(column) for column in zip(*rows, strict=True))
     return PitchResult(False, angles, centres, moments, heights)
+
+
+def _check_duration(what: str, duration: float) -> None:
+    if duration > LONGEST:
+        raise InputError(
+            f"the {what} would last {duration:g} s, at most {LONGEST:g} s are simulated; move faster"
+        )
 
 
 def land(rig: Rig) -> tuple[Impact, float, float] | None:

@@ -8,7 +8,7 @@ import math
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, ModelError
 from wbc.core.hull import hull_and_area
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
@@ -87,7 +87,10 @@ class Rig:
         x, y, z, w = test.robot_sole.rotation
         ankle = carriage.add_body(name=test.robot_sole.ankle_link, quat=quaternion_wxyz((-x, -y, -z, w)))
         self.foot = test.foot.build(spec, ankle, "left", test.robot_sole)
-        self.model: mujoco.MjModel = spec.compile()
+        try:
+            self.model: mujoco.MjModel = spec.compile()
+        except ValueError as error:
+            raise ModelError(f"MuJoCo cannot compile the foot: {error}") from error
         self.data = mujoco.MjData(self.model)
         self.probe = SoleProbe(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import field, replace
 from typing import Annotated, Any
 
+from pydantic import Field
+
 from wbc.core.errors import InputError
 from wbc.core.settings import NonNegative, Positive, settings, to_json
 from wbc.feet import Foot, FootFit, SoleGeometry, foot, foot_name
@@ -47,7 +49,7 @@ class FootTest:
     yaw: Annotated[float, "rad"] = 0.0
     ankle_stiffness: Annotated[NonNegative, "Nm/rad"] = 2000.0
     robot_sole: SoleGeometry = HRP4C_SOLE
-    drop: Annotated[NonNegative, "m"] = 0.01
+    drop: Annotated[NonNegative, Field(le=1.0), "m"] = 0.01
     settle: Annotated[Positive, "s"] = 1.4
     hold: Annotated[Positive, "s"] = 0.5
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)

@@ -42,6 +42,8 @@ def over_bar(test: FootTest, height: float = 0.03) -> FootTest:
         height: Height of the bar, m.
     """
     ground = terrain("cylinder_obstacles", height, yaw=0.0)
+    if not ground.shapes:
+        raise InputError("height of the bar (m) must be above zero")
     peak = max((shape.peak for shape in ground.shapes), key=lambda peak: float(peak[2]))
     place = float(peak[0]) - (ground.start + ground.stop) / 2.0 - BAR_PLACE
     return replace(test, ground=ground, x=place, y=0.0, yaw=0.0)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
@@ -34,14 +34,20 @@ SOLE_SPHERE_RADIUS = 0.007
 CELLS_PER_FEATURE = 3
 """Cells needed across the smallest feature: fewer can miss the top of a stone or the bottom of a joint."""
 
-MAX_NODES = 20_000_000
-"""Largest height field, nodes: 80 MB in single precision."""
+MAX_NODES = 10_000_000
+"""Largest height field, nodes: 40 MB in single precision."""
 
 MAX_SOLIDS = 50_000_000
 """Largest number of features of a ground of solids: each is a geometry of the simulation."""
 
+MOST_PLACED = 50_000
+"""Largest number of solids that a density asks for."""
+
 LARGEST_AMPLITUDE = 100.0
 """Largest amplitude, m."""
+
+LEAST_AMPLITUDE = 1e-6
+"""Least amplitude of a ground that is not flat, m: solids cannot be thinner than rounding."""
 
 LONGEST_TRACK = 1000.0
 """Longest and widest track, m."""
@@ -87,6 +93,10 @@ class Terrain:
             raise InputError(
                 f"amplitude of {self.name} must be at most {self.parameters.largest_amplitude:g} m "
                 f"with these parameters, got {self.amplitude:g}"
+            )
+        if 0.0 < self.amplitude < LEAST_AMPLITUDE:
+            raise InputError(
+                f"amplitude of {self.name} must be 0 or at least {LEAST_AMPLITUDE:g} m, got {self.amplitude:g}"
             )
         self.parameters.check_track(self.length, self.width)
         self._check_rendering()
@@ -151,6 +161,12 @@ class Terrain:
             raise InputError(
                 f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} features of "
                 f"{feature:.3g} m; at most {MAX_SOLIDS} are built: shorten the track or coarsen the family"
+            )
+        placed = getattr(self.parameters, "density", 0.0) * self.length * self.width
+        if placed > MOST_PLACED:
+            raise InputError(
+                f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {placed:.3g} solids; at most "
+                f"{MOST_PLACED} are placed: shorten the track or take a lower density"
             )
         x0, x1, y0, y1 = self.extent
         points = (x1 - x0) * (y1 - y0) / 1e-4
@@ -221,7 +237,7 @@ class Terrain:
         shapes, floor = tuple(family.shapes(site)), family.floor(site)
         built = max((float(s.peak[2]) for s in shapes), default=floor) - floor
         if abs(built - self.amplitude) > AMPLITUDE_TOLERANCE:
-            raise WbcError(
+            raise InputError(
                 f"terrain family '{self.name}' built {built:g} m for an amplitude of {self.amplitude:g} m"
             )
         self._stays_inside(Ground(floor, shapes), max(floor, family.stop(site)))
@@ -235,7 +251,7 @@ class Terrain:
         sides = ((x, -half - out, ground.floor), (x, half + out, ground.floor))
         ends = ((self.start - out, y, 0.0), (self.stop + out, y, stop))
         if any((ground.height(a, b) > level).any() for a, b, level in (*sides, *ends)):
-            raise WbcError(f"terrain family '{self.name}' placed a solid outside the rough part")
+            raise InputError(f"terrain family '{self.name}' placed a solid outside the rough part")
 
     def _from_heights(self, family: FieldFamily) -> Ground:
         if self.amplitude == 0.0:

@@ -18,6 +18,7 @@ from cyclopts.config import Dict
 
 from wbc.core.errors import InputError
 from wbc.core.files import read_json, read_text
+from wbc.core.settings import usable_path
 
 CONFIG, SPEC = "--config", "--spec"
 
@@ -34,13 +35,16 @@ def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) 
     """Add the options in the file of --config, and check words; cyclopts calls it for every command.
 
     Raises:
-        InputError: A file that cannot be used, a fraction for a whole number, or options beside --spec.
+        InputError: A file that cannot be used or named, a fraction for a whole number, or options beside --spec.
     """
     path = _given(arguments, CONFIG)
     if path is not None:
         _add_file(app, commands, arguments, Path(path))
     _refuse_beside_spec(arguments)
     for argument in arguments:
+        if Path in (argument.hint, *typing.get_args(argument.hint)):
+            for token in argument.tokens:
+                usable_path(Path(token.value))
         if int in (argument.hint, *typing.get_args(argument.hint)):
             for token in argument.tokens:
                 _check_whole(argument.name, token.value)

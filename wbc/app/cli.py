@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -97,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except OSError:  # what could not be printed is not tried again at the end
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
-        return FAILED
+        return BAD_INPUT if error.errno == errno.ENAMETOOLONG else FAILED
     except KeyboardInterrupt:
         print("wbc: interrupted", file=sys.stderr)
         return INTERRUPTED

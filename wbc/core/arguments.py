@@ -16,11 +16,12 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import PlainValidator, TypeAdapter, ValidationError
+from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationError
 
 from wbc.core.errors import Array, InputError, finite_array, shown, unknown_name
 from wbc.core.settings import CONFIG, bounded, choices_of, plain_value, rule_of
@@ -154,7 +155,10 @@ def _rule(hint: Any) -> Any:
         return Annotated[(_rule(inside[0]), *inside[1:])] if inside[0] in SIMPLE else _rule(inside[0])
     if origin in (typing.Union, types.UnionType):
         rules = [_rule(each) for each in inside]
-        return Any if any(rule is Any for rule in rules) else typing.Union[tuple(rules)]  # noqa: UP007
+        if any(rule is Any for rule in rules):
+            return Any
+        either = typing.Union[tuple(rules)]  # noqa: UP007
+        return Annotated[either, AfterValidator(_text_of_a_path)] if Path in inside else either
     if origin is tuple:
         return tuple[tuple(each if each is ... else _rule(each) for each in inside)]  # type: ignore[misc]
     if origin in (Sequence, list):
@@ -171,11 +175,18 @@ def _rule(hint: Any) -> Any:
     return _instance(hint) if isinstance(hint, type) and origin is None and not special else Any
 
 
+def _text_of_a_path(value: Any) -> Any:
+    """Refuse what no file can have in its name; a text may also be a content."""
+    if isinstance(value, (str, Path)) and b"\0" in str(value).encode():  # of a lone surrogate a ValueError
+        raise ValueError("NUL")
+    return value
+
+
 def _instance(kind: Any) -> Any:
     def check(given: Any) -> Any:
         if not isinstance(given, kind):
             raise ValueError("another class")
-        return given
+        return _text_of_a_path(given)
 
     return Annotated[Any, PlainValidator(check)]
 

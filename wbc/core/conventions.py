@@ -33,6 +33,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array
 
 Index = NDArray[np.intp]
@@ -99,6 +100,7 @@ def configuration_from_mujoco(
     return q
 
 
+@checked_on_failure
 def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: Array | None = None) -> Array:
     """Translate a velocity to MuJoCo's `qvel`.
 
@@ -118,6 +120,7 @@ def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: 
     return qvel
 
 
+@checked_on_failure
 def velocity_from_mujoco(
     q: Array, qvel: Array, joint_dof: Index | None = None, out: Array | None = None
 ) -> Array:

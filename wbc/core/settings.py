@@ -137,7 +137,7 @@ def bounded(hint: Any) -> Any:
     if hint is int:
         return Annotated[int, Field(ge=-WIDEST, le=WIDEST)]
     if hint is Path:
-        return Annotated[Path, AfterValidator(_usable)]
+        return Annotated[Path, AfterValidator(usable_path)]
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
         parts = _constraints(inside[1:])
@@ -156,8 +156,12 @@ def bounded(hint: Any) -> Any:
     return hint
 
 
-def _usable(path: Path) -> Path:
-    """Return a path that can name a file."""
+def usable_path(path: Path) -> Path:
+    """Return a path that can name a file.
+
+    Raises:
+        InputError: Too long, or with characters that are not printable.
+    """
     if (
         not str(path).isprintable()
         or any(len(part.encode()) > 255 for part in path.parts)

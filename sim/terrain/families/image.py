@@ -85,7 +85,7 @@ def _read(path: Path) -> Array:
 
         with Picture.open(path) as picture:
             mode, pixels = picture.mode, np.asarray(picture, dtype=np.float64)
-    except (OSError, ValueError) as error:
+    except (OSError, EOFError, ValueError) as error:
         raise InputError(f"image: cannot read {path}: {error}") from error
     if mode == "RGB" and (pixels == pixels[:, :, :1]).all():
         return np.asarray(pixels[:, :, 0])

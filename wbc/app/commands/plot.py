@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from wbc.app.log import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
-from wbc.core.settings import settings
+from wbc.core.settings import settings, usable_path
 
 logger = logging.getLogger(__name__)
 
@@ -88,6 +88,8 @@ def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     paths = [Path(w) for i, w in enumerate(words) if i == 0 or w.endswith(".arrow") or Path(w).is_file()]
     if not paths:
         raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
+    for path in paths:
+        usable_path(path)
     return paths, [word for word in words if Path(word) not in paths]
 
 

@@ -215,7 +215,7 @@ class LogWriter:
 
 def part_path(path: Path) -> Path:
     """Return the name of a log while it is written: walk.part.arrow for walk.arrow."""
-    return path.with_name(f"{path.stem}.part{path.suffix}")
+    return path.with_name(f"{path.stem}.part{path.suffix}") if path.name else path  # "" is a folder
 
 
 def check_path(path: str | Path) -> Path:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, non_negative, positive
+from wbc.core.errors import Array, InputError, non_negative, positive, shown
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
@@ -120,7 +120,10 @@ class SelfCollisionLimit(RowLimit):
             InputError: No pair at all, a pair of a link with itself or twice, or a value out of range.
         """
         self.name, self.dim = name, 0
-        self._pairs = [(str(first), str(second)) for first, second in pairs]
+        links = list(pairs)
+        if not all(isinstance(pair, (tuple, list)) and list(map(type, pair)) == [str, str] for pair in links):
+            raise InputError(f"pairs of limit '{name}' must be pairs of names of links, got {shown(links)}")
+        self._pairs = [(first, second) for first, second in links]
         if not self._pairs:
             raise InputError(f"limit '{name}' needs at least one pair of links")
         if any(first == second for first, second in self._pairs):

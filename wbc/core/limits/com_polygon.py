@@ -19,6 +19,9 @@ from wbc.core.hull import convex_hull
 from wbc.core.limits.rows import RowLimit, damped_bound, limit_time_constant
 from wbc.core.robot import Robot
 
+MOST_EDGES = 1000
+"""Largest number of edges of a polygon."""
+
 
 class CoMPolygonLimit(RowLimit):
     """Keep the ground projection of the centre of mass inside a convex polygon.
@@ -55,8 +58,8 @@ class CoMPolygonLimit(RowLimit):
         Raises:
             InputError: A value out of range; a polygon without area, with too many edges or narrower than the margin.
         """
-        if max_edges < 3:
-            raise InputError(f"limit '{name}' needs at least 3 edges, got {max_edges}")
+        if not 3 <= max_edges <= MOST_EDGES:
+            raise InputError(f"limit '{name}' must have 3 to {MOST_EDGES} edges, got {max_edges}")
         self.name, self.dim = name, int(max_edges)
         self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
         self._given_time = None if time_constant is None else limit_time_constant(time_constant)

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
+from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative, positive, scalar
 from wbc.core.robot import Robot
 
@@ -268,6 +268,7 @@ class RowLimit(ABC):
         """
 
 
+@checked_on_failure
 def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: float) -> Array:
     """Return the greatest acceleration towards a bound with which the speed is distance / time constant at most.
 

@@ -88,7 +88,8 @@ def turn_in_place(start: FootstepPlan, angle: float, *, per_step: float = 0.25) 
     angle = finite_scalar("angle (rad)", angle)
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
-    pairs = math.ceil(abs(angle) / finite_scalar("per_step (rad)", per_step, low=1e-3, high=3.0) - 1e-9)
+    per_step = finite_scalar("per_step (rad)", per_step, low=1e-3, high=3.0)
+    pairs = max(1, math.ceil(abs(angle) / per_step - 1e-9))
     _check_count("angle (rad)", angle, 2 * pairs)
     leader = "left" if angle > 0.0 else "right"
     # Each pair of steps turns by one opening, so that there is nothing left to close.
@@ -159,6 +160,7 @@ def climb_stairs(
     """
     if rise == 0.0 or count < 1:
         raise InputError(f"a stair must have a rise and at least one step, got rise {rise} m, count {count}")
+    _check_count("number of stairs", count, 2 * count + 2)
     tread = positive("tread (m)", tread)
     middle = _middle(start.left, start.right)
     half = 0.5 * start.spacing
