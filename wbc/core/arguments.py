@@ -157,7 +157,7 @@ def _rule(hint: Any) -> Any:
         rules = [_rule(each) for each in inside]
         if any(rule is Any for rule in rules):
             return Any
-        either = typing.Union[tuple(rules)]  # noqa: UP007
+        either: Any = typing.Union[tuple(rules)]  # noqa: UP007
         return Annotated[either, AfterValidator(_text_of_a_path)] if Path in inside else either
     if origin is tuple:
         return tuple[tuple(each if each is ... else _rule(each) for each in inside)]  # type: ignore[misc]
