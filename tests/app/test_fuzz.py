@@ -92,7 +92,7 @@ SOLES = {"left_sole": "b", "right_sole": "c"}
         (None, "URDF must be|source must be"),
         (b"\xff", "URDF must be|source must be"),
         ("/", "no URDF file"),
-        ("a\0b", "no URDF file"),
+        ("a\0b", "source must be"),
         (chain(fixed("1", "b", "c"), fixed("2", "c", "b")), "circle"),
         (
             chain(*LEGS, inertial=f'<inertial><origin xyz="0 nan 0"/><mass value="1"/>{INERTIA}</inertial>'),

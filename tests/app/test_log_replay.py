@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import umsgpack
 from browser import Browser, needs_chromium
+from full_disk import limited_file_size
 from pages import get
 from PIL import Image
 from recorded import make_walk, recorded_scans, recorded_walk, run
@@ -36,6 +37,7 @@ from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.shapes import Surface
 from wbc.app.view import PortError
 from wbc.core.errors import InputError
+from wbc.core.files import FileError
 from wbc.tasks.balance import balance_controller
 
 SIZE = (96, 72)
@@ -274,6 +276,18 @@ def test_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
     ).stdout
     pictures = np.frombuffer(raw, np.uint8).reshape(-1, SIZE[1], SIZE[0], 3)
     assert len(pictures) == count and np.ptp(pictures[0].astype(int)) > 100
+
+
+@drawing
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path, ending: str) -> None:
+    if ending == "mp4" and shutil.which("ffmpeg") is None:
+        pytest.skip("no ffmpeg here")
+    path = tmp_path / f"walk.{ending}"
+    path.write_text("old")
+    with limited_file_size(1000), pytest.raises((FileError, RenderError), match="write"):
+        render_video(replay, path, rate=2.0, size=SIZE)
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
 def test_film_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
