@@ -244,6 +244,9 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
         step: Distance of the samples, m.
         corner: Corner of one pass, cycles/m; at or above the Nyquist frequency 1 / (2 step) there is no filter.
 
+    Raises:
+        InputError: No samples, or a corner below 1e-6 cycles per sample.
+
     Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
     """
     positive("corner (cycles/m)", corner)
