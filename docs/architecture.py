@@ -16,6 +16,7 @@ FLOORS = (
     ("wbc.tasks",),
     ("wbc.walking",),
     ("wbc.motion",),
+    ("wbc.machine",),
     ("wbc.sim",),
     ("wbc.app",),
 )

@@ -72,6 +72,7 @@ PACKAGES = {
     "tasks": "Tasks",
     "walking": "Walking",
     "motion": "Motions",
+    "machine": "Machines",
     "sim": "Simulation",
     "app": "Application",
 }

@@ -15,7 +15,7 @@ from wbc.sim.balance import (
     push_table,
     stand,
 )
-from wbc.sim.loop import MujocoLoop
+from wbc.sim.loop import MujocoLoop, RobotServer, RobotWire
 from wbc.sim.plant import (
     NO_NOISE,
     NOISE_PRESETS,
@@ -98,6 +98,8 @@ __all__ = [
     "with_feet",
     # A MuJoCo model of one's own
     "MujocoLoop",
+    "RobotServer",
+    "RobotWire",
     # Plant: sensor errors
     "NOISE_PRESETS",
     "NO_NOISE",

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from wbc.core.conventions import velocity_from_mujoco, velocity_to_mujoco
     from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
     from wbc.core.limits.com_polygon import CoMPolygonLimit
+    from wbc.machine import conformance, run
     from wbc.sim import Plant, WalkSpec, stand, walk
     from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
@@ -75,6 +76,9 @@ __all__ = [
     "WalkingControl",
     "FootstepPlan",
     "walk_distance",
+    # Loops of one's own, and machines
+    "conformance",
+    "run",
     # Simulation
     "Plant",
     "WalkSpec",
@@ -99,6 +103,8 @@ _LAZY = {
     "SelfCollisionLimit": "wbc.core.limits.collision",
     "velocity_from_mujoco": "wbc.core.conventions",
     "velocity_to_mujoco": "wbc.core.conventions",
+    "conformance": "wbc.machine",
+    "run": "wbc.machine",
     "Plant": "wbc.sim",
     "WalkSpec": "wbc.sim",
     "stand": "wbc.sim",

@@ -53,6 +53,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         ["--seconds", "0.1"],
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
     ),
+    "check-plant": (["--robot", "g1"], {"ok", "checks"}),
     "push": (
         [
             "--robot",

@@ -61,7 +61,17 @@ def test_every_example_is_tested_indexed_and_takes_the_common_options(
         assert (module.__doc__ or "").splitlines()[0] in text
 
 
-SURFACES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.motion", "wbc.sim", "wbc.app")
+SURFACES = (
+    "wbc",
+    "wbc.tasks",
+    "wbc.robots",
+    "wbc.feet",
+    "wbc.walking",
+    "wbc.motion",
+    "wbc.machine",
+    "wbc.sim",
+    "wbc.app",
+)
 
 
 def test_examples_import_public_names_alone() -> None:

@@ -22,6 +22,7 @@ FOLDERS = {
     "wbc.tasks": ROOT / "tasks",
     "wbc.walking": ROOT / "wbc" / "walking",
     "wbc.motion": ROOT / "wbc" / "motion",
+    "wbc.machine": ROOT / "wbc" / "machine",
     "wbc.sim": ROOT / "sim",
     "wbc.app": ROOT / "wbc" / "app",
 }
@@ -145,7 +146,7 @@ def test_a_controller_needs_no_simulator() -> None:
     """Importing everything below the simulator and solving a tick loads no MuJoCo: a real robot has none."""
     program = """
 import importlib, pkgutil, sys, wbc
-for name in ("core", "robots", "feet", "tasks", "walking"):
+for name in ("core", "robots", "feet", "tasks", "walking", "machine"):
     package = importlib.import_module(f"wbc.{name}")
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if not module.name.endswith("_mjcf"):

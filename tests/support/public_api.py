@@ -11,7 +11,16 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-SURFACES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.motion", "wbc.sim")
+SURFACES = (
+    "wbc",
+    "wbc.tasks",
+    "wbc.robots",
+    "wbc.feet",
+    "wbc.walking",
+    "wbc.motion",
+    "wbc.machine",
+    "wbc.sim",
+)
 """The packages that users import from."""
 
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "stand": "wbc.app.commands.balance:stand",
     "walk": "wbc.app.commands.walk:walk",
     "push": "wbc.app.commands.balance:push",
+    "check-plant": "wbc.app.commands.check_plant:check_plant",
     "bench tick": "wbc.app.commands.bench:tick",
     "bench solver": "wbc.app.commands.bench:solver",
     "bench physics": "wbc.app.commands.bench:physics",

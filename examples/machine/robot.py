@@ -1,0 +1,36 @@
+"""A robot that runs by itself: a simulation in real time that speaks UDP (`wbc.machine.udp`); stand.py drives it.
+
+python examples/machine/robot.py --robot g1 & python examples/machine/stand.py --robot g1
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import wbc
+from wbc.machine import UdpRobot
+from wbc.sim import MujocoLoop, Plant, RobotServer
+
+
+def main(arguments: list[str] | None = None) -> RobotServer:
+    """Run for a time."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robot", default="g1")
+    parser.add_argument("--port", type=int, default=7700)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--hang", type=float, default=0.0, help="let down from a band after this time, s")
+    options = parser.parse_args(arguments)
+    description = wbc.load_robot(options.robot)
+    loop = MujocoLoop(description, Plant(description).model, control_period=0.002)
+    wire = UdpRobot(description, options.port)
+    server = RobotServer(loop, wire, band=options.hang)
+    end = time.monotonic() + options.seconds
+    print(f"listening at port {wire.port}", flush=True)
+    server.run(lambda: time.monotonic() > end)
+    wire.close()
+    return server
+
+
+if __name__ == "__main__":
+    main()

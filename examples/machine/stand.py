@@ -1,0 +1,31 @@
+"""Drive a robot over UDP: ramp to the stand, balance, sink.
+
+python examples/machine/robot.py --robot g1 & python examples/machine/stand.py --robot g1
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import wbc
+from wbc.machine import RunReport, UdpDriver, run
+
+
+def main(arguments: list[str] | None = None) -> RunReport:
+    """Stand for a time."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robot", default="g1")
+    parser.add_argument("--host", default="127.0.0.1")
+    parser.add_argument("--port", type=int, default=7700)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    options = parser.parse_args(arguments)
+    description = wbc.load_robot(options.robot)
+    control = wbc.TorqueControl(wbc.balance_controller(description.robot(), 0.002))
+    driver = UdpDriver(description, options.host, options.port)
+    report = run(driver, control, rate=500, until=options.seconds)
+    print(report)
+    return report
+
+
+if __name__ == "__main__":
+    main()

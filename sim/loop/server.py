@@ -1,0 +1,118 @@
+"""A simulated robot in a process of its own: real time, commands over a wire, damping when none come."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.signals import Command, Measurement
+from wbc.sim.loop.mujoco_loop import MujocoLoop
+
+DAMPING = 0.1
+"""Damping of joints without a command, as a share of the servos'."""
+
+
+class RobotWire(Protocol):
+    """The robot's end of a wire."""
+
+    def receive(self) -> tuple[bool, Command | None]:
+        """Return whether anything asked for damping, and the newest command, since the last call."""
+
+    def send(self, measurement: Measurement) -> None:
+        """Send a measurement."""
+
+
+class RobotServer:
+    """A loop that runs by itself.
+
+    Attributes:
+        loop: The simulated robot.
+        damped: True while the joints are damped.
+        silent: Time since the last command, s.
+        late: Periods that began late by more than one.
+    """
+
+    def __init__(
+        self, loop: MujocoLoop, wire: RobotWire, *, watchdog: float = 0.015, band: float = 0.0
+    ) -> None:
+        """Connect a simulated robot with a wire.
+
+        Args:
+            loop: The robot.
+            wire: Its end of the wire.
+            watchdog: Time without a command after which the joints are damped, s.
+            band: Time for which the robot hangs at an elastic band before it is let down, s.
+        """
+        self.loop, self._wire, self._watchdog, self._band = loop, wire, watchdog, band
+        self.damped, self.silent, self.late = True, 0.0, 0
+        self._command: Command | None = None
+        self._last = -np.inf
+        self._zero = np.zeros(loop.robot.na)
+        self._root = loop.places.root
+        mass = loop.robot.mass
+        self._stiffness, self._damping = 400.0 * mass, 40.0 * mass
+        self._top = loop.data.xpos[self._root].copy() + [0.0, 0.0, 0.05]
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Run in real time.
+
+        Args:
+            until: Called every period; True ends.
+        """
+        period = self.loop.control_period
+        deadline = time.monotonic()
+        while not until():
+            left = deadline - time.monotonic()
+            if left > 0.0:
+                time.sleep(left)
+            elif left < -period:
+                self.late += 1
+                deadline = time.monotonic()
+            self.step()
+            deadline += period
+
+    def step(self) -> None:
+        """Advance by one control period."""
+        damped, command = self._wire.receive()
+        now = time.monotonic()
+        if damped:
+            self._command = None
+        elif command is not None:
+            self._command, self._last = command, now
+        self.silent = now - self._last
+        if self.silent > self._watchdog:
+            self._command = None
+        self.damped = self._command is None
+        self._pull()
+        self.loop.step(self._sinking() if self._command is None else self._command)
+        self._wire.send(self.loop.measure())
+
+    def _sinking(self) -> Command:
+        q: Array = self.loop.data.qpos[self.loop.places.joint_qpos]
+        return Command(self._zero, q, self._zero, kp=self._zero, kd=DAMPING * self.loop.description.kd)
+
+    def _pull(self) -> None:
+        """Hold the robot with the band, let it down in a second, release it."""
+        force: Array = self.loop.data.xfrc_applied[self._root]
+        force[:] = 0.0
+        past = self.loop.time - self._band
+        if self._band <= 0.0 or past > 2.0:
+            return
+        down = max(0.0, min(1.0, past)) * 0.05
+        velocity = np.zeros(6)
+        data, kind = self.loop.data, mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectVelocity(self.loop.model, data, kind, self._root, velocity, 0)
+        fade = max(0.0, min(1.0, 2.0 - past))
+        force[:3] = (
+            self._stiffness * (self._top - [0.0, 0.0, down] - data.xpos[self._root])
+            - self._damping * velocity[3:]
+        )
+        rotation = data.xmat[self._root].reshape(3, 3)
+        tilt = np.cross(rotation[:, 2], [0.0, 0.0, 1.0])
+        force[3:] = 0.05 * self._stiffness * tilt - 0.02 * self._damping * velocity[:3]
+        force *= fade

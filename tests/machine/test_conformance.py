@@ -1,0 +1,208 @@
+"""Conformance: a good loop passes, and every deliberate fault of a bad one is named."""
+# ruff: noqa: E501 - one fault a line
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from foreign import foreign_model
+
+import wbc
+from wbc import Command, Measurement
+from wbc.core.errors import InputError
+from wbc.machine import ConformanceReport, conformance
+from wbc.sim import MujocoLoop
+
+DESCRIPTION = wbc.load_robot("g1")
+PERIOD = 0.005
+
+
+class Wrapped:
+    """A loop with a fault in what goes out or comes in."""
+
+    def __init__(self, loop: Any, out: Callable[[Command], Command] | None = None) -> None:
+        self._loop, self._out = loop, out
+        self.description, self.control_period = loop.description, loop.control_period
+
+    def measure(self) -> Measurement:
+        return self._loop.measure()  # type: ignore[no-any-return]
+
+    def step(self, command: Command) -> None:
+        self._loop.step(command if self._out is None else self._out(command))
+
+
+class Recorded:
+    """A loop that measures what another one has measured, under the same commands, with a fault."""
+
+    def __init__(self, rows: list[Measurement], fault: Callable[[Measurement, int], Measurement]) -> None:
+        self._rows, self._fault, self._tick = rows, fault, 0
+        self.description, self.control_period = DESCRIPTION, PERIOD
+
+    def measure(self) -> Measurement:
+        return self._fault(self._rows[min(self._tick, len(self._rows) - 1)], self._tick)
+
+    def step(self, command: Command) -> None:
+        self._tick += 1
+
+
+def plant() -> wbc.Plant:
+    return wbc.Plant(DESCRIPTION, control_period=PERIOD)
+
+
+@functools.cache
+def healthy() -> tuple[list[Measurement], ConformanceReport]:
+    """Measurements of a good loop during all checks, with torques, and their result."""
+    loop, rows = plant(), []
+
+    class Listening(Wrapped):
+        def measure(self) -> Measurement:
+            measurement = replace(loop.measure(), joint_torque=loop.joint_torque.copy())
+            if not rows or rows[-1].time != measurement.time:
+                rows.append(measurement)
+            return measurement
+
+    report = conformance(Listening(loop))
+    return rows, report
+
+
+def test_a_good_loop_passes_all_checks() -> None:
+    _, report = healthy()
+    assert report.ok, str(report)
+    assert 18 <= len(report.checks) <= 22 and all(check.state == "ok" for check in report.checks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_plants_with_noise_pass(robot: str) -> None:
+    report = conformance(wbc.Plant(wbc.load_robot(robot), control_period=0.002, noise="realistic"))
+    assert report.ok, str(report)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["motor", "position", "none"])
+def test_loops_of_somebody_else_pass(kind: str) -> None:
+    hrp4 = wbc.load_robot("hrp4_class")
+    report = conformance(MujocoLoop(hrp4, foreign_model(hrp4, kind), prefix="mine/"))
+    assert report.ok, str(report)
+    assert all(check.state == "ok" for check in report.checks)
+
+
+NA = DESCRIPTION.robot().na
+SWAP = np.arange(NA)
+SWAP[[3, 20]] = SWAP[[20, 3]]
+YAW = pin.rpy.rpyToMatrix(0.0, 0.0, np.pi / 2)
+MIRROR = np.diag([1.0, -1.0, 1.0])
+ONE = np.where(np.arange(NA) == 4, -1.0, 1.0)
+
+
+def turned(m: Measurement, rotation: np.ndarray) -> Measurement:
+    return replace(
+        m, angular_velocity=rotation @ m.angular_velocity, specific_force=rotation @ m.specific_force
+    )
+
+
+FAULTS: dict[str, tuple[Callable[[Measurement, int], Measurement], str, str]] = {
+    "two joints swapped": (lambda m, _: replace(m, joint_position=m.joint_position[SWAP], joint_velocity=m.joint_velocity[SWAP]), "joint order", "another order"),
+    "one joint reversed": (lambda m, _: replace(m, joint_position=m.joint_position * ONE, joint_velocity=m.joint_velocity * ONE), "joint sign", "other way round"),
+    "degrees": (lambda m, _: replace(m, joint_position=np.degrees(m.joint_position), joint_velocity=np.degrees(m.joint_velocity)), "joint unit", "degrees"),
+    "motor side": (lambda m, _: replace(m, joint_position=20.0 * m.joint_position, joint_velocity=20.0 * m.joint_velocity), "joint unit", "motor's side"),
+    "velocity reversed": (lambda m, _: replace(m, joint_velocity=-m.joint_velocity), "joint velocity", "reversed"),
+    "velocity in degrees": (lambda m, _: replace(m, joint_velocity=np.degrees(m.joint_velocity)), "joint velocity", "degrees per second"),
+    "no velocity": (lambda m, _: replace(m, joint_velocity=0.0 * m.joint_velocity), "joint velocity", "frozen"),
+    "zero of an encoder": (lambda m, _: replace(m, joint_position=m.joint_position + 0.1 * (ONE < 0)), "joint zero", "zero of an encoder"),
+    "torque reversed": (lambda m, _: replace(m, joint_torque=-m.joint_torque), "measured torque", "reversed"),  # type: ignore[operator]
+    "torque of the motor": (lambda m, _: replace(m, joint_torque=m.joint_torque / 20.0), "measured torque", "another unit"),  # type: ignore[operator]
+    "accelerometer in g": (lambda m, _: replace(m, specific_force=m.specific_force / 9.81), "accelerometer", "units of g"),
+    "without gravity": (lambda m, _: replace(m, specific_force=m.specific_force - [0.0, 0.0, 9.80665]), "accelerometer", "gravity has been removed"),
+    "accelerometer reversed": (lambda m, _: replace(m, specific_force=-m.specific_force), "accelerometer", "reversed"),
+    "gyroscope in degrees": (lambda m, _: replace(m, angular_velocity=np.degrees(m.angular_velocity)), "gyroscope", "degrees per second"),
+    "gyroscope dead": (lambda m, _: replace(m, angular_velocity=np.zeros(3)), "gyroscope", "does not turn"),
+    "gyroscope reversed": (lambda m, _: replace(m, angular_velocity=-m.angular_velocity), "IMU frame", "gyroscope has the reversed sign"),
+    "gyroscope in another frame": (lambda m, _: replace(m, angular_velocity=YAW @ m.angular_velocity), "IMU frame", "gyroscope is in another frame"),
+    "IMU turned": (lambda m, _: turned(m, YAW), "IMU frame", "turned by 90°"),
+    "wrench on the ground": (lambda m, _: replace(m, sole_wrench=-m.sole_wrench), "weight", "foot on the ground"),
+    "wrench in kp": (lambda m, _: replace(m, sole_wrench=m.sole_wrench / 9.81), "weight", "another unit"),
+    "feet swapped": (lambda m, _: replace(m, sole_wrench=m.sole_wrench[::-1]), "sides", "swapped"),
+    "moments reversed": (lambda m, _: replace(m, sole_wrench=m.sole_wrench * [1, 1, 1, -1, -1, -1]), "wrench frame", "reversed sign"),
+    "moments elsewhere": (lambda m, _: replace(m, sole_wrench=m.sole_wrench + np.outer(m.sole_wrench[:, 2], [0, 0, 0, 0, 0.05, 0])), "wrench frame", "another point"),
+    "clock in milliseconds": (lambda m, _: replace(m, time=1e3 * m.time), "clock", "milliseconds"),
+    "clock of 100 Hz": (lambda m, _: replace(m, time=2.0 * m.time), "clock", "100 Hz"),
+    "clock stands still": (lambda m, _: replace(m, time=1.0), "clock", "stands still"),
+    "jitter": (lambda m, tick: replace(m, time=m.time + 0.003 * (tick % 2)), "clock", "jitter"),
+    "shape": (lambda m, _: replace(m, joint_position=m.joint_position[:-1]), "shapes", "has not"),
+    "not a number": (lambda m, _: replace(m, specific_force=np.full(3, np.nan)), "shapes", "first tick fails"),
+}  # fmt: skip
+"""Name → fault of a measurement, the check that names it and words of the cause."""
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_the_measurement_is_named(fault: str) -> None:
+    make, name, words = FAULTS[fault]
+    report = conformance(Recorded(healthy()[0], make))
+    wrong = {check.name: check for check in report.wrong}
+    assert name in wrong, f"{fault}: {report}"
+    assert words in wrong[name].cause, f"{fault}: {wrong[name].cause}"
+    beside = set(wrong) - {name, "hold", "joint zero", "soles"}  # what follows from encoders that are off
+    assert not beside, f"{fault}: {report}"
+
+
+def test_measurements_that_come_every_other_tick_are_named() -> None:
+    rows, _ = healthy()
+    stale = [rows[2 * (i // 2)] for i in range(len(rows))]
+    report = conformance(
+        Recorded([replace(m, time=r.time) for m, r in zip(stale, rows, strict=True)], lambda m, _: m)
+    )
+    assert [check.name for check in report.wrong] == ["fresh"], str(report)
+
+
+class Late(Wrapped):
+    """A loop that obeys some periods late."""
+
+    def __init__(self, loop: Any, periods: int) -> None:
+        super().__init__(loop)
+        self._waiting: list[Command] = []
+        self._periods = periods
+
+    def step(self, command: Command) -> None:
+        self._waiting.append(command)
+        self._loop.step(self._waiting.pop(0) if len(self._waiting) > self._periods else self._waiting[0])
+
+
+ZERO = np.zeros(NA)
+ELBOWS = np.arange(NA)
+_left, _right = (DESCRIPTION.joint_names.index(f"{side}_elbow_joint") for side in ("left", "right"))
+ELBOWS[[_left, _right]] = [_right, _left]
+COMMANDS: dict[str, tuple[Callable[[Any], Any], str, str]] = {
+    "torque reversed": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_torque=-c.joint_torque)), "torque", "doubles the sag"),
+    "torque ignored": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_torque=ZERO)), "torque", "ignored"),
+    "torque of the motor": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_torque=5.0 * c.joint_torque)), "gains", "another unit"),
+    "velocity ignored": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_velocity=ZERO)), "velocity reference", "ignored"),
+    "commands to other joints": (lambda loop: Wrapped(loop, lambda c: Command(c.joint_torque[ELBOWS], c.joint_position[ELBOWS], c.joint_velocity[ELBOWS])), "joint order", "another order"),  # type: ignore[index]
+    "nothing follows": (lambda loop: Wrapped(loop, lambda c: loop.hold()), "joint order", "does not reach"),
+    "20 ms late": (lambda loop: Late(loop, 4), "delay", "20 ms"),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", COMMANDS)
+def test_a_fault_of_the_command_is_named(fault: str) -> None:
+    make, name, words = COMMANDS[fault]
+    report = conformance(make(plant()))
+    wrong = {check.name: check for check in report.wrong}
+    assert name in wrong and words in wrong[name].cause, f"{fault}: {report}"
+
+
+@pytest.mark.slow
+def test_a_stated_delay_is_no_fault() -> None:
+    assert conformance(Late(plant(), 2), delay=0.01).ok
+
+
+def test_something_else_than_a_loop_is_refused() -> None:
+    with pytest.raises(InputError, match="'measure' is missing"):
+        conformance(type("Half", (), {"description": DESCRIPTION, "control_period": 0.01})())

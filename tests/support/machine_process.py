@@ -1,0 +1,59 @@
+"""Programs of the tests of machines: a robot and a controller, each in a process of its own, that say when they damp.
+
+python tests/support/machine_process.py robot WATCHDOG     python tests/support/machine_process.py control PORT
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import wbc
+from wbc.machine import Phase, Runner, RunSettings, UdpDriver, UdpRobot
+from wbc.sim import MujocoLoop, Plant, RobotServer
+
+ROBOT = "g1"
+PERIOD = 0.004
+
+
+def robot(watchdog: float) -> None:
+    """Run a robot; print the clock whenever damping begins or ends."""
+    description = wbc.load_robot(ROBOT)
+    loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
+    wire = UdpRobot(description, 0)
+    server = RobotServer(loop, wire, watchdog=watchdog)
+    print("port", wire.port, flush=True)
+    was, end = True, time.monotonic() + 60.0
+
+    def looked_at() -> bool:
+        nonlocal was
+        if server.damped != was:
+            was = server.damped
+            print("damped" if was else "driven", time.monotonic(), flush=True)
+        return time.monotonic() > end
+
+    server.run(looked_at)
+
+
+def control(port: int) -> None:
+    """Drive the robot; print when the controller runs, and when it has damped and why."""
+    description = wbc.load_robot(ROBOT)
+    controller = wbc.TorqueControl(wbc.balance_controller(description.robot(), PERIOD))
+    settings = RunSettings(fade=0.2, blend=0.2)
+    runner = Runner(UdpDriver(description, port=port), controller, 1.0 / PERIOD, settings=settings)
+    told = False
+
+    def tell() -> bool:
+        nonlocal told
+        if runner.phase is Phase.RUN and not told:
+            told = True
+            print("runs", time.monotonic(), flush=True)
+        return False
+
+    report = runner.run(tell)
+    begun = time.monotonic() - report.phases[-1][1]
+    print("ended", begun, report.reason, flush=True)
+
+
+if __name__ == "__main__":
+    {"robot": lambda: robot(float(sys.argv[2])), "control": lambda: control(int(sys.argv[2]))}[sys.argv[1]]()

@@ -1,0 +1,33 @@
+"""Machines: what drives a robot that runs by itself, and the check of any loop.
+
+A new wire is a class with the three methods of `Driver`, in a module of its own.
+"""
+
+from wbc.machine.clock import Clock
+from wbc.machine.conformance import Check, ConformanceReport, conformance
+from wbc.machine.loop import Driver, DriverLoop, Loop
+from wbc.machine.run import Control, MachineError, Phase, Runner, RunReport, RunSettings, run
+from wbc.machine.udp import UdpDriver, UdpRobot
+
+__all__ = [
+    # Interfaces
+    "Loop",
+    "Driver",
+    "DriverLoop",
+    # The loop of a machine
+    "run",
+    "Runner",
+    "RunSettings",
+    "RunReport",
+    "Phase",
+    "Control",
+    "Clock",
+    "MachineError",
+    # Wires
+    "UdpDriver",
+    "UdpRobot",
+    # Check of a loop
+    "conformance",
+    "ConformanceReport",
+    "Check",
+]

@@ -1,0 +1,248 @@
+"""Checks of joints: order, signs, units, velocities, freshness, delay, torques and gains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.machine.conformance.excitation import Record
+from wbc.machine.conformance.session import UNIT, Session
+
+STEP = 0.02
+"""Motion of a joint, rad (or m times this)."""
+
+JOINT_TIME = 0.1
+"""Time of it, s."""
+
+
+PULSES = 4
+"""Pulses of torque whose beginning is averaged."""
+
+
+class JointChecks(Session):
+    """Checks of encoders and drives."""
+
+    def check_joints(self) -> None:
+        """Move one joint after the other by a step; who follows, which way, how far, and with which velocity."""
+        robot, excite, na = self.robot, self.excite, self.robot.na
+        follows = np.zeros((na, na))  # row: moved joint; column: change of each measured position
+        self.rates = np.zeros(na)
+        self.stuck = 0.0
+        delays = []
+        before = self.rest.settled("position")
+        middle = 0.5 * (robot.position_lower + robot.position_upper)
+        for i in range(na):
+            step = np.zeros(na)
+            step[i] = STEP if not np.isfinite(middle[i]) or middle[i] >= excite.reference[i] else -STEP
+            there, back = excite.move(step, JOINT_TIME)
+            follows[i] = (there.settled("position") - before) / step[i]
+            way = np.vstack([before, there.position])
+            integral = float(
+                (
+                    0.5
+                    * (there.velocity + np.vstack([0 * before, there.velocity[:-1]])).sum(axis=0)
+                    * excite.period
+                )[i]
+            )
+            travelled = float(way[-1, i] - way[0, i])
+            self.rates[i] = integral / travelled if abs(travelled) > 1e-4 else np.nan
+            half = there.position[: len(there.position) // 2]
+            same = (np.diff(half, axis=0) == 0.0).all(axis=1)
+            self.stuck = max(self.stuck, float(same.mean()))
+            delays.append(self._lag(there, i, step[i]))
+            before = back.settled("position")
+        own = follows.diagonal()
+        names = robot.joint_names
+        dead = [names[i] for i in range(na) if abs(own[i]) < 0.15]
+        lead = np.abs(follows).argmax(axis=1)
+        self.obeys = len(dead) < na // 2
+        swapped = [
+            i for i in range(na) if lead[i] != i and abs(follows[i, lead[i]]) > max(0.3, 2.0 * abs(own[i]))
+        ]
+        if swapped:
+            found = ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
+            cause = "joints in another order than `joint_names`: the wrong limb moves, the QP tears the robot apart"
+            self.add("joint order", False, found, cause)
+        elif dead:
+            cause = (
+                "the command does not reach the drives, these are off or too soft, or the encoder is frozen"
+            )
+            self.add("joint order", False, f"{len(dead)} joints do not follow: {', '.join(dead[:4])}", cause)
+        else:
+            self.add("joint order", True, f"{na} joints follow")
+        known = [i for i in range(na) if i not in swapped and names[i] not in dead]
+        turned = [names[i] for i in known if own[i] < 0.0]
+        cause = "axis the other way round than in the model: feedback drives the joint away, at once"
+        self.add(
+            "joint sign",
+            not turned,
+            f"reversed: {', '.join(turned[:4])}" if turned else "as in the model",
+            cause,
+        )
+        size = float(np.median(np.abs(own[known]))) if known else 0.0
+        odd = [i for i in known if not 0.3 < abs(own[i]) < 2.5]
+        unit = "degrees" if abs(size / UNIT - 1.0) < 0.15 else "the motor's side of the gear, or another unit"
+        cause = f"positions in {unit}: joints seem to be far away from where they are"
+        found = f"{size:.2f} of the step" + (f"; odd: {', '.join(names[i] for i in odd[:4])}" if odd else "")
+        self.add("joint unit", not odd, found, cause)
+        rates = self.rates[np.isfinite(self.rates)]
+        ratio = float(np.median(rates)) if rates.size else 0.0
+        if rates.size == 0 or dead:
+            self.add("joint velocity", "unknown", "the joints do not follow")
+        else:
+            bad = [i for i in known if np.isfinite(self.rates[i]) and not 0.6 < self.rates[i] < 1.4]
+            what = (
+                "reversed sign"
+                if ratio < 0.0
+                else "zero or frozen"
+                if abs(ratio) < 0.05
+                else "degrees per second"
+                if abs(ratio / UNIT - 1.0) < 0.4
+                else "another unit than the positions"
+            )
+            few = f": {', '.join(names[i] for i in bad[:4])}" if len(bad) < na // 2 else ""
+            cause = f"velocities with {what}{few}: damping is weak, strong or negative, the joints buzz"
+            self.add("joint velocity", not bad, f"∫q̇ dt is {ratio:.2f} of the way", cause)
+        cause = "sensors are read less often than the control period: velocities jump, damping is late"
+        self.add(
+            "fresh",
+            self.stuck < 0.25,
+            f"{100 * self.stuck:.0f} % of moving samples repeat the last one",
+            cause,
+        )
+        found_delay = float(np.nanmedian(delays)) if np.isfinite(delays).any() else float("nan")
+        self._report_delay(found_delay)
+
+    def _lag(self, there: Record, joint: int, step: float) -> float:
+        """Return the lag of a joint's motion behind its reference, s; NaN if it does not follow."""
+        shape = self.excite.profile(JOINT_TIME)[0] * step
+        moved = there.position[:, joint] - there.position[0, joint]
+        end = moved[-1]
+        if abs(end) < 0.3 * abs(step) or abs(end) > 3.0 * abs(step):
+            return float("nan")
+        moved = moved / end * step
+        # Areas between a curve and its end: their difference is the lag, whatever the shape.
+        lag: float = float((shape - moved).sum() / step) * self.excite.period
+        return lag
+
+    def _report_delay(self, lag: float) -> None:
+        period, extra = self.excite.period, self._torque_delay()
+        if not np.isfinite(lag):
+            self.add("delay", "unknown", "the joints do not follow")
+            return
+        found = f"{1e3 * lag:.1f} ms behind the references"
+        if extra is not None:
+            found += f", torque acts after {1e3 * extra:.1f} ms"
+            cause = (
+                f"about {1e3 * extra:.0f} ms of delay that were not stated: oscillations of 5 to 15 Hz, falls"
+            )
+            self.add("delay", extra <= self.delay + 1.01 * period, found, cause)
+        else:
+            cause = f"about {1e3 * lag:.0f} ms of delay or soft drives: oscillations of 5 to 15 Hz"
+            self.add("delay", lag <= self.delay + 0.01, found, cause)
+
+    def _torque_delay(self) -> float | None:
+        """Return the time after which a step of torque shows in the velocity, s; None if it does not show."""
+        excite = self.excite
+        free = self._free_joints()
+        if not free:
+            return None
+        limit = np.minimum(self.robot.torque_limit, 1e3)
+        tau = np.zeros(self.robot.na)
+        tau[free] = 0.1 * limit[free]
+        calm = excite.hold(0.1)
+        noise = np.maximum(calm.velocity[:, free].std(axis=0), 1e-4)
+        pulses = []
+        for _ in range(PULSES):
+            before = excite.hold(0.06).velocity[-3:].mean(axis=0)
+            pulses.append((excite.hold(0.04, torque=tau).velocity - before)[:, free] / noise)
+        excite.hold(0.1)
+        seen = np.mean(pulses, axis=0).clip(-20.0, 20.0).mean(axis=1)
+        late = np.flatnonzero(seen > max(4.0 / np.sqrt(PULSES * len(free)), 0.2 * float(seen.max())))
+        return float(late[0]) * excite.period if late.size else None
+
+    def _free_joints(self) -> list[int]:
+        """Return joints that are not in the legs: what acts on them moves them."""
+        legs = {name for leg in self.loop.description.legs for name in leg}
+        names = self.robot.joint_names
+        return [i for i, name in enumerate(names) if name not in legs]
+
+    def check_zeros(self) -> None:
+        """Compare the encoders with half-sitting."""
+        robot = self.robot
+        position = self.rest.settled("position")
+        if self.bad("joint order", "joint sign", "joint unit"):
+            self.add("joint zero", "unknown", "joints are not measured as they should")
+            return
+        off = position - self.excite.reference
+        worst = int(np.argmax(np.abs(off)))
+        outside = (position < robot.position_lower - 0.05) | (position > robot.position_upper + 0.05)
+        cause = "zero of an encoder elsewhere than in the model, or a robot that was not at half-sitting: it leans"
+        found = f"{robot.joint_names[worst]} {1e3 * off[worst]:+.0f} mrad from half-sitting"
+        self.add("joint zero", bool(abs(off[worst]) < 0.05 and not outside.any()), found, cause)
+
+    def check_torques(self) -> None:
+        """Feed-forward, velocity reference and gains: kp Δq = τ, and kp Δq = kd q̇_ref, of joints that hang free."""
+        excite, free = self.excite, self._free_joints()
+        kp, kd = np.array(self.loop.description.kp), np.array(self.loop.description.kd)
+        if not free:
+            for name in ("torque", "gains", "velocity reference", "measured torque"):
+                self.add(name, "unknown", "no joint beside the legs")
+            return
+        limit = np.minimum(self.robot.torque_limit, 1e3)
+        tau, rate = np.zeros(self.robot.na), np.zeros(self.robot.na)
+        tau[free] = np.clip(0.02 * kp[free], 0.0, 0.15 * limit[free])
+        rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
+        start = excite.hold(0.1).settled("position")
+        pushed = excite.hold(0.25, torque=tau).settled("position") - start
+        middle = excite.hold(0.2).settled("position")
+        dragged = excite.hold(0.25, velocity=rate).settled("position") - middle
+        excite.hold(0.2)
+        if self.bad("joint order", "joint sign", "joint unit"):
+            for name in ("torque", "gains", "velocity reference", "measured torque"):
+                self.add(name, "unknown", "joints are not measured as they should")
+            return
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = float(np.nanmedian((pushed * kp / tau)[free]))
+            drag = float(np.nanmedian((dragged * kp / (kd * rate))[free]))
+        cause = (
+            "feed-forward torque with the reversed sign: it doubles the sag in place of removing it"
+            if share < -0.05
+            else "feed-forward torque is ignored: position drives sag, torque control does not exist"
+        )
+        if self.add("torque", share > 0.05, f"τ = kp Δq to {share:.2f}", cause):
+            cause = (
+                f"the drives have other gains than the description (kp about {1.0 / share:.2g} times as large), or "
+                "torque has another unit"
+            )
+            self.add("gains", 0.5 < share < 2.0, f"kp is {1.0 / share:.2f} of the description's", cause)
+        else:
+            self.add("gains", "unknown", "no torque acts")
+        cause = (
+            "velocity reference with the reversed sign"
+            if drag < -0.1
+            else "velocity references are ignored or damped with another gain: references are followed late"
+        )
+        self.add("velocity reference", 0.4 < drag < 2.5, f"kd q̇_ref = kp Δq to {drag:.2f}", cause)
+        self._measured_torque(free)
+
+    def _measured_torque(self, free: list[int]) -> None:
+        """Measured torque of joints that hang free at rest: the weight that they carry."""
+        torque = self.rest.settled("torque")
+        if not np.isfinite(torque).all():
+            self.add("measured torque", "unknown", "not measured")
+            return
+        model, data = self.robot.model, self.robot.data
+        weight = pin.computeGeneralizedGravity(model, data, np.array(self.robot.half_sitting))[6:][free]
+        if float(np.abs(weight).max()) < 0.3:
+            self.add("measured torque", "unknown", "no joint beside the legs carries weight")
+            return
+        slope = float(weight @ torque[free] / (weight @ weight))
+        cause = (
+            "measured torque with the reversed sign: it must be the drive's on the joint, not the load's"
+            if slope < -0.2
+            else "measured torque in another unit: motor side of the gear, current, or fraction of the limit"
+        )
+        self.add(
+            "measured torque", 0.5 < slope < 1.5, f"{slope:.2f} of the weight that the joints carry", cause
+        )

@@ -1,0 +1,146 @@
+"""A process that damps the machine when the control loop no longer gives signs of life.
+
+It reads a pickled driver from its standard input and the loop's heartbeat from shared memory, and sends nothing as long
+as the heart beats. It outlives the loop: a controller that is killed leaves a machine that is damped.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import pickle
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from wbc.machine.loop import Driver
+
+BEAT = struct.Struct("<dd")
+"""Time of the last beat, and its longest age (s); an age of 0 means that the loop is not to be watched now."""
+
+PROGRAM = "from wbc.machine.guard import main; main()"
+"""Program of the process."""
+
+CHECK_PERIOD = 0.001
+"""Period of the check, s."""
+
+DAMP_PERIOD = 0.002
+"""Period of damping commands, s."""
+
+DAMP_TIME = 3.0
+"""Time for which a machine without a loop is damped, s."""
+
+
+class Guard:
+    """The guard, as the loop sees it."""
+
+    def __init__(self, driver: Driver, age: float) -> None:
+        """Start the process and wait until it watches.
+
+        Args:
+            driver: Wire to the machine; it is pickled.
+            age: Longest time between two beats, s.
+        """
+        self._age = age
+        self._fd = (
+            os.memfd_create("wbc_guard")
+            if hasattr(os, "memfd_create")
+            else os.open(f"/tmp/wbc_guard_{os.getpid()}", os.O_RDWR | os.O_CREAT, 0o600)
+        )
+        os.ftruncate(self._fd, mmap.PAGESIZE)
+        self._memory = mmap.mmap(self._fd, mmap.PAGESIZE)
+        self._memory[: BEAT.size] = BEAT.pack(0.0, 0.0)
+        root = str(Path(__file__).resolve().parents[2])
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, str(self._fd)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            pass_fds=[self._fd],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])},
+            start_new_session=True,
+        )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        pickle.dump(driver, self._process.stdin)
+        self._process.stdin.flush()
+        self._process.stdout.readline()
+
+    @property
+    def pid(self) -> int:
+        """Identifier of the process."""
+        return self._process.pid
+
+    def beat(self) -> None:
+        """Say that the loop lives."""
+        BEAT.pack_into(self._memory, 0, time.monotonic(), self._age)
+
+    def rest(self) -> None:
+        """Say that the loop is not to be watched: it ends, or waits for the machine."""
+        BEAT.pack_into(self._memory, 0, time.monotonic(), 0.0)
+
+    def close(self) -> None:
+        """End the process."""
+        self.rest()
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+        self._memory.close()
+        os.close(self._fd)
+
+
+def watch(driver: Any, memory: mmap.mmap) -> None:
+    """Damp whenever the heart has stood for too long; return when the loop has ended, well or damped for a while."""
+    parent = os.getppid()
+    damped_since: float | None = None
+    while True:
+        now = time.monotonic()
+        beat, age = BEAT.unpack_from(memory, 0)
+        dead = age > 0.0 and now - beat > age
+        if not dead:
+            damped_since = None
+            if age == 0.0 and os.getppid() != parent:
+                return
+            time.sleep(CHECK_PERIOD)
+            continue
+        damped_since = now if damped_since is None else damped_since
+        if now - damped_since > DAMP_TIME and os.getppid() != parent:
+            return
+        driver.damp()
+        time.sleep(DAMP_PERIOD)
+
+
+def main() -> None:
+    """Run the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    driver = pickle.load(sys.stdin.buffer)
+    memory = mmap.mmap(int(sys.argv[1]), mmap.PAGESIZE)
+    driver.damp()  # opens the wire; the machine has no command yet
+    print("watching", flush=True)
+    _end_with_stdin()
+    watch(driver, memory)
+
+
+def _end_with_stdin() -> None:
+    """End this process when the loop closes its end of the pipe after a rest."""
+
+    def wait() -> None:
+        sys.stdin.buffer.read()
+        memory = mmap.mmap(int(sys.argv[1]), mmap.PAGESIZE)
+        if BEAT.unpack_from(memory, 0)[1] == 0.0:
+            os._exit(0)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""Interfaces between a controller and what it drives: a loop that is stepped, and a driver of a machine."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from wbc.core.signals import Command, Measurement
+from wbc.robots import RobotDescription
+
+
+class Loop(Protocol):
+    """A robot that is measured and stepped in turn, such as `wbc.Plant` and `wbc.sim.MujocoLoop`."""
+
+    @property
+    def description(self) -> RobotDescription:
+        """The robot as data."""
+
+    @property
+    def control_period(self) -> float:
+        """Time that `step` advances, s."""
+
+    def measure(self) -> Measurement:
+        """Return the readings of the sensors now."""
+
+    def step(self, command: Command) -> None:
+        """Advance by one control period under a command."""
+
+
+class Driver(Protocol):
+    """Wire to a machine that runs by itself, simulated in another process or real.
+
+    A driver opens its wire at the first call, so that it can be made here and used in another process.
+    """
+
+    def read(self, timeout: float) -> Measurement | None:
+        """Return the newest measurement that has not been returned before; None if there is none in time.
+
+        Args:
+            timeout: Longest time to wait, s; 0 looks and returns.
+        """
+
+    def write(self, command: Command) -> None:
+        """Send a command; it does not wait."""
+
+    def damp(self) -> None:
+        """Send what lets the joints sink slowly: no stiffness, no torque, damping alone."""
+
+
+class DriverLoop:
+    """A driver as a loop: a step sends a command and waits for the measurement after it.
+
+    Attributes:
+        description: The robot.
+        control_period: Period of the machine's measurements, s.
+    """
+
+    def __init__(
+        self, driver: Driver, description: RobotDescription, control_period: float, *, timeout: float = 1.0
+    ) -> None:
+        """Store the driver.
+
+        Args:
+            driver: Wire to the machine.
+            description: The robot.
+            control_period: Period of the machine's measurements, s.
+            timeout: Longest time without a measurement, s.
+        """
+        self.description, self.control_period = description, control_period
+        self._driver, self._timeout = driver, timeout
+        self._newest: Measurement | None = None
+
+    def measure(self) -> Measurement:
+        """Return the newest measurement.
+
+        Raises:
+            TimeoutError: The machine sends nothing.
+        """
+        if self._newest is None:
+            self._newest = self._driver.read(self._timeout)
+        if self._newest is None:
+            raise TimeoutError(f"no measurement within {self._timeout:g} s")
+        return self._newest
+
+    def step(self, command: Command) -> None:
+        """Send a command and wait for the next measurement."""
+        self._driver.write(command)
+        self._newest = None
+        self.measure()
