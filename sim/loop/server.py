@@ -28,7 +28,7 @@ class RobotWire(Protocol):
 
 
 class RobotServer:
-    """A loop that runs by itself.
+    """A loop that runs by itself. Until the first command its servos hold the posture, as if it stood in a rack.
 
     Attributes:
         loop: The simulated robot.
@@ -49,7 +49,8 @@ class RobotServer:
             band: Time for which the robot hangs at an elastic band before it is let down, s.
         """
         self.loop, self._wire, self._watchdog, self._band = loop, wire, watchdog, band
-        self.damped, self.silent, self.late = True, 0.0, 0
+        self.damped, self.silent, self.late = False, 0.0, 0
+        self._rack: Command | None = loop.hold()
         self._command: Command | None = None
         self._last = -np.inf
         self._zero = np.zeros(loop.robot.na)
@@ -83,10 +84,12 @@ class RobotServer:
         if damped:
             self._command = None
         elif command is not None:
-            self._command, self._last = command, now
+            self._command, self._last, self._rack = command, now, None
         self.silent = now - self._last
         if self.silent > self._watchdog:
             self._command = None
+        if self._rack is not None:
+            self._command = self._rack
         self.damped = self._command is None
         self._pull()
         self.loop.step(self._sinking() if self._command is None else self._command)

@@ -288,6 +288,10 @@ def test_a_driver_and_a_robot_find_each_other() -> None:
 # ---- processes that are killed ---------------------------------------------------------------------------------------
 
 
+TIMEOUT = float(os.environ.get("WBC_MACHINE_TIMEOUT", "0.1"))
+"""Timeouts of both sides, s: those of a machine where other programs run; 0.015 on an idle one."""
+
+
 class Process:
     """A program of `machine_process`, and the lines that it prints."""
 
@@ -328,13 +332,12 @@ def processes() -> Iterator[list[Process]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("watchdog", [0.015, 100.0])
+@pytest.mark.parametrize("watchdog", [TIMEOUT, 100.0])
 def test_a_controller_that_is_killed_leaves_a_damped_robot(processes: list[Process], watchdog: float) -> None:
     """By the robot's own watchdog and, without one, by the guard that outlives the controller."""
     processes.append(robot := Process("robot", str(watchdog)))
-    processes.append(control := Process("control", robot.line("port")[1]))
+    processes.append(control := Process("control", robot.line("port")[1], str(TIMEOUT)))
     control.line("runs")
-    robot.line("driven")
     time.sleep(0.5)
     killed = control.kill()
     while (damped := float(robot.line("damped")[1])) < killed:
@@ -347,11 +350,13 @@ def test_a_controller_that_is_killed_leaves_a_damped_robot(processes: list[Proce
 
 @pytest.mark.slow
 def test_a_robot_that_is_killed_ends_the_controller_in_damping(processes: list[Process]) -> None:
-    processes.append(robot := Process("robot", "0.015"))
-    processes.append(control := Process("control", robot.line("port")[1]))
+    processes.append(robot := Process("robot", str(TIMEOUT)))
+    processes.append(control := Process("control", robot.line("port")[1], str(TIMEOUT)))
     control.line("runs")
     time.sleep(0.5)
     robot.kill()
     reason = control.line("ended")[2]
     assert "no measurement for" in reason
-    assert float(reason.split("no measurement for ")[1].split()[0]) < 100.0
+    silent = float(reason.split("no measurement for ")[1].split()[0])
+    print(f"damped {silent:.1f} ms after the last measurement")
+    assert silent < 1e3 * TIMEOUT + 50.0

@@ -1,6 +1,6 @@
 """Programs of the tests of machines: a robot and a controller, each in a process of its own, that say when they damp.
 
-python tests/support/machine_process.py robot WATCHDOG     python tests/support/machine_process.py control PORT
+python tests/support/machine_process.py robot WATCHDOG     python tests/support/machine_process.py control PORT TIMEOUT
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 import time
 
 import wbc
-from wbc.machine import Phase, Runner, RunSettings, UdpDriver, UdpRobot
+from wbc.machine import Phase, Runner, RunSettings, UdpDriver, UdpRobot, UnitreeRobot
 from wbc.sim import MujocoLoop, Plant, RobotServer
 
 ROBOT = "g1"
@@ -23,7 +23,7 @@ def robot(watchdog: float) -> None:
     wire = UdpRobot(description, 0)
     server = RobotServer(loop, wire, watchdog=watchdog)
     print("port", wire.port, flush=True)
-    was, end = True, time.monotonic() + 60.0
+    was, end = False, time.monotonic() + 60.0
 
     def looked_at() -> bool:
         nonlocal was
@@ -35,11 +35,21 @@ def robot(watchdog: float) -> None:
     server.run(looked_at)
 
 
-def control(port: int) -> None:
+def unitree() -> None:
+    """Run a G1 that hangs at a band for a moment and speaks Unitree's topics in domain 7."""
+    description = wbc.load_robot(ROBOT)
+    loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
+    server = RobotServer(loop, UnitreeRobot(description, domain=7), watchdog=0.1, band=60.0)
+    print("ready", flush=True)
+    end = time.monotonic() + 60.0
+    server.run(lambda: time.monotonic() > end)
+
+
+def control(port: int, timeout: float) -> None:
     """Drive the robot; print when the controller runs, and when it has damped and why."""
     description = wbc.load_robot(ROBOT)
     controller = wbc.TorqueControl(wbc.balance_controller(description.robot(), PERIOD))
-    settings = RunSettings(fade=0.2, blend=0.2)
+    settings = RunSettings(fade=0.2, blend=0.2, robot_timeout=timeout, control_timeout=timeout)
     runner = Runner(UdpDriver(description, port=port), controller, 1.0 / PERIOD, settings=settings)
     told = False
 
@@ -56,4 +66,8 @@ def control(port: int) -> None:
 
 
 if __name__ == "__main__":
-    {"robot": lambda: robot(float(sys.argv[2])), "control": lambda: control(int(sys.argv[2]))}[sys.argv[1]]()
+    programs = {
+        "robot": lambda: robot(float(sys.argv[2])),
+        "control": lambda: control(int(sys.argv[2]), float(sys.argv[3])),
+    }
+    (programs | {"unitree": unitree})[sys.argv[1]]()

@@ -8,6 +8,7 @@ from wbc.machine.conformance import Check, ConformanceReport, conformance
 from wbc.machine.loop import Driver, DriverLoop, Loop
 from wbc.machine.run import Control, MachineError, Phase, Runner, RunReport, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
+from wbc.machine.unitree import DdsError, UnitreeDriver, UnitreeRobot
 
 __all__ = [
     # Interfaces
@@ -26,6 +27,9 @@ __all__ = [
     # Wires
     "UdpDriver",
     "UdpRobot",
+    "UnitreeDriver",
+    "UnitreeRobot",
+    "DdsError",
     # Check of a loop
     "conformance",
     "ConformanceReport",

@@ -124,7 +124,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     driver = pickle.load(sys.stdin.buffer)
     memory = mmap.mmap(int(sys.argv[1]), mmap.PAGESIZE)
-    driver.damp()  # opens the wire; the machine has no command yet
+    driver.damp()  # opens the wire; the loop has sent no command yet
     print("watching", flush=True)
     _end_with_stdin()
     watch(driver, memory)

@@ -293,8 +293,13 @@ class Runner:
     def _loop(self, measurement: Measurement, until: float | Callable[[], bool] | None) -> None:
         clock, driver, period = self._clock, self.driver, self.period
         now = self._begin = self._seen = clock.now()
+        self._gains = getattr(driver, "gains", None) or (self.description.kp, self.description.kd)
         self._start = SafeStart(
-            self.description, measurement, fade=self.settings.fade, speed=self.settings.speed
+            self.description,
+            measurement,
+            fade=self.settings.fade,
+            speed=self.settings.speed,
+            gains=self._gains,
         )
         self._weight = self.description.robot().mass * GRAVITY
         self._loaded_since: float | None = None
@@ -349,7 +354,7 @@ class Runner:
             if left <= 0.0:
                 return False
             zero = np.zeros_like(self._held)
-            kp, kd = left * self.description.kp, np.array(self.description.kd)
+            kp, kd = left * self._gains[0], self._gains[1]
             self.driver.write(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
             return True
         if not fresh and self._last is not None:

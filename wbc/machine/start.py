@@ -24,7 +24,13 @@ class SafeStart:
     """
 
     def __init__(
-        self, description: RobotDescription, first: Measurement, *, fade: float, speed: float
+        self,
+        description: RobotDescription,
+        first: Measurement,
+        *,
+        fade: float,
+        speed: float,
+        gains: tuple[Array, Array] | None = None,
     ) -> None:
         """Plan the motion.
 
@@ -33,9 +39,10 @@ class SafeStart:
             first: Measurement of the posture from which it starts.
             fade: Time in which stiffness and torques rise, s.
             speed: Largest mean speed of a joint on the way, rad/s.
+            gains: kp and kd of the machine, each of shape (na,); the description's when None.
         """
         self._robot = description.robot()
-        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
+        self._kp, self._kd = (description.kp, description.kd) if gains is None else gains
         self._from = np.array(first.joint_position)
         self._to = np.array(self._robot.half_sitting[7:])
         self._fade = fade

@@ -1,0 +1,109 @@
+"""Unitree's topics: checksums and layouts against known ones, and a G1 in another process over the loopback."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pickle
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc import Command
+from wbc.core.errors import InputError
+from wbc.machine import Phase, Runner, RunSettings, UnitreeDriver
+from wbc.machine.unitree_wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
+
+DESCRIPTION = wbc.load_robot("g1")
+PROGRAM = Path(__file__).resolve().parents[1] / "support" / "machine_process.py"
+dds = pytest.mark.skipif(
+    importlib.util.find_spec("cyclonedds") is None,
+    reason="cyclonedds is not installed: pip install wbc[unitree]",
+)
+
+
+def test_checksums_are_those_of_the_sdk() -> None:
+    """Values computed with the bit loop of unitree_sdk2_python."""
+    message = np.zeros((), LOW_CMD)
+    assert int(sealed(message)["crc"]) == 0xFE172F9F
+    message["mode_machine"] = 5
+    motors = message["motor"]
+    motors["mode"][:29], motors["kp"][:29], motors["kd"][:29] = 1, 40.0, 1.0
+    motors["q"][:29] = 0.1 * np.arange(29)
+    assert int(sealed(message)["crc"]) == 0x2D82BC79 and intact(message)
+    assert checksum(bytes(2088)) == 0xD64BB04A
+    motors["q"][3] += 1.0
+    assert not intact(message)
+
+
+@pytest.mark.parametrize("layout", [LOW_CMD, LOW_STATE])
+def test_structs_and_cdr_hold_the_same(layout: np.dtype) -> None:
+    assert layout.itemsize == {LOW_CMD: 1004, LOW_STATE: 2092}[layout]
+    rng = np.random.default_rng(0)
+    record = np.frombuffer(rng.bytes(layout.itemsize), layout)[0].copy()
+    data = to_cdr(record)
+    assert len(data) == 4 + layout.itemsize - 4
+    again = from_cdr(data, layout)
+    for name in ("mode_machine", "reserve", "crc"):
+        np.testing.assert_array_equal(again[name], record[name])
+    for name in set(layout["motor"].base.names or ()) - {"pad"}:
+        assert again["motor"][name].tobytes() == record["motor"][name].tobytes(), name
+    assert from_cdr(data[:-9], layout) is None
+
+
+@dds
+def test_packed_messages_are_those_that_cyclonedds_would_pack() -> None:
+    from wbc.machine.unitree import COMMAND_TOPIC, _messages  # noqa: PLC0415 - needs the extra
+
+    kind = _messages()[COMMAND_TOPIC]
+    record = np.zeros((), LOW_CMD)
+    record["mode_machine"], record["crc"] = 5, 77
+    record["motor"]["q"], record["motor"]["mode"] = np.arange(35), np.arange(35)
+    read = kind.__idl__.deserialize(to_cdr(record))
+    assert read.mode_machine == 5 and read.crc == 77
+    assert [motor.q for motor in read.motor_cmd] == list(range(35))
+    assert [motor.mode for motor in read.motor_cmd] == list(range(35))
+    assert kind.__idl__.serialize(read, use_version_2=False) == to_cdr(record)
+
+
+def test_joints_are_found_by_name() -> None:
+    assert set(G1_MOTORS) == set(DESCRIPTION.joint_names)
+    with pytest.raises(InputError, match="joints without a motor"):
+        UnitreeDriver(wbc.load_robot("hrp4_class"))
+    pickle.loads(pickle.dumps(UnitreeDriver(DESCRIPTION)))
+
+
+@dds
+@pytest.mark.slow
+def test_a_g1_in_another_process_is_driven_over_loopback() -> None:
+    """It ramps to the stand, balances in torque control with wrenches that the test passes on, and is damped."""
+    robot = subprocess.Popen(
+        [sys.executable, str(PROGRAM), "unitree"], stdout=subprocess.PIPE, text=True, env=os.environ.copy()
+    )
+    assert robot.stdout is not None
+    try:
+        robot.stdout.readline()
+        driver = UnitreeDriver(DESCRIPTION, domain=7)
+        weight = DESCRIPTION.robot().mass * 9.80665
+        end = time.monotonic() + 20.0
+        while (first := driver.read(0.5)) is None and time.monotonic() < end:
+            pass
+        assert first is not None
+        np.testing.assert_allclose(first.joint_position, DESCRIPTION.robot().half_sitting[7:], atol=0.05)
+        driver._wrenches = lambda m: np.array([[0.0, 0.0, 0.5 * weight, 0.0, 0.0, 0.0]] * 2)
+        control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), 0.004))
+        settings = RunSettings(fade=0.2, blend=0.2, stop=0.2, robot_timeout=0.5, control_timeout=0.5)
+        runner = Runner(driver, control, 250.0, settings=settings, guard=False)
+        report = runner.run(4.0)
+        assert report.reason == "stopped", str(report)
+        assert Phase.RUN in [phase for phase, _ in report.phases]
+        driver.write(Command(np.zeros(29)))
+    finally:
+        robot.kill()
+        robot.wait()
+        robot.stdout.close()
