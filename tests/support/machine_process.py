@@ -49,7 +49,7 @@ def control(port: int, timeout: float) -> None:
     """Drive the robot; print when the controller runs, and when it has damped and why."""
     description = wbc.load_robot(ROBOT)
     controller = wbc.TorqueControl(wbc.balance_controller(description.robot(), PERIOD))
-    settings = RunSettings(fade=0.2, blend=0.2, robot_timeout=timeout, control_timeout=timeout)
+    settings = RunSettings(fade=0.2, blend=0.2, robot_timeout=timeout)
     runner = Runner(UdpDriver(description, port=port), controller, 1.0 / PERIOD, settings=settings)
     told = False
 
