@@ -6,6 +6,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from foreign import foreign_model
 
 import wbc
 from wbc import Command, Measurement
+from wbc.app.cli import main
 from wbc.core.errors import InputError
 from wbc.machine import ConformanceReport, conformance
 from wbc.sim import MujocoLoop
@@ -201,6 +203,24 @@ def test_a_fault_of_the_command_is_named(fault: str) -> None:
 @pytest.mark.slow
 def test_a_stated_delay_is_no_fault() -> None:
     assert conformance(Late(plant(), 2), delay=0.01).ok
+
+
+def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program = tmp_path / "mine.py"
+    program.write_text(
+        "from dataclasses import replace\nimport wbc\n"
+        "class Mine(wbc.Plant):\n"
+        "    def measure(self):\n"
+        "        m = super().measure()\n"
+        "        return replace(m, joint_position=m.joint_position[1:])\n"
+        "def make():\n    return Mine(wbc.load_robot('g1'))\n",
+        encoding="utf-8",
+    )
+    assert main(["check-plant", f"{program}:make"]) == 1
+    text = capsys.readouterr()
+    assert "joint_position has shape (28,), not (29,)" in text.out and "wrong: shapes" in text.err
+    for bad in ("mine", f"{program}:made", "nowhere.module:make"):
+        assert main(["check-plant", bad]) == 2, bad
 
 
 def test_something_else_than_a_loop_is_refused() -> None:
