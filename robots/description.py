@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,13 +13,14 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import check_fields, checked
+from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.registry import named_parameters
 from wbc.core.robot import Robot, Sole
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
-from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, leg_joints
+from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, leg_joints, read_gains
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.readers import from_pinocchio
 from wbc.robots.report import doubts, facts, report
@@ -296,6 +297,19 @@ class RobotDescription:
         )
         return replace(made, **{key: value for key, value in extra.items() if value})
 
+    def with_servos(self, gains: Sequence[str]) -> RobotDescription:
+        """Return the same robot with other servo gains.
+
+        Args:
+            gains: Each as pattern=kp,kd, such as "*knee*=100,2", Nm/rad and Nms/rad; * stands for any letters.
+
+        Raises:
+            InputError: Not of that form, a pattern that fits no joint, or a gain below zero.
+        """
+        if not gains:
+            return self
+        return replace(self, gains={**self.gains, **read_gains(gains, self.joint_names)})
+
     def pinocchio_model(self) -> pin.Model:
         """Return a copy of the Pinocchio model: free-flyer, limits, armature, gravity, frames of soles and IMU."""
         return self._model.copy()
@@ -310,6 +324,7 @@ class RobotDescription:
             torso_frame=self.torso,
             imu_frame=self.imu.frame,
             frames=self.hands,
+            servos=self.servos,
         )
 
     def urdf_without_geometry(self) -> str:
@@ -381,6 +396,14 @@ class RobotDescription:
                 for i, name in enumerate(self.joint_names)
             }
         )
+
+    @cached_property
+    def servos(self) -> Servos:
+        """Servo gains as the robot's controls use them."""
+        bound = self.servo.bound(self._model, self._half_sitting_configuration(), self._sole_frames)
+        ankles = tuple(joint for leg in self.legs for joint in leg[-2:])
+        tipping = float(bound[self.joint_names.index(ankles[-1])]) / self.servo.ankle_stiffness
+        return Servos(self.kp, self.kd, frozenset(self.gains), self.joint_names, ankles, tipping)
 
     @cached_property
     def torque_limit(self) -> Array:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from wbc._version import __version__
 from wbc.core.control import FailurePolicy, PositionControl, SafetySettings, TorqueControl
+from wbc.core.drive.hybrid import HybridControl
 from wbc.core.errors import InputError, WbcError
 from wbc.core.estimation.observer import Observer
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
@@ -67,6 +68,7 @@ __all__ = [
     "Observer",
     "PositionControl",
     "TorqueControl",
+    "HybridControl",
     "FailurePolicy",
     "SafetySettings",
     "velocity_from_mujoco",

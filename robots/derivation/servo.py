@@ -6,13 +6,15 @@ of it when both legs stand. The gains give this inertia a natural frequency and 
 
 from __future__ import annotations
 
+import fnmatch
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -102,6 +104,35 @@ class ServoRule:
             bound[leg] = self.leg_stiffness * tipping
             bound[leg[-2:]] = self.ankle_stiffness * tipping
         return bound
+
+
+def read_gains(texts: Sequence[str], joint_names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return the gains of texts such as "*knee*=100,2": a pattern of joint names, kp and kd; later ones come before.
+
+    Args:
+        texts: Each as pattern=kp,kd, Nm/rad and Nms/rad; * stands for any letters.
+        joint_names: Joints of the robot.
+
+    Returns:
+        Joint → (kp, kd).
+
+    Raises:
+        InputError: Not of that form, or a pattern that fits no joint.
+    """
+    gains: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        pattern, _, values = text.partition("=")
+        try:
+            kp, kd = (float(value) for value in values.split(","))
+        except ValueError:
+            raise InputError(
+                f"gains of servos are given as pattern=kp,kd, such as '*knee*=100,2', got '{text}'"
+            ) from None
+        found = fnmatch.filter(joint_names, pattern.strip())
+        if not found:
+            raise InputError(f"no joint fits '{pattern}'; joints: {', '.join(joint_names)}")
+        gains |= dict.fromkeys(found, (kp, kd))
+    return gains
 
 
 def leg_joints(model: pin.Model, frame: str) -> list[int]:

@@ -11,16 +11,18 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.control import Mode, PositionControl, TorqueControl
+from wbc.core.drive.hybrid import HybridControl
 from wbc.core.errors import Array, InputError
+from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.settings import Positive, Seed, settings
 from wbc.core.signals import Command, Measurement
 from wbc.feet.soles.catalog import foot as foot_by_name
-from wbc.robots import load
+from wbc.robots import RobotDescription, load
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import steps_per_tick
+from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.walking.control import WalkingControl, WalkingControlSettings
@@ -31,8 +33,8 @@ Feedback = Literal["open", "closed"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 """Control modes of the drives."""
 
-CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002}
-"""Default control period, s: servos hold the robot between ticks, torques do not."""
+CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
+"""Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
 
 
 LEAST_TICKS = 2
@@ -45,23 +47,26 @@ class StandSpec:
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
-        mode: Command of the drives: references of position and velocity, or torques.
+        mode: Command of the drives: references of position and velocity, torques, or both on soft servos (hybrid).
+            Position when not given, hybrid where the description says that the servos are soft.
         seconds: Simulated time, s.
         foot: Foot under both ankles; flat is the robot's own sole.
         noise: Errors of the sensors, none or realistic.
         seed: Fixes every random draw.
         feedback: In position control, whether the controller sees the robot as commanded (open) or as estimated
             (closed).
-        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when not
-            given.
+        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque and hybrid control
+            when not given.
         timestep: Physics step, s.
+        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as *knee*=100,2.
+        machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
         gains: Weights and gains of the controller.
         steps: Whether the robot may step: none keeps its feet in place with the balance controller, allowed stands with
             the walking controller, which steps out of a push.
     """
 
     robot: str = "hrp4_class"
-    mode: Mode = "position"
+    mode: Mode | None = None
     seconds: Annotated[Positive, "s"] = 10.0
     foot: str = "flat"
     noise: str = "none"
@@ -69,11 +74,14 @@ class StandSpec:
     feedback: Feedback = "closed"
     control_period: Annotated[Positive, "s"] | None = None
     timestep: Annotated[Positive, "s"] = 0.001
+    servo: tuple[str, ...] = ()
+    machine: Machine = field(default_factory=Machine)
     gains: BalanceGains = field(default_factory=BalanceGains)
     steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
-        load(self.robot)
+        description = load(self.robot).with_servos(self.servo)
+        object.__setattr__(self, "mode", chosen_mode(description, self.mode))
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
@@ -85,7 +93,21 @@ class StandSpec:
     @property
     def period(self) -> float:
         """Control period, s."""
+        assert self.mode is not None
         return CONTROL_PERIOD[self.mode] if self.control_period is None else self.control_period
+
+
+def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:
+    """Return a control mode that a robot's servos allow; None stands for position control, or hybrid on soft servos.
+
+    Raises:
+        InputError: Position control on servos that are too soft for it.
+    """
+    if mode is None:
+        return "position" if description.servos.soft_ankle is None else "hybrid"
+    if mode == "position":
+        description.servos.check_position_control()
+    return mode
 
 
 @dataclass(frozen=True)
@@ -94,7 +116,7 @@ class StandResult:
 
     Attributes:
         robot: Name of the robot.
-        mode: "position" or "torque".
+        mode: "position", "torque" or "hybrid".
         upright: True if it never fell.
         com_error_mm: Greatest horizontal distance of the true centre of mass from its target in the second half.
         zmp_noise_mm: Standard deviation of the true zero-tilting moment point in the second half, both axes together.
@@ -143,7 +165,7 @@ class StandTrial:
         """
         self.spec = spec
         foot = foot_by_name(spec.foot)
-        description = with_feet(load(spec.robot), foot)
+        description = with_feet(load(spec.robot).with_servos(spec.servo), foot)
         self.plant = Plant(
             description,
             foot=foot,
@@ -151,21 +173,28 @@ class StandTrial:
             seed=spec.seed,
             timestep=spec.timestep,
             control_period=spec.period,
+            machine=spec.machine,
         )
         robot = description.robot()
+        stated = ObserverSettings(
+            measurement_delay=spec.machine.measurement_delay, command_delay=spec.machine.command_delay
+        )
+        observer = Observer(robot, stated, adopt=spec.mode != "position")
         self.control: PositionControl | TorqueControl
         self._command: Callable[[Measurement], Command]
         if spec.steps == "allowed":
-            settings = WalkingControlSettings(mode=spec.mode)
-            walking = WalkingControl(robot, FootstepPlan.standing(robot), spec.period, settings)
+            settings = WalkingControlSettings(mode=spec.mode or "position")
+            plan = FootstepPlan.standing(robot)
+            walking = WalkingControl(robot, plan, spec.period, settings, observer=observer)
             self.control, self._command = walking.control, walking.command
         else:
             controller = balance_controller(robot, spec.period, spec.gains)
-            self.control = (
-                TorqueControl(controller)
-                if spec.mode == "torque"
-                else PositionControl(controller, feedback=spec.feedback)
-            )
+            if spec.mode == "position":
+                self.control = PositionControl(controller, observer, feedback=spec.feedback)
+            else:
+                self.control = (TorqueControl if spec.mode == "torque" else HybridControl)(
+                    controller, observer
+                )
             self._command = self.control.command
         self.tick_times: list[float] = []
         self._falls = TrueFallDetector(self.plant.robot)
@@ -213,7 +242,7 @@ class StandTrial:
         ticks = 1e6 * np.array(self.tick_times)
         return StandResult(
             robot=spec.robot,
-            mode=spec.mode,
+            mode=spec.mode or "position",
             upright=not self.fallen,
             com_error_mm=_rounded(1e3 * error.max()),
             zmp_noise_mm=_rounded(1e3 * np.sqrt(np.nanvar(np.array(zmp)[half:], axis=0).sum())),

@@ -1,8 +1,9 @@
-"""Drives of the joints: servos with feed-forward torque, or torque alone."""
+"""Drives of the joints: servos with feed-forward torque, on their own gains or those of a command, or torque alone."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Literal
 
 import mujoco
@@ -14,20 +15,29 @@ from wbc.robots.description import RobotDescription
 
 Interpolation = Literal["hold", "linear"]
 
+Gains = tuple[Array, Array]
+"""kp and kd of all joints."""
+
 
 class Drives:
     """Actuator targets of a plant.
 
     Position control: kp (q_ref − q) + kd (q̇_ref − q̇) + τ. The gains on q and q̇ are in the actuators' bias, which the
-    integrator sees; the rest is the target, and in torque control all of it is.
+    integrator sees; the rest is the target, and in torque control all of it is. A command that brings gains (hybrid
+    control) has them until the next one.
 
     Attributes:
         target: Targets at the end of the control period, shape (na,).
         start: Targets at its begin; the array `target` itself when commands are held.
+        delay: Physics steps from a command to its effect.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, description: RobotDescription, interpolation: Interpolation
+        self,
+        model: mujoco.MjModel,
+        description: RobotDescription,
+        interpolation: Interpolation,
+        delay: int = 0,
     ) -> None:
         """Take the servo gains.
 
@@ -35,28 +45,41 @@ class Drives:
             model: MuJoCo's model, its actuators in the order of the joints; servos are switched in it.
             description: The robot.
             interpolation: "hold" or "linear".
+            delay: Physics steps from a command to its effect.
+
+        Raises:
+            InputError: Commands that are late as well as interpolated.
         """
+        if delay > 0 and interpolation != "hold":
+            raise InputError(f"a command delay needs interpolation 'hold', got '{interpolation}'")
+        self.delay = delay
+        self._waiting: deque[tuple[int, Array, Gains | None]] = deque()
+        self._steps = 0
         self._model = model
         self._joint_names = description.joint_names
-        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
-        self._servo_bias = np.array(model.actuator_biasprm)
+        self._own = np.array(description.kp), np.array(description.kd)
         self.target, self._servo_part = np.zeros(model.nu), np.zeros(model.nu)
         self.start = np.zeros(model.nu) if interpolation == "linear" else self.target
-        self._position_control = True
+        self._gains: Gains | None = self._own  # those at work; None: servos off
+        self._next: Gains | None = self._own
 
     def reset(self, position: Array) -> None:
         """Hold joint positions, shape (na,), with the servos."""
-        self._switch_servos(on=True)
-        np.multiply(self._kp, position, out=self.target)
+        self._switch(self._own)
+        np.multiply(self._own[0], position, out=self.target)
         self.start[:] = self.target
+        self._waiting.clear()
+        self._steps = 0
 
     def read(self, command: Command) -> Array:
         """Check a command and return its targets, shape (na,), valid until the next call; nothing else changes.
 
         Raises:
-            InputError: A reference of the wrong shape or not finite, or a velocity without a position.
+            InputError: A reference of the wrong shape or not finite, a velocity or gains without a position, gains that
+                are negative or not finite.
         """
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
+        gains = self._own if command.kp is None and command.kd is None else self._checked_gains(command)
         shape = self.target.shape
         if (
             _shape(torque) != shape
@@ -70,34 +93,67 @@ class Drives:
         if position is None:
             if velocity is not None:
                 raise InputError("a command with a velocity reference needs a position reference, too")
-            target = torque
+            target, self._next = torque, None
         else:
-            target = np.multiply(self._kp, position, out=self._servo_part)
+            target = np.multiply(gains[0], position, out=self._servo_part)
             if velocity is not None:
-                target += self._kd * velocity
+                target += gains[1] * velocity
             target += torque
+            self._next = gains
         if not math.isfinite(target.dot(target)):
             self._refuse(command)
         return target
 
-    def follow(self, target: Array, *, position_control: bool) -> None:
-        """Take targets that `read` returned for the coming control period.
+    def follow(self, target: Array) -> None:
+        """Take targets and gains that `read` returned for the coming control period; a change of gains is sudden.
 
         Args:
             target: Targets, shape (na,).
-            position_control: True with servos; a change of it is not interpolated.
         """
-        if position_control is not self._position_control:
-            self._switch_servos(on=position_control)
+        if self.delay > 0:
+            self._waiting.append((self._steps + self.delay, np.array(target), self._next))
+            return
+        if self._next is not self._gains:
+            self._switch(self._next)
             self.target[:] = target
         if self.start is not self.target:
             self.start[:] = self.target
         self.target[:] = target
 
-    def _switch_servos(self, *, on: bool) -> None:
+    def advance(self) -> None:
+        """Take the commands that are due at the coming physics step; called before each of them if there is a delay."""
+        while self._waiting and self._waiting[0][0] <= self._steps:
+            _, target, gains = self._waiting.popleft()
+            if gains is not self._gains:
+                self._switch(gains)
+            self.target[:] = target
+        self._steps += 1
+
+    def _switch(self, gains: Gains | None) -> None:
         """Set the gains of the servos: they are the bias of the actuators."""
-        self._position_control = on
-        self._model.actuator_biasprm[:] = self._servo_bias if on else 0.0
+        self._gains = self._next = gains
+        bias = self._model.actuator_biasprm
+        bias[:, 1], bias[:, 2] = (0.0, 0.0) if gains is None else (-gains[0], -gains[1])
+
+    def _checked_gains(self, command: Command) -> Gains:
+        if command.joint_position is None:
+            raise InputError("a command with gains of the servos needs a position reference, too")
+        kp, kd = (
+            own if given is None else given
+            for own, given in zip(self._own, (command.kp, command.kd), strict=True)
+        )
+        for name, value in (("kp", kp), ("kd", kd)):
+            if _shape(value) != self.target.shape:
+                raise InputError(
+                    f"{name} of a command must be an array of shape {self.target.shape}, got {_shape(value)}"
+                )
+            if not (value >= 0.0).all() or not math.isfinite(value.dot(value)):
+                joint = self._joint_names[int(np.argmin((value >= 0.0) & np.isfinite(value)))]
+                raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
+        at_work = self._gains
+        if at_work is not None and np.array_equal(kp, at_work[0]) and np.array_equal(kd, at_work[1]):
+            return at_work
+        return np.array(kp), np.array(kd)
 
     def _refuse(self, command: Command) -> None:
         for name in ("joint_position", "joint_velocity", "joint_torque"):

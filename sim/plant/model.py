@@ -17,7 +17,7 @@ from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, SoleGeometry
 from wbc.feet.soles.sole import SIDES
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.render import AddedTerrain, add_to_spec
 
@@ -147,6 +147,7 @@ def build_model(
     foot: Foot,
     terrain: Terrain,
     physics: PhysicsSettings,
+    machine: Machine | None = None,
     scene: mujoco.MjSpec | None = None,
 ) -> PlantModel:
     """Compile the MuJoCo model of a robot on its feet on a terrain.
@@ -157,6 +158,7 @@ def build_model(
         foot: Foot under both ankles.
         terrain: The ground.
         physics: Settings of the physics.
+        machine: Friction and payload; none when None.
         scene: Furniture, made by `furniture`.
 
     Raises:
@@ -178,6 +180,8 @@ def build_model(
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
     _add_imu(spec, robot, base)
+    if machine is not None:
+        _add_flaws(spec, robot, machine)
     if scene is not None:
         spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
     try:
@@ -288,6 +292,15 @@ def _thin_flat_soles(model: mujoco.MjModel) -> None:
         distance = np.linalg.norm(places[:, :2] - corners.mean(axis=0), axis=1)
         furthest = np.sort(distance)[min(len(corners), len(mine)) - 1] + 1e-9  # all of that distance are kept
         model.geom_conaffinity[mine[outside & (distance > furthest)]] = 0
+
+
+def _add_flaws(spec: mujoco.MjSpec, robot: Robot, machine: Machine) -> None:
+    """Add dry friction to every joint, and a point mass at the centre of mass of the torso's link."""
+    if machine.friction > 0.0:
+        for name in robot.joint_names:
+            spec.joint(name).frictionloss = machine.friction
+    if machine.payload > 0.0:
+        spec.body(robot.torso_frame).mass += machine.payload
 
 
 def _max_pairs(model: mujoco.MjModel) -> int:

@@ -42,7 +42,7 @@ from wbc.sim.plant.foot_devices import FootDevices
 from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
-from wbc.sim.plant.settings import PhysicsSettings, steps_per_tick
+from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import TrueSignals
 from wbc.sim.plant.truth import GroundTruth, TruthReader
 from wbc.sim.terrain import Terrain
@@ -65,7 +65,8 @@ class Plant:
     """A simulated robot.
 
     Position control: the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, inside every physics step and integrated
-    implicitly. Torque control: τ alone. Both are limited to the torque of the description.
+    implicitly. Hybrid control: the same with the gains of the command. Torque control: τ alone. All are limited to the
+    torque of the description.
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
     over the control period that ended now, like the output of an anti-aliasing filter: hard contacts chatter within a
@@ -82,6 +83,7 @@ class Plant:
         terrain: The ground as drawn.
         scene: MJCF of the furniture; None without.
         physics: Settings of the physics.
+        machine: Delays, friction, payload and which sensors there are.
         timestep: Physics step, s.
         control_period: Time that `step` advances, s.
         steps: Physics steps in it.
@@ -118,6 +120,7 @@ class Plant:
         initial_configuration: ArrayLike | None = None,
         range_sensor: RangeSensor | None = None,
         physics: PhysicsSettings | None = None,
+        machine: Machine | None = None,
         scene: str | Path | mujoco.MjSpec | None = None,
     ) -> None:
         """Build the model and put the robot on the ground.
@@ -135,6 +138,7 @@ class Plant:
             initial_configuration: Start of the robot, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
             physics: Further settings of the physics; `timestep` is put in place of theirs.
+            machine: Delays, friction, payload and which sensors there are.
             scene: Furniture: MJCF, as a path, as XML or as a specification, with bodies that stand or lie about. Of
                 the robot only the feet touch it.
 
@@ -153,6 +157,7 @@ class Plant:
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
         self.physics = replace(physics or PhysicsSettings(), timestep=timestep)
         self.seed = whole_number("seed", seed, low=0)
+        self.machine = machine or Machine()
         self.description = description
         self.robot: Robot = description.robot()
         things = None if scene is None else furniture(scene)
@@ -163,6 +168,7 @@ class Plant:
             foot=self.foot,
             terrain=terrain_by_name(terrain) if isinstance(terrain, str) else terrain,
             physics=self.physics,
+            machine=self.machine,
             scene=things,
         )
         self.terrain = self._plant.ground.terrain
@@ -175,9 +181,25 @@ class Plant:
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
         self._devices = FootDevices(self._plant, self.foot, range_sensor)
-        self._drives = Drives(self.model, description, interpolation)
-        self._signals = TrueSignals(self._plant, self.steps if self.averaging else 1)
-        self._chain = SensorChain(self.noise, self._na, len(self.feet), self.timestep, self.steps)
+        self._drives = Drives(
+            self.model, description, interpolation, whole_steps(self.machine.command_delay, self.timestep)
+        )
+        torques = self.machine.torque_sensors
+        self._signals = TrueSignals(
+            self._plant,
+            self.steps if self.averaging else 1,
+            forces=self.machine.force_sensors,
+            torques=torques,
+        )
+        self._chain = SensorChain(
+            self.noise,
+            self._na,
+            len(self.feet),
+            self.timestep,
+            self.steps,
+            delay=self.machine.measurement_delay,
+            torques=torques,
+        )
         self.joint_torque = np.zeros(self._na)
         self._initial = initial_configuration
         self.reset()
@@ -289,7 +311,10 @@ class Plant:
                 )
             reading.setflags(write=False)
             self._measurement = self._signals.measurement(
-                reading, self.time, self._devices.ranges(self.data), self._devices.stiffness()
+                reading,
+                self.time - self.machine.measurement_delay,
+                self._devices.ranges(self.data),
+                self._devices.stiffness(),
             )
         return self._measurement
 
@@ -315,8 +340,8 @@ class Plant:
         if devices.advance(command.sole_stiffness, self.control_period):
             # The springs' forces belong to the half of the coming step that is done already: do it again.
             mujoco.mj_step1(model, data)
-        drives.follow(target, position_control=command.joint_position is not None)
-        if self._pushes or self._chain.oldest or drives.start is not drives.target:
+        drives.follow(target)
+        if self._pushes or self._chain.oldest or drives.delay or drives.start is not drives.target:
             self._advance_singly()
         else:
             # The first half of the coming step was done at the end of the last one, when the sensors were read.
@@ -391,7 +416,7 @@ class Plant:
             )
 
     def _advance_singly(self) -> None:
-        """Advance by one control period step by step: for pushes, moving references and sensors with a latency."""
+        """Advance by one control period step by step: for pushes, moving references, delays and latencies."""
         model, data, drives, signals = self.model, self.data, self._drives, self._signals
         ctrl, sensors, window, places = data.ctrl, data.sensordata, signals.window, signals.force_places
         moving, rows = drives.start is not drives.target, len(window)
@@ -403,6 +428,9 @@ class Plant:
             if moving:
                 part = drives.target - drives.start
                 ctrl[:] = drives.target if left == 0 else drives.start + (done / self.steps) * part
+            if drives.delay:
+                drives.advance()
+                ctrl[:] = drives.target
             if self._pushes:
                 self._pushes.apply(data, self.timestep)
             (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)

@@ -16,6 +16,7 @@ import numpy as np
 from wbc.core.errors import Array, scalar
 from wbc.core.registry import Registry
 from wbc.core.settings import NonNegative, settings
+from wbc.sim.plant.settings import whole_steps
 
 
 @settings
@@ -46,6 +47,7 @@ class SensorNoise:
         specific_force: Accelerometer, m/s².
         sole_force: Forces under the ankles, N.
         sole_moment: Moments about the sole centres, Nm.
+        joint_torque: Torques of the drives, of a plant whose drives report them, Nm (or N).
     """
 
     joint_position: SignalNoise = field(default_factory=SignalNoise)
@@ -54,6 +56,7 @@ class SensorNoise:
     specific_force: SignalNoise = field(default_factory=SignalNoise)
     sole_force: SignalNoise = field(default_factory=SignalNoise)
     sole_moment: SignalNoise = field(default_factory=SignalNoise)
+    joint_torque: SignalNoise = field(default_factory=SignalNoise)
 
 
 NO_NOISE = SensorNoise()
@@ -65,8 +68,9 @@ _GYROSCOPE = SignalNoise(std=0.002, bias_std=5e-4, latency=0.001)
 _ACCELEROMETER = SignalNoise(std=0.04, bias_std=0.05, latency=0.001)
 _FORCE = SignalNoise(std=1.0, bias_std=2.0, latency=0.001)
 _MOMENT = SignalNoise(std=0.05, bias_std=0.1, latency=0.001)
+_TORQUE = SignalNoise(std=0.2, bias_std=0.2, latency=0.001)
 
-REALISTIC = SensorNoise(_ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _MOMENT)
+REALISTIC = SensorNoise(_ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _MOMENT, _TORQUE)
 """Sensors of a good research humanoid.
 
 - Encoders: 18 bits and 2e-4 rad of noise, the joint encoders of Cassie (model by its maker, mujoco_menagerie). Zeroing
@@ -80,6 +84,7 @@ REALISTIC = SensorNoise(_ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _M
   that the manual of the x-IMU3 gives.
 - Forces and moments: 1 N and 0.05 Nm of noise, 2 N and 0.1 Nm of offset: chosen, about 1 and 2 parts in a thousand of
   a sensor for 1 kN. With half of 39 kg on a foot, its centre of pressure has 0.3 mm of noise and is 0.5 mm off.
+- Torques of drives: from currents, 0.2 Nm of noise and 0.2 Nm of offset: chosen.
 - Latency: 1 ms, one cycle of a 1 kHz field bus: chosen.
 
 Servos do not see any of it: they close their loops on their own encoders inside the drive.
@@ -92,14 +97,25 @@ NOISE_PRESETS: Registry[SensorNoise] = Registry("sensor noise", {"none": NO_NOIS
 class SensorChain:
     """The errors of `SensorNoise`, applied to a flat vector of all signals.
 
-    The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole].
+    The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole], and the
+    torques of the joints behind it where drives report them.
 
     Attributes:
         oldest: Latency of the slowest signal, physics steps; 0 needs no history.
         newest: Latency of the fastest signal, physics steps; later signals need not be pushed.
     """
 
-    def __init__(self, noise: SensorNoise, joints: int, soles: int, timestep: float, steps: int = 1) -> None:
+    def __init__(
+        self,
+        noise: SensorNoise,
+        joints: int,
+        soles: int,
+        timestep: float,
+        steps: int = 1,
+        *,
+        delay: float = 0.0,
+        torques: bool = False,
+    ) -> None:
         """Lay the errors out over the vector.
 
         Args:
@@ -108,6 +124,8 @@ class SensorChain:
             soles: Number of force sensors.
             timestep: Physics step, s.
             steps: Physics steps from one reading to the next.
+            delay: Age of every reading on top of its latency, s.
+            torques: True if drives report their torques.
         """
         wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
         channels = (
@@ -116,12 +134,13 @@ class SensorChain:
             + [noise.angular_velocity] * 3
             + [noise.specific_force] * 3
             + wrench * soles
+            + [noise.joint_torque] * (joints if torques else 0)
         )
         self.size = len(channels)
         self._std = np.array([c.std for c in channels])
         self._bias_std = np.array([c.bias_std for c in channels])
-        # 1e-9: a latency of 3 steps of 0.001 s is 3 steps, not 4.
-        self._delay = np.array([math.ceil(c.latency / timestep - 1e-9) for c in channels], dtype=np.intp)
+        late = whole_steps(delay, timestep)
+        self._delay = np.array([late + whole_steps(c.latency, timestep) for c in channels], dtype=np.intp)
         self._rounded: list[tuple[slice, Array]] = []  # channels in a row with the same resolution
         start = 0
         for quantum, run in groupby(c.quantum for c in channels):

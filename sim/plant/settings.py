@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import mujoco
@@ -9,13 +10,16 @@ from pydantic import Field
 
 from wbc.core.errors import InputError, finite_scalar
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import NonNegative, Positive, settings
 
 SHORTEST_STEP = 1e-6
 """Shortest physics step, s: a hundredth of the reference; a second of simulation then takes minutes."""
 
 LONGEST_PERIOD = 1.0
 """Longest physics step and control period, s."""
+
+LONGEST_DELAY = 0.1
+"""Longest delay of measurements and commands, s."""
 
 
 @settings
@@ -60,6 +64,38 @@ class PhysicsSettings:
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         # A robot is one island; looking for more costs 8 % of a step.
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+
+
+@settings
+class Machine:
+    """Properties of a simulated machine that its description does not have; all off by default.
+
+    Attributes:
+        measurement_delay: Age of every measurement, on top of the latency of each sensor, s; rounded up to whole
+            physics steps.
+        command_delay: Time from a command to its effect, s; rounded up to whole physics steps.
+        force_sensors: False for feet without force sensors: `Measurement.sole_wrench` is None.
+        torque_sensors: True for drives that report their torque: `Measurement.joint_torque`.
+        friction: Dry friction of every joint, Nm (or N).
+        payload: Mass at the centre of mass of the torso's link which the description does not have, kg.
+    """
+
+    measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
+    command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
+    force_sensors: bool = True
+    torque_sensors: bool = False
+    friction: Annotated[NonNegative, "Nm"] = 0.0
+    payload: Annotated[NonNegative, "kg"] = 0.0
+
+
+def whole_steps(time: float, timestep: float) -> int:
+    """Return a time as whole physics steps, rounded up: 3 steps of 0.001 s are 3 steps, not 4.
+
+    Args:
+        time: s.
+        timestep: Physics step, s.
+    """
+    return math.ceil(time / timestep - 1e-9)
 
 
 def steps_per_tick(control_period: float, timestep: float) -> int:

@@ -11,23 +11,27 @@ from wbc.sim.plant.model import PlantModel
 
 
 class TrueSignals:
-    """Joint positions, joint velocities, gyroscope, accelerometer, force and moment of each sole.
+    """Joint positions, joint velocities, gyroscope, accelerometer, force and moment of each sole, torques of drives.
 
     All but encoders and gyroscope measure forces that exist only during a physics step; they are the mean over the
     rows of `window`, one a step.
 
     Attributes:
-        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,).
+        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), and na more with torques.
         window: Forces in the last physics steps, shape (number of averaged steps, 3 + 6 × number of soles).
         force_places: Places of these forces in `sensordata`.
     """
 
-    def __init__(self, plant: PlantModel, averaged_steps: int) -> None:
+    def __init__(
+        self, plant: PlantModel, averaged_steps: int, *, forces: bool = True, torques: bool = False
+    ) -> None:
         """Look up the place of each signal.
 
         Args:
             plant: The compiled model.
             averaged_steps: Physics steps over which forces are averaged.
+            forces: False for feet without force sensors.
+            torques: True for drives that report their torques.
         """
         self._plant = plant
         na, model = len(plant.joint_qpos), plant.model
@@ -42,11 +46,14 @@ class TrueSignals:
         self.window = np.zeros((averaged_steps, len(places)))
         self._samples = scalar(averaged_steps)
         self._na = na
-        self.values = np.empty(2 * na + 3 + len(places))
+        soles = 2 * na + 3 + len(places)
+        self.values = np.empty(soles + (na if torques else 0))
         self._positions, self._velocities = self.values[:na], self.values[na : 2 * na]
         self._rates = self.values[2 * na : 2 * na + 3]
-        self._forces = self.values[2 * na + 3 :]
-        self._wrenches = self.values[2 * na + 6 :]
+        self._forces = self.values[2 * na + 3 : soles]
+        self._wrenches = self.values[2 * na + 6 : soles]
+        self._torques = self.values[soles:] if torques else None
+        self._soles = slice(2 * na + 6, soles) if forces else None
 
     def sample(self, data: mujoco.MjData) -> None:
         """Write the present signals into `values`.
@@ -62,6 +69,8 @@ class TrueSignals:
         np.divide(self._forces, self._samples, out=self._forces)
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
         np.negative(self._wrenches, out=self._wrenches)
+        if self._torques is not None:
+            data.qfrc_actuator.take(self._plant.joint_dof, out=self._torques, mode="clip")
 
     def measurement(self, reading: Array, time: float, ranges: Array, stiffness: Array) -> Measurement:
         """Return a reading of the sensors as a measurement.
@@ -79,7 +88,8 @@ class TrueSignals:
             reading[na : 2 * na],
             reading[2 * na : 2 * na + 3],
             reading[2 * na + 3 : 2 * na + 6],
-            reading[2 * na + 6 :].reshape(-1, 6),
+            None if self._soles is None else reading[self._soles].reshape(-1, 6),
             ranges,
             stiffness,
+            None if self._torques is None else reading[-na:],
         )

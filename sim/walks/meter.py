@@ -122,7 +122,9 @@ class WalkMeter:
 
     def _record_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
         phases, now = self._walking.walk.phases, measurement.time
-        self._forces.append(measurement.sole_wrench[:, 2].tolist())
+        used = measurement if measurement.sole_wrench is not None else self._walking.control.measurement
+        assert used is not None  # there is a reference: the tick had a good measurement
+        self._forces.append(used.wrenches[:, 2].tolist())
         for event in events:
             self._events[event] += 1
             if event in TOUCHED:

@@ -67,6 +67,7 @@ class PreparedWalk:
 @lru_cache(maxsize=256)
 def prepare(
     robot: str,
+    servo: tuple[str, ...],
     foot: Foot,
     plan: WalkPlan,
     gait: Gait,
@@ -81,7 +82,7 @@ def prepare(
     Raises:
         InputError: A foot that does not fit, or a plan that the robot cannot walk.
     """
-    plant_description = load(robot)
+    plant_description = load(robot).with_servos(servo)
     description = with_feet(plant_description, foot)
     model = description.robot()
     q = moved(model.half_sitting, start)

@@ -16,10 +16,10 @@ from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, 
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
-from wbc.sim.balance.standing import CONTROL_PERIOD
+from wbc.sim.balance.standing import CONTROL_PERIOD, chosen_mode
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import steps_per_tick
+from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.walks.plans import WalkPlan
@@ -64,8 +64,13 @@ class WalkSpec:
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
-        mode: Command of the drives: "position" or "torque".
-        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when None.
+        mode: Command of the drives: "position", "torque" or "hybrid"; when None "position", or "hybrid" where the
+            description says that the servos are soft.
+        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as "*knee*=100,2".
+        machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
+            unless settings state others ("observer.command_delay").
+        control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
+            None.
         timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps.
@@ -89,7 +94,9 @@ class WalkSpec:
     seed: Seed = 0
     noise: str = "realistic"
     noise_seed: Seed | None = None
-    mode: Mode = "position"
+    mode: Mode | None = None
+    servo: tuple[str, ...] = ()
+    machine: Machine = field(default_factory=Machine)
     control_period: Annotated[Positive, "s"] | None = None
     timestep: Annotated[Positive, "s"] = 0.001
     plan: WalkPlan = field(default_factory=WalkPlan)
@@ -103,7 +110,7 @@ class WalkSpec:
         def store(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
-        load(self.robot)
+        store("mode", chosen_mode(load(self.robot).with_servos(self.servo), self.mode))
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(
                 f"a seed must be below 2**63, got seed {self.seed} and noise_seed {self.noise_seed}"
@@ -130,6 +137,7 @@ class WalkSpec:
     @property
     def period(self) -> float:
         """Control period, s."""
+        assert self.mode is not None
         return CONTROL_PERIOD[self.mode] if self.control_period is None else self.control_period
 
     def foot_design(self) -> Foot:
@@ -160,7 +168,12 @@ class WalkSpec:
 
     def settings(self) -> TrialSettings:
         """Return preset and changes as settings."""
-        return trial_settings(self.gains, self.changes, self.mode, self.timestep)
+        assert self.mode is not None
+        stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
+        given = dict(self.changes)
+        delays = {f"observer.{k}": v for k, v in stated.items() if v > 0.0 and f"observer.{k}" not in given}
+        changes = as_changes({**given, **delays})
+        return trial_settings(self.gains, changes, self.mode, self.timestep)
 
     def prepare(self) -> PreparedWalk:
         """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""
@@ -168,6 +181,7 @@ class WalkSpec:
         stairs = ground if self.plan.stairs is not None else None
         return prepare(
             self.robot,
+            self.servo,
             self.foot_design(),
             self.plan,
             self.gait,
@@ -181,6 +195,10 @@ class WalkSpec:
     def to_json(self) -> dict[str, Any]:
         """Return the whole spec as plain values, with its kind."""
         data: dict[str, Any] = to_json(self)
+        if self.machine == Machine():
+            del data["machine"]
+        if not self.servo:
+            del data["servo"]
         for name in ("foot_changes", "policy_params", "terrain_params", "changes"):
             data[name] = dict(data[name])
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}

@@ -138,8 +138,8 @@ class WalkTrial:
         with threadpool_limits(1):
             robot = prepared.robot()
             self.plant = _plant(spec, prepared, robot)
-            # Only a walk in torque control needs more of the estimate than where its parts are and how they move.
-            adopt = spec.mode == "torque"
+            # Only a walk on torques needs more of the estimate than where its parts are and how they move.
+            adopt = spec.mode != "position"
             observer = Observer(robot, prepared.settings.observer, adopt=adopt, dynamics=False)
             observer.reset(prepared.configuration)
             robot.update(prepared.configuration, np.zeros(robot.nv))
@@ -310,6 +310,7 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
         range_sensor=_range_sensor(spec, prepared.settings),
         seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
         physics=prepared.settings.physics,
+        machine=spec.machine,
     )
     # The soles of the walk's feet may lie elsewhere under the ankles than the robot's own.
     plant_q, controller_q = plant.robot.half_sitting, robot.half_sitting

@@ -237,7 +237,7 @@ class ComplianceTask(FrameTask):
             MeasurementError: The wrench holds NaN or infinity; the task is left unchanged.
         """
         if self._sole is not None:
-            wrench = measurement.sole_wrench[self._sole]
+            wrench = measurement.wrenches[self._sole]
             if not math.isfinite(float(wrench.dot(wrench))):
                 raise MeasurementError(f"wrench of sole '{self.frame}' is not finite: {wrench}")
             self._measured_wrench[:] = wrench

@@ -16,6 +16,7 @@ from wbc.core.control import Mode
 from wbc.core.errors import InputError, choose, finite_scalar, shown
 from wbc.core.files import read_text
 from wbc.core.settings import from_json, settings
+from wbc.sim.plant.settings import Machine
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 from wbc.walking.planning.gait import Gait
 
@@ -61,9 +62,12 @@ class WalkOptions:
         turn: Turn on the spot instead, to the left, degrees.
         stairs: Climb the stairs of the terrain instead: together (both feet on each stair) or alternate.
         first: Side that steps first.
-        mode: Command of the drives: position and velocity, or torque.
-        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque control when not
-            given.
+        mode: Command of the drives: position and velocity, torque, or both on soft servos (hybrid).
+            Position when not given, hybrid where the description says that the servos are soft.
+        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as *knee*=100,2.
+        machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
+        control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
+            not given.
         timestep: Physics step, s; 0.002 with a control period of 0.01 is the fast mode.
         gains: Settings to begin with: default, or legacy for mc_rtc's plain law.
         set: Settings that differ, each as name=value, such as dcm_p=5 or walk.phases.lift_off=0.2.
@@ -97,7 +101,9 @@ class WalkOptions:
     turn: float | None = None
     stairs: Literal["together", "alternate"] | None = None
     first: Literal["left", "right"] | None = None
-    mode: Mode = WalkSpec.mode
+    mode: Mode | None = WalkSpec.mode
+    servo: tuple[str, ...] = ()
+    machine: Machine = field(default_factory=Machine)
     control_period: float | None = None
     timestep: float = WalkSpec.timestep
     gains: str = WalkSpec.gains
@@ -131,6 +137,8 @@ class WalkOptions:
             noise=self.noise,
             noise_seed=self.noise_seed,
             mode=self.mode,
+            servo=self.servo,
+            machine=self.machine,
             control_period=self.control_period,
             timestep=self.timestep,
             plan=WalkPlan(

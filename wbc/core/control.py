@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from time import perf_counter
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +19,10 @@ import pinocchio as pin
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
+from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
+from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.gate import CommandGate, GateSettings
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
@@ -28,11 +30,11 @@ from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command, Measurement, WrenchSource
 
 logger = logging.getLogger(__name__)
 
-Mode = Literal["position", "torque"]
+Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
 
 Prepare = Callable[[Robot, Measurement], None]
@@ -98,6 +100,10 @@ class _Control:
         self.plausibility = Plausibility(robot, dt, safety.plausibility)
         self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.consistency)
         self.gate = CommandGate(robot, dt, safety.gate)
+        gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
+        # For feet without force sensors: made when a measurement comes without wrenches.
+        self.wrenches: WrenchEstimator | None = None
+        self._sent = SentCommands(gains, robot.torque_limit, dt, self.observer.settings.delay)
         self.failures = 0
         self.reason = ""
         self.solution: Solution | None = None
@@ -125,6 +131,8 @@ class _Control:
         self.plausibility.reset()
         self.monitor.reset()
         self.gate.reset(self.controller.robot.q[7:])
+        self.wrenches = None
+        self._sent.reset()
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
@@ -167,7 +175,14 @@ class _Control:
         if self.stopped:
             return self._fail("failed for too long")
         self._failing = 0
+        self.observer.commanded(solution.accelerations, controller.dt)
         return True
+
+    def _send(self, command: Command) -> Command:
+        """Remember a command, for the torques that it makes, and return it."""
+        if self.wrenches is not None:
+            self._sent.sent(command)
+        return command
 
     def _use(self, solution: Solution) -> None:
         """Take over the torques of a solution."""
@@ -175,10 +190,18 @@ class _Control:
 
     def _estimate(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None) -> Measurement:
         """Update the estimate from what is plausible of a measurement, and return that."""
+        blind = type(measurement) is Measurement and measurement.sole_wrench is None
+        if blind:
+            if self.wrenches is None:
+                robot, settings = self.controller.robot, self.observer.settings
+                self.wrenches = WrenchEstimator(robot, self.controller.dt, settings.wrenches)
+            measurement = replace(measurement, sole_wrench=self.wrenches.wrench.copy())
         measurement, renewed = self.plausibility.check(measurement)
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
         self.observer.update(measurement, soles, plausible=True)
+        if blind:
+            measurement = self._with_wrenches(measurement)
         observer = self.observer
         vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
         self.monitor.update(
@@ -191,9 +214,24 @@ class _Control:
         )
         return measurement
 
+    def _with_wrenches(self, measurement: Measurement) -> Measurement:
+        """Return a measurement with wrenches estimated from the torques that acted when it was made."""
+        assert self.wrenches is not None
+        torque, source = measurement.joint_torque, "measured torques"
+        if torque is None or not np.isfinite(torque).all():
+            torque, source = self._sent.torque(measurement), "commanded torques"
+        if torque is not None:
+            self.wrenches.update(*self.observer.measured_state, torque)
+        return replace(
+            measurement,
+            sole_wrench=self.wrenches.wrench.copy(),
+            wrench_source=cast(WrenchSource, source),
+        )
+
     def _fail(self, reason: str, error: Exception | None = None) -> bool:
         """Count a failed tick and log the first of a row and the stop."""
         stopped = self.stopped
+        self.observer.commanded(np.zeros(self.controller.robot.nv), self.controller.dt)
         self.failures += 1
         self._failing += 1
         if self._failing == 1 or self.stopped != stopped:
@@ -265,10 +303,10 @@ class TorqueControl(_Control):
             Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
         """
         if self._think(measurement):
-            return self.gate.pass_on(self._torques)
+            return self._send(self.gate.pass_on(self._torques))
         velocity = self.plausibility.joint_velocity(measurement)
         damping = -self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6) * velocity
-        return self.gate.pass_on(damping if self.stopped else self._torques + damping)
+        return self._send(self.gate.pass_on(damping if self.stopped else self._torques + damping))
 
 
 class PositionControl(_Control):
@@ -318,7 +356,7 @@ class PositionControl(_Control):
             safety: Ranges of measurements and commands.
 
         Raises:
-            InputError: An observer of another robot model, or an unknown feedback.
+            InputError: An observer of another robot model, an unknown feedback, or servos that are too soft.
         """
         if feedback not in ("open", "closed"):
             raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
@@ -326,6 +364,8 @@ class PositionControl(_Control):
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
             )
+        if controller.robot.servos is not None:
+            controller.robot.servos.check_position_control()
         super().__init__(controller, observer, policy, prepare, safety)
         self.feedback = feedback
         self._follows_estimate = feedback == "closed"
@@ -379,7 +419,7 @@ class PositionControl(_Control):
         if self.gate.faults:  # the commanded robot is where the command says
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
-        return command
+        return self._send(command)
 
     def _use(self, solution: Solution) -> None:
         if callable(self.feedforward):

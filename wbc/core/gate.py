@@ -74,6 +74,42 @@ class CommandGate:
         self.clipped = 0
         self.faults: tuple[str, ...] = ()
 
+    def pass_on_with_gains(
+        self,
+        torque: Array,
+        position: Array,
+        velocity: Array,
+        gains: tuple[Array, Array],
+        measured: tuple[Array, Array],
+    ) -> Command:
+        """Return a command of hybrid control within all limits.
+
+        The torque limit holds for what the machine will apply where the joints are now: the feed-forward gives way, so
+        that it and the servos together stay within. The references keep to their ranges as in `pass_on`.
+
+        Args:
+            torque: Feed-forward torques, shape (na,), Nm (or N).
+            position: Position references, shape (na,), rad (or m).
+            velocity: Velocity references, shape (na,), rad/s (or m/s).
+            gains: kp and kd of the machine, each of shape (na,), Nm/rad and Nms/rad.
+            measured: Joint positions and velocities, each of shape (na,).
+        """
+        kp, kd = gains
+        # References first: what they are clipped to decides what the servos do.
+        sent = self.pass_on(np.zeros_like(torque), position, velocity)
+        faults = self.faults
+        assert sent.joint_position is not None and sent.joint_velocity is not None
+        servo = kp * (sent.joint_position - measured[0])
+        servo += kd * (sent.joint_velocity - measured[1])
+        total = torque + servo
+        if (np.abs(total) <= self._torque).all():
+            feedforward = torque
+        else:
+            wrong = ~(np.abs(total) <= ROUNDING * self._torque)
+            feedforward = np.clip(np.nan_to_num(total, nan=0.0), -self._torque, self._torque) - servo
+            self._report(wrong, faults)
+        return Command(feedforward, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
+
     def pass_on(self, torque: Array, position: Array | None = None, velocity: Array | None = None) -> Command:
         """Return a command within all limits.
 
@@ -113,9 +149,14 @@ class CommandGate:
             wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= ROUNDING * self._speed)
             velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
             self._position = position = sent
-        self.faults = tuple(self._names[i] for i in wrong.nonzero()[0])
-        if self.faults:
+        self._report(wrong)
+        return Command(torque, position, velocity)
+
+    def _report(self, wrong: Array, before: tuple[str, ...] = ()) -> None:
+        """Take over the joints that were clipped, beside those of the same command that are counted already."""
+        found = [self._names[i] for i in wrong.nonzero()[0]]
+        self.faults = (*before, *(name for name in found if name not in before))
+        if self.faults and not before:
             if self.clipped == 0:
                 logger.info("command clipped at its limits: %s", ", ".join(self.faults))
             self.clipped += 1
-        return Command(torque, position, velocity)

@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
+from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, finite_array, unknown_name
 from wbc.core.settings import Positive, settings
 
@@ -81,6 +82,7 @@ class Robot:
         torque_limit: Largest joint torque, shape (na,), Nm (or N).
         torso_frame: Frame of the chest.
         imu_frame: Frame of the inertial measurement unit.
+        servos: Gains of the servos; None where they are not known.
     """
 
     @checked
@@ -93,6 +95,7 @@ class Robot:
         torso_frame: str | None = None,
         imu_frame: str | None = None,
         frames: Mapping[str, str] | None = None,
+        servos: Servos | None = None,
     ) -> None:
         """Make a robot of a complete model: limits, armature and sole frames are in it.
 
@@ -103,6 +106,7 @@ class Robot:
             torso_frame: Frame of the chest; the root when None.
             imu_frame: Frame of the IMU; the root when None.
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
+            servos: Gains of the servos.
 
         Raises:
             ModelError: No free-flyer root, or a joint of several degrees of freedom.
@@ -132,6 +136,7 @@ class Robot:
         self.base_frame = str(root)
         self.torso_frame = torso_frame or self.base_frame
         self.imu_frame = imu_frame or self.base_frame
+        self.servos = servos
         self.frames = dict(frames or {})
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
             self.frame_id(frame)
@@ -193,6 +198,7 @@ class Robot:
             torso_frame=self.torso_frame,
             imu_frame=self.imu_frame,
             frames=self.frames,
+            servos=self.servos,
         )
 
     def frame_id(self, name: str) -> int:

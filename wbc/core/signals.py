@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from wbc.core.errors import Array, MeasurementError
+
+WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
+"""Origin of the wrenches on the soles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +35,16 @@ class Measurement:
             9.81 m/s² upwards: (0, 0, +9.81) for an IMU that stands upright.
         sole_wrench: Wrench of the ground on each sole, [force; moment] in the sole frame at the sole centre, left foot
             first, shape (number of soles, 6), N and Nm. The normal force of a standing robot is positive, both
-            together its weight; zero in the air. The weight of the foot below the sensor may be missing.
+            together its weight; zero in the air. The weight of the foot below the sensor may be missing. None: feet
+            without force sensors, whose wrenches a control estimates from the torques of the joints.
         sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN without a hit or without
             a sensor.
         sole_stiffness: Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid sole.
         joint_torque: Torque that each drive applies to its joint as measured or computed from its current, shape
             (na,), Nm (or N); positive accelerates the joint in the direction of its positive velocity. None: not
             measured.
+        wrench_source: Origin of `sole_wrench`: "sensor", or "measured torques" or "commanded torques" where a control
+            has estimated it.
     """
 
     time: float
@@ -45,10 +52,24 @@ class Measurement:
     joint_velocity: Array
     angular_velocity: Array
     specific_force: Array
-    sole_wrench: Array
+    sole_wrench: Array | None
     sole_range: Array = field(default_factory=lambda: np.full(2, np.nan))
     sole_stiffness: Array = field(default_factory=lambda: np.full(2, np.nan))
     joint_torque: Array | None = None
+    wrench_source: WrenchSource = "sensor"
+
+    @property
+    def wrenches(self) -> Array:
+        """Wrench on each sole, measured or estimated, shape (number of soles, 6), N and Nm.
+
+        Raises:
+            MeasurementError: Neither measured nor estimated yet.
+        """
+        if self.sole_wrench is None:
+            raise MeasurementError(
+                f"measurement at {self.time:.4f} s has no sole_wrench; a control estimates it (Control.measurement)"
+            )
+        return self.sole_wrench
 
     def check_finite(self) -> None:
         """Refuse a measurement with NaN or infinity in it.
@@ -63,7 +84,7 @@ class Measurement:
             + self.joint_velocity.dot(self.joint_velocity)
             + self.angular_velocity.dot(self.angular_velocity)
             + self.specific_force.dot(self.specific_force)
-            + self.sole_wrench.ravel().dot(self.sole_wrench.ravel())
+            + self.wrenches.ravel().dot(self.wrenches.ravel())
         )
         if math.isfinite(squares):
             return

@@ -21,6 +21,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.control import Mode, PositionControl, SafetySettings, TorqueControl
+from wbc.core.drive.hybrid import HybridControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -57,7 +58,8 @@ class WalkingControlSettings:
     """Settings of a walk: all but its footsteps.
 
     Attributes:
-        mode: "position": servos follow an integrated motion; "torque": torques are sent.
+        mode: "position": servos follow an integrated motion; "torque": torques are sent; "hybrid": torques, with
+            the machine's soft servos around the motion that they make.
         com_height: Height of the CoM over the support while walking, m, reached in the first double support; that of
             the robot as it stands when None.
         feedforward: In position control, add the torques of the desired wrenches to the servos.
@@ -157,12 +159,14 @@ class WalkingControl:
         self.falls = FallDetector(s.falls)
         self.stiffness = stiffness
 
-        torque = s.mode == "torque"
+        torque = s.mode != "position"
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
         self.control: PositionControl | TorqueControl
-        if torque:
+        if s.mode == "hybrid":
+            self.control = HybridControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
+        elif torque:
             self.control = TorqueControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
         else:
             feedforward = self._feedforward if s.feedforward else False
@@ -307,7 +311,7 @@ class WalkingControl:
             reference.pendulum,
             com,
             velocity,
-            measurement.sole_wrench,
+            measurement.wrenches,
             self._estimated_soles,
             reference.contact,
             reference.heading,

@@ -98,7 +98,7 @@ class MeasurementSource(Source):
             m.joint_velocity,
             m.angular_velocity,
             m.specific_force,
-            m.sole_wrench.ravel(),
+            np.full(m.sole_range.size * 6, math.nan) if m.sole_wrench is None else m.sole_wrench.ravel(),
             m.sole_range,
             m.sole_stiffness,
         ]

@@ -138,7 +138,7 @@ class ConsistencyMonitor:
         """
         gain, s = self._gain, self.settings
         doubts = self._compare_velocities(values) + self._frozen(values)
-        loads = [row[2] for row in measurement.sole_wrench.tolist()]
+        loads = [row[2] for row in measurement.wrenches.tolist()]
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
         self._rotation += gain * (foot_rotation - self._rotation)

@@ -19,15 +19,21 @@ from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array
+from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import NonNegative, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned, turned_all
+
+LONGEST_DELAY = 0.1
+"""Longest delay that can be stated, s."""
 
 SHARED = 0.15
 """Part of the load from which a foot counts for the rotation that both feet have in common."""
@@ -48,6 +54,10 @@ class ObserverSettings:
         cop_time_constant: Low-pass of the CoPs, s; 0 for none.
         slip_time_constant: Time constant with which anchors of loaded feet settle when their distance changes, s.
         reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
+        measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
+            delay, to when a command will take effect.
+        command_delay: Time from a command to its effect, s.
+        wrenches: Estimate of the wrenches of feet without force sensors.
     """
 
     inertial: InertialSettings = field(default_factory=InertialSettings)
@@ -57,6 +67,14 @@ class ObserverSettings:
     cop_time_constant: Annotated[NonNegative, "s"] = 0.02
     slip_time_constant: Annotated[NonNegative, "s"] = 0.2
     reference_time_constant: Annotated[NonNegative, "s"] = 0.1
+    measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
+    command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
+    wrenches: WrenchSettings = field(default_factory=WrenchSettings)
+
+    @property
+    def delay(self) -> float:
+        """Sum of the delays of measurement and command, s."""
+        return self.measurement_delay + self.command_delay
 
 
 class Observer:
@@ -103,6 +121,9 @@ class Observer:
         self._data = robot.model.createData()  # kinematics with the base at the origin
         self._q = pin.neutral(robot.model)
         self._v = np.zeros(robot.nv)
+        delay = self.settings.delay
+        self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
+        self._measured = np.array(q), np.zeros(robot.nv)
         # Of each foot, as plain numbers: see the properties.
         self._loads, self._shares = [0.0] * n, [0.0] * n
         self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
@@ -177,6 +198,9 @@ class Observer:
             robot.update(tilted, np.zeros(robot.nv))
         self._position = tuple(robot.q[:3].tolist())
         self._time = None
+        self._measured[0][:], self._measured[1][:] = robot.q, robot.v
+        if self._predictor is not None:
+            self._predictor.reset()
         n = len(self._soles)
         self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
@@ -184,6 +208,21 @@ class Observer:
             placement = robot.placement(sole)
             self._anchors[i] = tuple(placement.translation.tolist())
             self._anchor_yaw[i] = _yaw(placement.rotation[:, 0].tolist())
+
+    @property
+    def measured_state(self) -> tuple[Array, Array]:
+        """Configuration and velocity when the last measurement was made, shapes (nq,) and (nv,)."""
+        return self._measured
+
+    def commanded(self, acceleration: Array, dt: float) -> None:
+        """Take over the acceleration of the command that is sent now; needed where delays are stated.
+
+        Args:
+            acceleration: Of the whole robot, shape (nv,).
+            dt: Time for which the command is valid, s.
+        """
+        if self._predictor is not None:
+            self._predictor.commanded(acceleration, dt)
 
     def resume(self, time: float) -> None:
         """Take up at another time stamp, without integrating over the gap.
@@ -236,7 +275,7 @@ class Observer:
 
         turn, turning = base.tolist(), spin.tolist()
         frames = [(rotation.tolist(), position.tolist()) for rotation, position in self._sole_frames]
-        arms = self._update_loads(measurement.sole_wrench.tolist(), dt, turn, [r for r, _ in frames], first)
+        arms = self._update_loads(measurement.wrenches.tolist(), dt, turn, [r for r, _ in frames], first)
         # In the base frame: CoPs, and headings of the soles.
         points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
         ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
@@ -281,10 +320,14 @@ class Observer:
         q[3:7] = quaternion(turn)
         np.dot(base_velocity, base, out=v[:3])
         np.dot(spin, base, out=v[3:6])
-        self._update_robot(q, v)
+        self._measured[0][:], self._measured[1][:] = q, v
+        if self._predictor is not None:
+            self._update_robot(*self._predictor.ahead(q, v))
+        else:
+            self._update_robot(q, v)
         q[:7] = self._origin
         v[:BASE_DOF] = 0.0
-        self._wrenches[:] = measurement.sole_wrench
+        self._wrenches[:] = measurement.wrenches
         return self.robot
 
     def _check(self, measurement: Measurement) -> None:
@@ -294,7 +337,7 @@ class Observer:
             m.joint_velocity.shape,
             m.angular_velocity.shape,
             m.specific_force.shape,
-            m.sole_wrench.shape,
+            m.wrenches.shape,
         )
         if shapes != self._shapes:
             for name, got, shape in zip(SIGNALS, shapes, self._shapes, strict=True):

@@ -152,7 +152,7 @@ class Plausibility:
                 m.joint_velocity,
                 m.angular_velocity,
                 m.specific_force,
-                m.sole_wrench.reshape(-1),
+                m.wrenches.reshape(-1),
             )
         )
         renewed = self._check_time(m.time)
@@ -188,6 +188,8 @@ class Plausibility:
         Args:
             measurement: As it came.
         """
+        if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
+            measurement = replace(measurement, sole_wrench=np.zeros(self._shapes[-1]))
         try:
             velocity = self._formed(measurement).joint_velocity
         except MeasurementError:

@@ -1,0 +1,187 @@
+"""Delays that are stated are predicted over, and feet without force sensors are felt through the joints' torques."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import Command, HybridControl, InputError, Observer, Plant, PositionControl, balance_controller, walk
+from wbc.core.estimation.delay import DelayPredictor
+from wbc.core.estimation.observer import ObserverSettings
+from wbc.core.estimation.wrenches import WrenchSettings
+from wbc.feet import ContactSpheres, FlatFoot
+from wbc.robots import load
+from wbc.sim import WalkSpec
+from wbc.sim.balance import StandSpec, StandTrial
+from wbc.sim.plant.settings import Machine
+
+DT = 0.002
+G1 = load("g1")
+SOFT = ("*=40,1", "*hip*=60,1", "*knee*=100,2")
+FOOT = FlatFoot(ContactSpheres(row_spacing=0.1))
+
+
+@pytest.mark.parametrize("delay", [0.002, 0.005, 0.008])
+def test_a_state_is_carried_ahead_over_the_commands_that_act_meanwhile(delay: float) -> None:
+    """Exact for constant accelerations between commands; older commands do not count."""
+    model, rng = G1.robot().model, np.random.default_rng(0)
+    predictor = DelayPredictor(model, delay)
+    accelerations = rng.normal(size=(10, model.nv))
+    for acceleration in accelerations:
+        predictor.commanded(acceleration, DT)
+    q, v = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), rng.normal(size=model.nv)
+    step, velocity, left = np.zeros(model.nv), v.copy(), delay
+    pieces = []
+    for acceleration in accelerations[::-1]:
+        pieces.append((min(DT, left), acceleration))
+        left -= pieces[-1][0]
+    for time, acceleration in pieces[::-1]:
+        step += time * velocity + 0.5 * time**2 * acceleration
+        velocity += time * acceleration
+    ahead_q, ahead_v = predictor.ahead(q, v)
+    np.testing.assert_allclose(ahead_v, velocity, atol=1e-12)
+    np.testing.assert_allclose(ahead_q, pin.integrate(model, q, step), atol=1e-12)
+
+
+def test_a_plant_delays_measurements_and_commands_by_its_machine() -> None:
+    late = Plant(
+        G1, foot=FOOT, control_period=DT, machine=Machine(measurement_delay=0.004, command_delay=0.003)
+    )
+    prompt = Plant(G1, foot=FOOT, control_period=DT)
+    hold = prompt.hold()
+    assert hold.joint_position is not None
+    pushed = Command(np.full(29, 3.0), hold.joint_position)
+    seen = []
+    for tick in range(6):
+        seen.append(prompt.measure())
+        late_now = late.measure()
+        if tick >= 2:
+            assert late_now.time == pytest.approx(late.time - 0.004)
+            old = seen[0].joint_position  # nothing has moved before the first command acts
+            assert np.abs(late_now.joint_position - old).max() < 1e-4 or tick > 3
+        late.step(pushed)
+        prompt.step(pushed)
+    kp = G1.kp * (hold.joint_position - late.measure().joint_position)
+    assert np.abs(late.joint_torque - 3.0 - kp).max() < 20.0
+    first = Plant(G1, foot=FOOT, control_period=0.001, machine=Machine(command_delay=0.003))
+    torques = []
+    for _ in range(5):
+        first.step(Command(np.full(29, 3.0)))
+        torques.append(float(first.joint_torque[-1]))
+    assert [torque == 3.0 for torque in torques] == [False, False, False, True, True]
+
+
+def test_delayed_commands_cannot_be_interpolated() -> None:
+    with pytest.raises(InputError, match="interpolation 'hold'"):
+        Plant(G1, interpolation="linear", machine=Machine(command_delay=0.001))
+
+
+@pytest.mark.parametrize("mode", ["position", "torque", "hybrid"])
+def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
+    """Noisy sensors, 1 kg at the torso that the model lacks; the error is bounded in shares of the weight.
+
+    The torques of stiff servos cannot be computed from an encoder that is off by a milliradian: they are measured.
+    """
+    stiff = mode == "position"
+    machine = Machine(force_sensors=False, torque_sensors=stiff, payload=1.0)
+    trial = StandTrial(StandSpec(robot="g1", mode=mode, seconds=1.0, noise="realistic", machine=machine))  # type: ignore[arg-type]
+    weight = 9.80665 * trial.plant.robot.mass
+    for _ in range(100):
+        next(trial.advance(1.0))
+    plant, control = trial.plant, trial.control
+    assert plant.measure().sole_wrench is None
+    used = control.measurement
+    assert used is not None and used.wrench_source == ("measured torques" if stiff else "commanded torques")
+    error = used.wrenches - plant.truth().sole_wrench
+    assert np.abs(error[:, 2]).max() < 0.1 * weight
+    assert not trial.fallen and control.failures == 0
+
+
+def test_measured_torques_are_used_where_drives_report_them() -> None:
+    plant = Plant(G1, foot=FOOT, control_period=DT, machine=Machine(force_sensors=False, torque_sensors=True))
+    control = HybridControl(balance_controller(G1.robot(), DT))
+    for _ in range(50):
+        plant.step(control.command(plant.measure()))
+    used = control.measurement
+    assert used is not None and used.wrench_source == "measured torques"
+    np.testing.assert_allclose(
+        used.wrenches[:, 2], plant.truth().sole_wrench[:, 2], atol=0.03 * 9.81 * plant.robot.mass
+    )
+
+
+@pytest.mark.slow
+def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
+    """As many lift-offs and touch-downs as steps: the hysteresis lets nothing chatter."""
+    from wbc.sim.walks import WalkHook, WalkPlan, WalkTrial  # noqa: PLC0415
+
+    class Contacts(WalkHook):
+        seen: list[tuple[bool, bool]] = []  # noqa: RUF012
+
+        def tick(self, tick) -> None:  # type: ignore[no-untyped-def]
+            wrenches = tick.walking.control.wrenches
+            self.seen.append(tuple(wrenches.contact))
+
+    contacts = Contacts()
+    spec = WalkSpec(
+        robot="g1",
+        servo=SOFT,
+        machine=Machine(force_sensors=False),
+        plan=WalkPlan(distance=0.2),
+        noise="realistic",
+    )
+    trial = WalkTrial(spec)
+    result = trial.run([contacts])
+    assert result.fall is None and spec.mode == "hybrid"
+    changes = np.abs(np.diff(np.array(contacts.seen).astype(int), axis=0)).sum()
+    assert changes == 2 * result.steps_done
+
+
+def test_touch_down_needs_more_force_than_lift_off() -> None:
+    robot = G1.robot()
+    settings = ObserverSettings(wrenches=WrenchSettings(touch_down=0.02, lift_off=0.05))
+    control = HybridControl(balance_controller(robot, DT), Observer(robot, settings, adopt=True))
+    plant = Plant(G1, foot=FOOT, control_period=DT, machine=Machine(force_sensors=False))
+    control.command(plant.measure())
+    assert "lift_off must not exceed touch_down" in control.status()
+
+
+def test_position_control_on_soft_servos_is_refused_before_anything_moves() -> None:
+    soft = G1.with_servos(SOFT)
+    with pytest.raises(
+        InputError, match=r"kp of \d+ Nm/rad or more at each ankle .* has 40: use hybrid control"
+    ):
+        PositionControl(balance_controller(soft.robot(), DT))
+    with pytest.raises(InputError, match="use hybrid control"):
+        WalkSpec(robot="g1", servo=SOFT, mode="position")
+    assert WalkSpec(robot="g1", servo=SOFT).mode == StandSpec(robot="g1", servo=SOFT).mode == "hybrid"
+    assert WalkSpec(robot="g1").mode == StandSpec(robot="g1").mode == "position"
+    PositionControl(balance_controller(G1.with_servos(("*=500,20",)).robot(), DT))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"), [("*nose*=1,2", "no joint fits"), ("*knee*=100", "pattern=kp,kd"), ("*=-1,2", "kp")]
+)
+def test_servo_gains_that_cannot_be_read_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        G1.with_servos((text,))
+
+
+def test_a_spec_with_delays_states_them_to_the_observer_unless_told_otherwise() -> None:
+    machine = Machine(measurement_delay=0.003, command_delay=0.002)
+    assert WalkSpec(robot="g1", mode="hybrid", machine=machine).settings().observer.delay == pytest.approx(
+        0.005
+    )
+    told = WalkSpec(robot="g1", mode="hybrid", machine=machine, changes={"observer.command_delay": 0.0})  # type: ignore[arg-type]
+    assert told.settings().observer.delay == pytest.approx(0.003)
+    assert WalkSpec.from_json(told.to_json()) == told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blind", [False, True])
+def test_a_g1_on_its_makers_gains_walks_with_delays(blind: bool) -> None:
+    machine = Machine(
+        measurement_delay=0.002, command_delay=0.002, force_sensors=not blind, payload=1.0 if blind else 0.0
+    )
+    result = walk(robot="g1", servo=SOFT, machine=machine, distance=0.6)
+    assert result.fall is None and result.failures == 0

@@ -1,0 +1,154 @@
+"""Contact wrenches of feet without force sensors, from joint torques and the dynamics of the robot.
+
+The generalised momentum p = M v changes by dp/dt = Sᵀ τ + Cᵀ v − g + Jᵀ w. A first-order observer compares it with
+the torques and has, without any acceleration being measured, the generalised force Jᵀ w of the contacts,
+
+    dr/dt = K (dp/dt − Sᵀ τ − Cᵀ v + g − r).
+
+A leg's own joints see the wrench of its foot alone, in six equations or so; the floating base sees the sum of both.
+Weighted least squares put them together: the joints are off by friction, the base by masses that the model lacks.
+
+Source: momentum observer, A. De Luca, A. Albu-Schäffer, S. Haddadin, G. Hirzinger, IROS 2006; for floating bases,
+G. Bledt, P. Wensing, S. Ingersoll, S. Kim, ICRA 2018.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError
+from wbc.core.lag import lag_gain
+from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.settings import Positive, Share, settings
+
+
+@settings
+class WrenchSettings:
+    """Settings of the estimate of contact wrenches.
+
+    Attributes:
+        bandwidth: Of the observer of momentum.
+        torque_std: Standard deviation of a leg joint's torque: friction, errors of the drive.
+        force_std: Of the force by the momentum of the whole robot, as a share of its weight: masses that are off.
+        moment_std: Of the moment by the momentum of the whole robot.
+        wrench_std: Expected size of a wrench, as a share of the weight (and of the weight times 0.1 m); bounds what
+            a leg near a singularity makes of errors.
+        touch_down: Normal force from which a foot in the air has met the ground, as a share of the weight.
+        lift_off: Normal force below which a foot on the ground has left it, as a share of the weight.
+    """
+
+    bandwidth: Annotated[Positive, "rad/s"] = 80.0
+    torque_std: Annotated[Positive, "Nm"] = 0.5
+    force_std: Share = 0.03
+    moment_std: Annotated[Positive, "Nm"] = 3.0
+    wrench_std: Annotated[Positive, ""] = 3.0
+    touch_down: Share = 0.08
+    lift_off: Share = 0.04
+
+
+class WrenchEstimator:
+    """Estimator of the wrench on each sole.
+
+    Attributes:
+        settings: Settings.
+        contact: True for each foot that is on the ground, by its own leg's joints.
+        wrench: Wrenches of the ground on the soles, [force; moment] in the sole frame at the sole centre, shape
+            (number of soles, 6), N and Nm; zero for a foot in the air.
+    """
+
+    def __init__(self, robot: Robot, dt: float, settings: WrenchSettings | None = None) -> None:
+        """Start with the robot standing still on all soles.
+
+        Args:
+            robot: Robot whose soles are estimated; its state is not used.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+
+        Raises:
+            InputError: Lift-off at a greater force than touch-down.
+        """
+        self.settings = s = settings or WrenchSettings()
+        if s.lift_off > s.touch_down:
+            raise InputError(f"lift_off must not exceed touch_down, got {s.lift_off:g} and {s.touch_down:g}")
+        self._model, self._data = robot.model, robot.model.createData()
+        self._dt = dt
+        self._gain = lag_gain(dt, 1.0 / s.bandwidth)
+        self._weight = weight = robot.mass * GRAVITY
+        self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._legs = [_leg(robot.model, frame) for frame in self._frames]
+        n, nv = len(self._frames), robot.nv
+        std = np.full(nv, s.torque_std)
+        std[:3], std[3:BASE_DOF] = s.force_std * weight, s.moment_std
+        self._scale = 1.0 / std
+        expected = s.wrench_std * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+        self._prior = np.diag(np.tile(1.0 / expected**2, n))
+        self._jacobians = [np.zeros((6, nv)) for _ in range(n)]
+        self._bias, self._momentum = np.zeros(nv), np.zeros(nv)
+        self._applied = np.zeros(nv)
+        self.wrench = np.zeros((n, 6))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the robot stands still on all soles."""
+        self._residual: Array | None = None
+        self.contact = [True] * len(self._frames)
+        self.wrench[:] = 0.0
+        self.wrench[:, 2] = self._weight / len(self._frames)
+
+    def update(self, q: Array, v: Array, torque: Array) -> Array:
+        """Take over a state and the torques that led there.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            torque: Mean joint torques in the control period that ended now, shape (na,), Nm.
+
+        Returns:
+            Wrenches on the soles: `wrench`, the same array each time.
+        """
+        model, data, s = self._model, self._data, self.settings
+        mass = pin.crba(model, data, q, pin.Convention.WORLD)
+        coriolis = pin.computeCoriolisMatrix(model, data, q, v)
+        gravity = pin.computeGeneralizedGravity(model, data, q)
+        momentum = mass.dot(v)
+        external = gravity - coriolis.T.dot(v)
+        external[BASE_DOF:] -= torque
+        if self._residual is None:
+            self._residual = external
+        else:
+            external += (momentum - self._momentum) / self._dt
+            self._residual += self._gain * (external - self._residual)
+        self._momentum = momentum
+        pin.computeJointJacobians(model, data, q)
+        for i, frame in enumerate(self._frames):
+            self._jacobians[i] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
+        residual = self._scale * self._residual
+        soles = []
+        for i, leg in enumerate(self._legs):
+            normal = self._solve([i], residual, leg)[2] / self._weight
+            self.contact[i] = normal > (s.lift_off if self.contact[i] else s.touch_down)
+            if self.contact[i]:
+                soles.append(i)
+        self.wrench[:] = 0.0
+        if soles:
+            rows = np.concatenate([np.arange(BASE_DOF), *(self._legs[i] for i in soles)])
+            self.wrench[soles] = self._solve(soles, residual, rows).reshape(-1, 6)
+        return self.wrench
+
+    def _solve(self, soles: list[int], residual: Array, rows: Array) -> Array:
+        """Return the wrenches of some soles that explain some rows of the residual best, shape (6 · soles,)."""
+        matrix = np.concatenate([self._jacobians[i][:, rows] for i in soles]) * self._scale[rows]
+        size = 6 * len(soles)
+        normal = matrix.dot(matrix.T)
+        normal += self._prior[:size, :size]
+        wrench: Array = np.linalg.solve(normal, matrix.dot(residual[rows]))
+        return wrench
+
+
+def _leg(model: pin.Model, frame: int) -> Array:
+    """Return the places in a velocity of the joints from the base to a frame."""
+    parent = model.frames[frame].parentJoint
+    return np.array([model.joints[joint].idx_v for joint in model.supports[parent] if joint > 1])
