@@ -397,7 +397,7 @@ class Runner:
 
     def _loaded(self, measurement: Measurement, now: float) -> bool:
         """Return True if the soles have carried the robot for a while."""
-        load = float(measurement.sole_wrench[:, 2].sum())
+        load = float(measurement.wrenches[:, 2].sum())
         if self.settings.load > 0.0 and not load > self.settings.load * self._weight:
             self._loaded_since = None
             return False

@@ -85,7 +85,7 @@ class SafeStart:
             upright = pin.Quaternion.FromTwoVectors(up / size, np.array([0.0, 0.0, 1.0]))
             q[3:7] = upright.coeffs()
         torque = np.array(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6:])
-        for frame, wrench in zip(self._soles, measurement.sole_wrench, strict=True):
+        for frame, wrench in zip(self._soles, measurement.wrenches, strict=True):
             if np.isfinite(wrench).all() and wrench[2] > 0.0:
                 jacobian = pin.computeFrameJacobian(robot.model, robot.data, q, frame, pin.LOCAL)
                 torque -= jacobian[:, 6:].T @ wrench

@@ -48,7 +48,7 @@ def pack_measurement(m: Measurement, number: int) -> bytes:
     parts = [m.joint_position, m.joint_velocity]
     if m.joint_torque is not None:
         parts.append(m.joint_torque)
-    parts += [m.angular_velocity, m.specific_force, m.sole_wrench.ravel()]
+    parts += [m.angular_velocity, m.specific_force, m.wrenches.ravel()]
     flags = int(m.joint_torque is not None)
     return _packet(MEASUREMENT, flags, m.joint_position.size, number, m.time, parts)
 

@@ -238,7 +238,7 @@ class UnitreeDriver:
             joint_torque=motors["tau_est"].astype(float),
         )
         if self._wrenches is not None:
-            measurement.sole_wrench[:] = self._wrenches(measurement)  # type: ignore[call-overload]
+            measurement.wrenches[:] = self._wrenches(measurement)  # type: ignore[call-overload]
         return measurement
 
     def write(self, command: Command) -> None:

@@ -143,7 +143,7 @@ class Excitation:
             np.array([none if m.joint_torque is None else m.joint_torque for m in rows]),
             np.array([m.angular_velocity for m in rows]),
             np.array([m.specific_force for m in rows]),
-            np.array([m.sole_wrench for m in rows]),
+            np.array([m.wrenches for m in rows]),
             np.array([m.time for m in rows]),
         )
         self.records.append(record)
