@@ -20,6 +20,7 @@ import json
 import logging
 import math
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import field
@@ -110,9 +111,13 @@ def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def canonical(data: Any) -> str:
     """Return JSON that is equal for equal values: keys sorted, no spaces, NaN and infinity as null."""
-    return json.dumps(
-        _finite(data), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False
-    )
+    try:
+        return _encode(data)
+    except (TypeError, ValueError):  # mappings that are no dict, NaN
+        return _encode(_finite(data))
+
+
+_encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode
 
 
 def checksum(data: Mapping[str, Any]) -> str:
@@ -130,8 +135,51 @@ def _finite(value: Any) -> Any:
     return value
 
 
+class Entries(Mapping[str, Entry]):
+    """Entries of a journal, by key; each is read from its line when it is asked for.
+
+    A hundred thousand walks are 200 MB of lines, and six times as much as objects.
+    """
+
+    def __init__(self, lines: dict[str, bytes] | None = None) -> None:
+        """Take lines that `_key` has checked, by key."""
+        self._lines = {} if lines is None else lines
+
+    def __getitem__(self, key: str) -> Entry:
+        data = json.loads(self._lines[key])
+        del data["sum"], data["key"]
+        entry = object.__new__(Entry)  # its values were checked before the line was written
+        entry.__dict__.update(data)
+        return entry
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._lines)
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._lines
+
+    def status(self, key: str) -> Status:
+        """Return the status of an entry, without reading the rest of it."""
+        found = _STATUS.search(self._lines[key])
+        return found[1].decode() if found else self[key].status  # type: ignore[return-value]
+
+    def put(self, key: str, line: bytes) -> None:
+        """Add a line, or replace one."""
+        self._lines[key] = line
+
+
+_STATUS = re.compile(rb',"status":"(\w+)","sum":"[0-9a-f]{16}","version":')
+_SUM = re.compile(rb',"sum":"([0-9a-f]{16})"(?=,"version":)')
+_KEY = re.compile(rb',"key":"([0-9a-f]{32})","result":')
+"""Places in a line as `Entry.line` writes it. A quotation mark inside a text has a backslash before it, so that none of
+these can be found there."""
+
+
 @checked
-def read_journal(path: Path | str) -> dict[str, Entry]:
+def read_journal(path: Path | str) -> Mapping[str, Entry]:
     """Return all entries of a journal, by key; the last one of each.
 
     Lines that are torn or damaged are skipped, and their number is logged.
@@ -142,43 +190,54 @@ def read_journal(path: Path | str) -> dict[str, Entry]:
     Raises:
         JournalError: The file cannot be read, or is no journal.
     """
+    return _read(path)
+
+
+def _read(path: Path | str) -> Entries:
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError:
-        return {}
+        return Entries()
     except OSError as error:
         raise JournalError(f"journal {path} cannot be read: {error}") from error
-    entries = dict(_entries(path, content))
-    if not entries and content.strip() and b"\n" in content:
-        raise JournalError(f"{path} is no journal: none of its lines is an entry")
-    return entries
-
-
-def _entries(path: Path | str, content: bytes) -> Iterator[tuple[str, Entry]]:
     *lines, rest = content.split(b"\n")
-    bad = [number for number, line in enumerate(lines, 1) if line.strip() and _parsed(line) is None]
+    found: dict[str, bytes] = {}
+    bad = []
+    for number, line in enumerate(lines, 1):
+        key = _key(line)
+        if key is not None:
+            found[key] = line
+        elif line.strip():
+            bad.append(number)
     if bad:
         _log.warning("journal %s: %d damaged lines skipped, the first is line %d", path, len(bad), bad[0])
     if rest:
         _log.info("journal %s: its last line is torn", path)
-    for line in lines:
-        entry = _parsed(line)
-        if entry is not None:
-            yield entry.key, entry
+    if not found and content.strip() and b"\n" in content:
+        raise JournalError(f"{path} is no journal: none of its lines is an entry")
+    return Entries(found)
 
 
-def _parsed(line: bytes) -> Entry | None:
-    """Return the entry of a line; None if it is no entry or was changed since it was written."""
+def _key(line: bytes) -> str | None:
+    """Return the key of a line; None if it is no entry or was changed since it was written.
+
+    A line as it was written has the hash of its bytes without the sum; any other is read and written again.
+    """
+    totals, keys = list(_SUM.finditer(line)), list(_KEY.finditer(line))
+    if len(totals) == len(keys) == 1:
+        digest = hashlib.sha256(line[: totals[0].start()])
+        digest.update(line[totals[0].end() :])
+        if digest.hexdigest()[:16] == totals[0][1].decode():
+            return keys[0][1].decode()
     try:
         data = json.loads(line)
-        total = data.pop("sum")
-        if checksum(data) != total:
+        if checksum({name: value for name, value in data.items() if name != "sum"}) != data["sum"]:
             return None
-        key = data.pop("key")
-        entry = Entry(**data)
+        del data["sum"]
+        claimed = data.pop("key")
+        return str(claimed) if Entry(**data).key == claimed else None
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
-    return entry if entry.key == key else None
 
 
 class Journal:
@@ -215,7 +274,7 @@ class Journal:
             raise JournalError(f"journal {path} cannot be written: {error}") from error
         try:
             self._lock()
-            self.entries = read_journal(self.path)
+            self.entries = _read(self.path)
             self._cut_off_torn_line()
         except BaseException:
             self.close()
@@ -264,7 +323,7 @@ class Journal:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, size)
             raise JournalError(f"journal {self.path} cannot be written: {error}") from error
-        self.entries[entry.key] = entry
+        self.entries.put(entry.key, line[:-1])
 
     def _sync_if_due(self) -> None:
         now = time.monotonic()

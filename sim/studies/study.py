@@ -23,7 +23,7 @@ from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, trial_key
 from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.sweep import by_spec
-from wbc.sim.studies.trials import Trial, trial_from_json
+from wbc.sim.studies.trials import Trial, trial_from_json, with_seed
 
 FRESH_SEED = 100
 """First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
@@ -65,12 +65,13 @@ def ground_of(cell: str) -> str:
 
 @dataclass(frozen=True)
 class StudyTrial:
-    """One trial of a study: its spec, with the cell, arm and seed that it belongs to."""
+    """One trial of a study: its spec, also as plain values, with the cell, arm and seed that it belongs to."""
 
     cell: str
     arm: str
     seed: int
     spec: Trial
+    plain: Mapping[str, Any] = field(repr=False)
 
 
 @settings
@@ -131,16 +132,23 @@ class Study:
         Raises:
             InputError: A spec that cannot be run; the message names its cell and arm.
         """
+        first: dict[tuple[str, str], tuple[Trial, dict[str, Any]]] = {}
         for seed in self.seeds:
             last = {"seed": seed, "kind": self.kind}
             for cell in self.cells:
                 for arm in cell.arms or self.arms:
+                    if (cell.name, arm) in first:  # checked, and checks do not depend on the seed
+                        spec, plain = first[cell.name, arm]
+                        yield StudyTrial(cell.name, arm, seed, with_seed(spec, seed), {**plain, "seed": seed})
+                        continue
                     parts = (self.base, cell.values, self.arms[arm], cell.arm_values.get(arm, {}), last)
                     try:
                         spec = trial_from_json(merged(*parts))
                     except (InputError, TypeError) as error:
                         raise InputError(f"study '{self.name}', {cell.name}, {arm}: {error}") from error
-                    yield StudyTrial(cell.name, arm, seed, spec)
+                    plain = spec.to_json()
+                    first[cell.name, arm] = spec, plain
+                    yield StudyTrial(cell.name, arm, seed, spec, plain)
 
     def narrowed(
         self, cells: Iterable[str] = (), arms: Iterable[str] = (), seeds: int | None = None
@@ -233,8 +241,8 @@ def study_entries(
     others = by_spec(entries.values()) if any_code else {}
     version = provenance()
     for trial in study.trials():
-        plain = trial.spec.to_json()
-        yield trial, entries.get(trial_key(plain, version)) or others.get(trial_key(plain, {}))
+        entry = entries.get(trial_key(trial.plain, version))
+        yield trial, others.get(trial_key(trial.plain, {})) if entry is None and others else entry
 
 
 @settings(kw_only=True)
@@ -283,7 +291,7 @@ def left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool = Fal
     """
     used, specs = set(), set()
     for trial, entry in study_entries(study, entries, any_code=any_code):
-        specs.add(trial_key(trial.spec.to_json(), {}))
+        specs.add(trial_key(trial.plain, {}))
         if entry is not None:
             used.add(entry.key)
     reasons: Counter[str] = Counter()

@@ -230,7 +230,7 @@ def study_table(
     for trial, entry in study_entries(study, entries, any_code=any_code):
         row = _row(trial, by) if by else trial.cell
         value = _value(entry, name, completed_only)
-        layout = layout_of(trial.spec.to_json())
+        layout = layout_of(trial.plain)
         for title in (row, ALL):
             members.setdefault(title, set()).add(trial.cell)
             column = columns.setdefault((title, trial.arm), _Column())
@@ -294,8 +294,7 @@ def _common(columns: Mapping[str, _Column]) -> set[Hashable]:
 
 def _row(trial: StudyTrial, by: Sequence[str]) -> str:
     """Return the name of the row of a trial when cells are put together."""
-    spec = trial.spec.to_json()
-    values = [part_of(spec, name, "part of a spec") for name in by]
+    values = [part_of(trial.plain, name, "part of a spec") for name in by]
     return ", ".join(
         f"{name.rpartition('.')[2]} {value:g}" if isinstance(value, (int, float)) else str(value)
         for name, value in zip(by, values, strict=True)

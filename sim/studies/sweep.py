@@ -33,7 +33,7 @@ from typing import Any
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, positive
 from wbc.core.settings import to_json
-from wbc.sim.studies.journal import Entry, Journal, trial_key
+from wbc.sim.studies.journal import Entry, Journal, Status, trial_key
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.trials import Outcome, Trial, run_trial, trial_from_json
 
@@ -135,14 +135,18 @@ def sweep(
     trials = {trial_key(plain, version): (spec, plain) for spec in specs for plain in [spec.to_json()]}
     known = by_spec(journal.entries.values()) if any_code else {}
     summary = SweepSummary(len(trials))
-    pending: list[tuple[Trial, dict[str, Any]]] = []
+    pending: Pending = deque()
     for key, (spec, plain) in trials.items():
-        entry = journal.entries.get(key) or known.get(trial_key(plain, {}))
-        if entry is None or (retry and entry.status in ("crashed", "timeout")):
+        if key in journal:
+            status: Status | None = journal.entries.status(key)
+        else:
+            other = known.get(trial_key(plain, {})) if known else None
+            status = None if other is None else other.status
+        if status is None or (retry and status in ("crashed", "timeout")):
             pending.append((spec, plain))
         else:
             summary.found += 1
-            summary.counts[entry.status] = summary.counts.get(entry.status, 0) + 1
+            summary.counts[status] = summary.counts.get(status, 0) + 1
 
     def record(plain: dict[str, Any], outcome: Outcome) -> None:
         journal.add(Entry(plain, outcome.status, outcome.result, outcome.clock, outcome.error, version))
@@ -182,7 +186,7 @@ def by_spec(entries: Iterable[Entry]) -> dict[str, Entry]:
     return found
 
 
-Pending = list[tuple[Trial, dict[str, Any]]]
+Pending = deque[tuple[Trial, dict[str, Any]]]
 Record = Callable[[dict[str, Any], Outcome], None]
 
 
@@ -245,16 +249,16 @@ def _feed(
         Trials that were lost with an executor that broke; none if all went well.
     """
     running: dict[Future[Outcome], tuple[Trial, dict[str, Any]]] = {}
-    lost: Pending = []
+    lost: Pending = deque()
     try:
         while pending or running:
             while pending and len(running) < in_flight and not lost:
                 try:
                     future = executor.submit(run_trial, pending[0][0], timeout)
                 except BrokenExecutor:
-                    lost.append(pending.pop(0))
+                    lost.append(pending.popleft())
                     break
-                running[future] = pending.pop(0)
+                running[future] = pending.popleft()
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 trial = running.pop(future)

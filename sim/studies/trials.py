@@ -6,6 +6,7 @@ it need not be run twice. Your own kinds of trials are registered with `register
 
 from __future__ import annotations
 
+import copy
 import faulthandler
 import logging
 import math
@@ -64,10 +65,12 @@ class TrialKind:
     Attributes:
         read: Makes a spec from plain values.
         run: Runs a spec; returns an outcome that is "done" or "diverged".
+        seeded: Returns a spec with another seed, the rest of it taken as checked; None for kinds that check it again.
     """
 
     read: Callable[[Mapping[str, Any]], Any]
     run: Callable[[Any, Check], Outcome]
+    seeded: Callable[[Any, int], Any] | None = None
 
 
 _KINDS: Registry[TrialKind] = Registry("kind of trial")
@@ -94,6 +97,12 @@ def trial_from_json(data: Mapping[str, Any]) -> Any:
         InputError: A value that cannot be used.
     """
     return _KINDS[data.get("kind", WalkSpec.kind)].read(data)
+
+
+def with_seed(spec: Any, seed: int) -> Any:
+    """Return a spec of any kind with another seed."""
+    seeded = _KINDS[spec.kind].seeded
+    return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
 @checked
@@ -179,6 +188,12 @@ class WalkPushLimitSpec:
         """Return the walk with another impulse of its push, Ns/kg."""
         return replace(self.walk, pushes=(replace(self.walk.pushes[0], impulse=impulse),))
 
+    def with_seed(self, seed: int) -> WalkPushLimitSpec:
+        """Return the search on a walk with another seed; what has been checked is not checked again."""
+        twin = copy.copy(self)
+        object.__setattr__(twin, "walk", self.walk.with_seed(seed))
+        return twin
+
     def to_json(self) -> dict[str, Any]:
         """Return the spec as plain values: those of the walk and of the search."""
         walk = self.walk.to_json()
@@ -234,5 +249,8 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
     )
 
 
-register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome))
-register_trial(WalkPushLimitSpec.kind, TrialKind(WalkPushLimitSpec.from_json, push_limit_outcome))
+register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed))
+register_trial(
+    WalkPushLimitSpec.kind,
+    TrialKind(WalkPushLimitSpec.from_json, push_limit_outcome, WalkPushLimitSpec.with_seed),
+)

@@ -37,7 +37,7 @@ from wbc.sim.studies.stiffness_studies import DATA
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json
+from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json, with_seed
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 
 sweep_module = sys.modules[sweep.__module__]  # the package has the function under the same name
@@ -496,6 +496,31 @@ def test_intervals_cover_the_mean_as_often_as_they_say() -> None:
         assert estimate.low is not None and estimate.high is not None
         hits += estimate.low <= 2.0 <= estimate.high
     assert 85 <= hits <= 99
+
+
+def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends of the interval within 3 % of its width, p-values within 0.02."""
+    values = (np.random.default_rng(5).exponential(size=2000) - 0.96).tolist()
+    quick, quick_p = mean_interval(values), sign_flip_p(values)
+    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", 10_000)
+    drawn, drawn_p = mean_interval(values), sign_flip_p(values)
+    assert quick.low is not None and quick.high is not None and drawn.low is not None
+    width = quick.high - quick.low
+    assert quick.low == pytest.approx(drawn.low, abs=0.03 * width)
+    assert quick.high == pytest.approx(drawn.high, abs=0.03 * width)
+    assert quick_p == pytest.approx(drawn_p, abs=0.02) and 0.0 < quick_p < 0.9
+
+
+def test_another_seed_is_the_spec_that_a_full_check_makes() -> None:
+    walk_spec = WalkSpec(foot="soft", terrain="stones", amplitude=0.01, seed=3)
+    push = WalkPushLimitSpec(walk=replace(walk_spec, pushes=(WalkPush(impulse=0.1, step=2),)))
+    for spec in (walk_spec, push):
+        twin = with_seed(spec, 8)
+        assert twin == trial_from_json({**spec.to_json(), "seed": 8})
+        assert twin.to_json() == {**spec.to_json(), "seed": 8}
+        assert spec.to_json()["seed"] == 3
+    with pytest.raises(InputError, match="seed"):
+        walk_spec.with_seed(2**63)
 
 
 def test_intervals_of_little() -> None:

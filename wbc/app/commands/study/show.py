@@ -60,7 +60,7 @@ class JournalOptions:
 
     journal: Path
 
-    def entries(self) -> dict[str, Entry]:
+    def entries(self) -> Mapping[str, Entry]:
         """Return the entries of the journal.
 
         Raises:
