@@ -29,7 +29,7 @@ from wbc.feet.soles.contact import (
 from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.parts import FootParts
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
-from wbc.feet.soles.soft import LongArchFoot, SoftFoot, VariableStiffnessFoot, toe_sensor
+from wbc.feet.soles.soft import LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot, toe_sensor
 from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SIDES, FootFit, SoleGeometry
 from wbc.feet.stiffness.analysis import (
@@ -80,6 +80,7 @@ __all__ = [
     "RigidFoot",
     "SoftFoot",
     "LongArchFoot",
+    "PaperFoot",
     "VariableStiffnessFoot",
     "TransverseBending",
     # A design of your own

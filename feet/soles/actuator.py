@@ -11,6 +11,12 @@ from pydantic import Field
 from wbc.core.errors import InputError, finite_scalar, non_negative
 from wbc.core.settings import NonNegative, settings
 
+SOFTEST, STIFFEST = 1.0, 2000.0
+"""Range of the stiffness of soft and variable soles, Nm/rad per hinge."""
+
+PAPER_STIFFEST = 80.0
+"""End of the paper's range, Nm/rad (Table I); it begins at 0."""
+
 
 @dataclass(frozen=True, slots=True)
 class StiffnessState:
@@ -29,40 +35,50 @@ class StiffnessState:
 
 @settings
 class StiffnessActuator:
-    """Rate limit followed by a first-order lag, integrated exactly.
+    """Rate limit followed by a first-order lag in the logarithm of the stiffness, integrated exactly.
 
-    The reference moves towards the command at no more than `rate_limit`; the actual stiffness a follows the
-    reference r with T da/dt = r − a. Both have closed forms over an interval of constant command, so the result does
-    not depend on the time step.
+    What a sole does depends on the order of magnitude of its stiffness. The reference r moves towards the command at no
+    more than `rate_limit`; the actual stiffness a follows it with T d(log a)/dt = log r − log a. Both have closed forms
+    over an interval of constant command, so the result does not depend on the time step.
 
     Attributes:
-        rate_limit: Largest |dr/dt|, Nm/rad/s; infinite for none.
+        rate_limit: Largest |d(log10 r)/dt|, decades per second; infinite for none.
         time_constant: T, s; 0 for none.
-        low: Smallest stiffness, Nm/rad.
+        low: Smallest stiffness, Nm/rad; above 0 unless the actuator acts at once.
         high: Largest stiffness, Nm/rad; infinite for no limit.
 
-    The paper's simulation changes the stiffness at once at 75 % of the swing (`StiffnessActuator.instantaneous`).
-    The defaults cross the whole range in the remaining 0.2 s of a swing of 0.8 s: 0.1 s of ramp, and 0.1 s, five time
-    constants, until the error is 0.11 Nm/rad. At half the rate the ramp takes 0.2 s and the error is 8 Nm/rad when the
-    foot lands.
+    The defaults cross the whole range in the last 0.2 s of a swing of 0.8 s: 0.1 s of ramp, and 0.1 s, five time
+    constants, until the error is 1 %.
 
-    Source: range 0–80 Nm/rad from Table I of the paper; rate and lag are chosen here and stand for no existing
-    actuator.
+    Source: range: on 1–80 Nm/rad walks hardly differ (docs/stiffness.md); below 1 the sole hangs slack, at 2,000 it is
+    nearly rigid. Rate and lag are chosen here and stand for no existing actuator.
     """
 
-    rate_limit: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "Nm/rad/s"] = 800.0
+    rate_limit: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "decades/s"] = 33.0
     time_constant: Annotated[NonNegative, "s"] = 0.02
-    low: Annotated[NonNegative, "Nm/rad"] = 0.0
-    high: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "Nm/rad"] = 80.0
+    low: Annotated[NonNegative, "Nm/rad"] = SOFTEST
+    high: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "Nm/rad"] = STIFFEST
 
     def __post_init__(self) -> None:
         if not self.high > self.low:
             raise InputError(f"high (Nm/rad) must exceed low, {self.low:g}, got {self.high:g}")
+        if self.low == 0.0 and not self.acts_at_once:
+            raise InputError(
+                "low (Nm/rad) must be above 0 for an actuator with a rate limit or a lag, which are logarithmic; got 0"
+            )
 
     @classmethod
-    def instantaneous(cls, low: float = 0.0, high: float = 80.0) -> StiffnessActuator:
-        """Return an actuator whose actual stiffness is always the commanded one, as in the paper."""
+    def instantaneous(cls, low: float = 0.0, high: float = PAPER_STIFFEST) -> StiffnessActuator:
+        """Return an actuator whose actual stiffness is always the commanded one, by default with the paper's range.
+
+        Source: range from Table I of the paper, whose simulation changes the stiffness in one step.
+        """
         return cls(math.inf, 0.0, low, high)
+
+    @property
+    def acts_at_once(self) -> bool:
+        """True if the actual stiffness is always the commanded one."""
+        return math.isinf(self.rate_limit) and self.time_constant == 0.0
 
     def check(self, stiffness: float) -> float:
         """Return a commanded stiffness, Nm/rad, if it is within the range.
@@ -94,21 +110,31 @@ class StiffnessActuator:
         """
         target = self.check(command)
         left = non_negative("duration (s)", duration)
-        gap = target - state.reference
-        reference, actual = state.reference, state.actual
+        if self.acts_at_once:
+            return StiffnessState(target, target, target)
+        goal, reference, actual = (math.log10(k) for k in (target, state.reference, state.actual))
+        gap = goal - reference
         if math.isinf(self.rate_limit):
-            reference = target
+            reference = goal
         elif gap != 0.0:
             ramp = min(left, abs(gap) / self.rate_limit)
             slope = math.copysign(self.rate_limit, gap)
             actual = self._follow(actual, reference, slope, ramp)
-            reference = target if ramp < left else reference + slope * ramp
+            reference = goal if ramp < left else reference + slope * ramp
             left -= ramp
         actual = self._follow(actual, reference, 0.0, left)
-        return StiffnessState(target, reference, actual)
+        return StiffnessState(
+            target,
+            target if reference == goal else self._within(10.0**reference),
+            target if actual == goal else self._within(10.0**actual),
+        )
+
+    def _within(self, stiffness: float) -> float:
+        """Return a stiffness without the rounding of its logarithm at the ends of the range, Nm/rad."""
+        return min(max(stiffness, self.low), self.high)
 
     def _follow(self, actual: float, start: float, slope: float, duration: float) -> float:
-        """Return the output of the first-order lag behind the ramp start + slope · t, in closed form."""
+        """Return the output of the first-order lag behind the ramp start + slope · t, in closed form, log10."""
         if self.time_constant == 0.0:
             return start + slope * duration
         lag = slope * self.time_constant

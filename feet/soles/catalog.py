@@ -8,7 +8,7 @@ from wbc.core.arguments import checked
 from wbc.core.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
-from wbc.feet.soles.soft import LongArchFoot, SoftFoot, VariableStiffnessFoot
+from wbc.feet.soles.soft import LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot
 
 _FEET: Registry[type[Foot]] = Registry(
     "foot",
@@ -18,6 +18,7 @@ _FEET: Registry[type[Foot]] = Registry(
         "soft": SoftFoot,
         "long_arch": LongArchFoot,
         "variable": VariableStiffnessFoot,
+        "paper": PaperFoot,
     },
 )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -58,7 +59,11 @@ class SoleStiffness:
     """
 
     def __init__(
-        self, model: mujoco.MjModel, foot: FootParts, actuator: StiffnessActuator | None = None
+        self,
+        model: mujoco.MjModel,
+        foot: FootParts,
+        actuator: StiffnessActuator | None = None,
+        damping: Callable[[float], float] | None = None,
     ) -> None:
         """Start at the stiffness that the model was compiled with.
 
@@ -66,6 +71,8 @@ class SoleStiffness:
             model: Compiled model; its `jnt_stiffness` is written from now on.
             foot: A soft foot of that model.
             actuator: Actuator of the sole; None for one that acts at once.
+            damping: Stiffness (Nm/rad) → damping of the hinges about the transverse axis (Nms/rad) that goes with it;
+                None if the damping does not change.
 
         Raises:
             InputError: The foot is rigid, or the model does not hold it.
@@ -76,6 +83,8 @@ class SoleStiffness:
         self._joints = np.array(
             [_id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in foot.variable_joints]
         )
+        self._dofs = model.jnt_dofadr[[_id(model, mujoco.mjtObj.mjOBJ_JOINT, n) for n in foot.sole_joints]]
+        self._damping = damping
         self.actuator = StiffnessActuator.instantaneous(high=math.inf) if actuator is None else actuator
         self._initial = float(model.jnt_stiffness[self._joints[0]])
         self.state: StiffnessState = self.actuator.at_rest(self._initial)
@@ -92,7 +101,7 @@ class SoleStiffness:
             InputError: Outside the range of the actuator.
         """
         self.state = self.actuator.at_rest(self._initial if stiffness is None else stiffness)
-        self._model.jnt_stiffness[self._joints] = self.state.actual
+        self._write()
 
     def step(self, command: float, duration: float) -> float:
         """Advance the actuator and write the stiffness into the model, for the next physics step.
@@ -108,8 +117,14 @@ class SoleStiffness:
             InputError: The command is outside the range of the actuator.
         """
         self.state = self.actuator.advance(self.state, command, duration)
-        self._model.jnt_stiffness[self._joints] = self.state.actual
+        self._write()
         return self.state.actual
+
+    def _write(self) -> None:
+        """Write stiffness and damping into the model."""
+        self._model.jnt_stiffness[self._joints] = self.state.actual
+        if self._damping is not None:
+            self._model.dof_damping[self._dofs] = self._damping(self.state.actual)
 
 
 class RangeFinder:

@@ -61,6 +61,17 @@ class VariableStiffnessFoot(SoftFoot):
         self.actuator.check(self.stiffness)
 
 
+@settings
+class PaperFoot(VariableStiffnessFoot):
+    """The variable foot with the paper's range of stiffness, 0 to 80 Nm/rad, and its actuator, which acts at once.
+
+    Attributes:
+        actuator: Rate limit, lag and range of the stiffness.
+    """
+
+    actuator: StiffnessActuator = field(default_factory=StiffnessActuator.instantaneous)
+
+
 @checked
 def toe_sensor(foot: SoftFoot) -> Array:
     """Return the position of a soft foot's range sensor, the middle of its toe, in the sole frame, shape (3,), m."""

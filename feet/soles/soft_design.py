@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -21,6 +22,9 @@ ARCH_WIDTH = 0.03
 
 ARCH_THICKNESS = 0.01
 """Thickness of the arches, m (as above)."""
+
+CARRIED_MASS = 20.0
+"""Mass that a sole carries, for its critical damping, kg: half of a robot of 40 kg."""
 
 
 @settings
@@ -82,6 +86,8 @@ class SoftDesign(Foot):
         stiffness: k of the sole hinges, Nm/rad.
         damping: b of the sole hinges, Nms/rad. Below k ≈ 10 Nm/rad a damper of 2 carries more torque than the spring
             during a step; the public SoftFoot model has 0.04.
+        damping_ratio: b of the sole hinges as a ratio of the critical damping at each stiffness, in place of `damping`;
+            see `damping_at`. None for the same b at any stiffness, as in the paper.
         phalanges: Number of phalanges.
         length: Extent along x, m.
         width: Extent along y, m.
@@ -111,6 +117,7 @@ class SoftDesign(Foot):
 
     stiffness: Annotated[NonNegative, "Nm/rad"] = 5.0
     damping: Annotated[NonNegative, "Nms/rad"] = 2.0
+    damping_ratio: Positive | None = None
     phalanges: Annotated[int, Field(ge=2, le=100)] = 10
     length: Annotated[Positive, "m"] = SOFT_LENGTH
     width: Annotated[Positive, "m"] = SOFT_WIDTH
@@ -149,6 +156,17 @@ class SoftDesign(Foot):
                 f"loop_phalanx must be an integer in [1, {self.phalanges - 1}] (the heel phalanx cannot "
                 f"close the loop), got {self.loop_phalanx}"
             )
+
+    def damping_at(self, stiffness: float) -> float:
+        """Return b of the sole hinges at a stiffness (Nm/rad), Nms/rad.
+
+        With a damping ratio ζ it is 2 ζ √(k J), where J = m l² is the inertia of the carried mass about a hinge one
+        phalanx away: the load moves by l times the angle of a hinge; the phalanges weigh next to nothing.
+        """
+        if self.damping_ratio is None:
+            return self.damping
+        inertia = CARRIED_MASS * (self.length / self.phalanges) ** 2
+        return 2.0 * self.damping_ratio * math.sqrt(stiffness * inertia)
 
     @property
     def mass(self) -> float:

@@ -112,7 +112,14 @@ class SoftFootBuilder:
         origin = np.array(self.layout.hinges[i])
         body = parent.add_body(name=name, pos=origin - parent_origin)
         self._pitch.append(
-            _add_hinge(body, f"{name}_pitch", _LATERAL, foot.stiffness, foot.damping, foot.armature)
+            _add_hinge(
+                body,
+                f"{name}_pitch",
+                _LATERAL,
+                foot.stiffness,
+                foot.damping_at(foot.stiffness),
+                foot.armature,
+            )
         )
         half = foot.width / 2.0
         middle = half

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive, whole_number
 from wbc.core.settings import settings
+from wbc.feet.soles.actuator import SOFTEST, STIFFEST
 
 
 @settings
@@ -40,7 +41,7 @@ class Clusters:
         )
 
     @classmethod
-    def logarithmic(cls, low: float = 1.0, high: float = 80.0, count: int = 8) -> Clusters:
+    def logarithmic(cls, low: float = SOFTEST, high: float = STIFFEST, count: int = 10) -> Clusters:
         """Return a range below `low`, then ranges whose boundaries have a fixed ratio up to `high`, Nm/rad.
 
         Walks depend on the order of magnitude of the stiffness: 40 and 80 Nm/rad hardly differ.
@@ -61,9 +62,14 @@ class Clusters:
 
     @property
     def centres(self) -> Array:
-        """Mean of the boundaries of each range, its command, shape (number of clusters,), Nm/rad."""
-        edges = np.array(self.edges)
-        return np.asarray((edges[:-1] + edges[1:]) / 2.0)
+        """Middle of each range, its command, shape (number of clusters,), Nm/rad.
+
+        The mean of the boundaries where all ranges have one width or the range begins at 0, else the geometric mean.
+        """
+        low, high = np.array(self.edges[:-1]), np.array(self.edges[1:])
+        width = high - low
+        linear = (low == 0.0) | np.full(low.shape, np.allclose(width, width[0]))
+        return np.asarray(np.where(linear, (low + high) / 2.0, np.sqrt(low * high)))
 
     def of(self, stiffness: ArrayLike) -> NDArray[np.intp]:
         """Return the number of the range of each stiffness, from 1.

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.feet import Foot, RangeSensor, VariableStiffnessFoot
+from wbc.feet import Foot, RangeSensor, SoftFoot, VariableStiffnessFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.sim.plant.model import PlantModel
 
@@ -25,9 +25,12 @@ class FootDevices:
         self._plant = plant
         self._range_sensor = range_sensor
         actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
+        damping = foot.damping_at if isinstance(foot, SoftFoot) and foot.damping_ratio is not None else None
         self._variable = actuator is not None
         self._soles = [
-            SoleStiffness(plant.model, built, actuator) for built in plant.feet if built.variable_joints
+            SoleStiffness(plant.model, built, actuator, damping)
+            for built in plant.feet
+            if built.variable_joints
         ]
         self._none = np.full(len(plant.feet), np.nan)
         self._none.setflags(write=False)

@@ -8,6 +8,7 @@ from typing import Any
 
 from wbc.core.arguments import checked
 from wbc.core.registry import Registry
+from wbc.sim.studies.paper import authority, fig5, oracle, table4
 from wbc.sim.studies.stiffness_studies import (
     arches,
     dataset,
@@ -119,6 +120,12 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "arches": arches,
         "tuned_fixed": tuned_fixed,
         "unknown_ground": unknown_ground,
+        "authority": authority,
+        "oracle": oracle,
+        "fig5": fig5,
+        "fig5_legacy": lambda: fig5(gains="legacy"),
+        "table4": table4,
+        "table4_legacy": lambda: table4(gains="legacy"),
     },
 )
 """Studies by name."""

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
+from wbc.feet.soles.actuator import SOFTEST, STIFFEST
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry
@@ -34,10 +35,6 @@ OTHER_GROUNDS = ("cylinder_obstacles", "pyramidal_stones", "floor_tiles", "cobbl
 
 OTHER_AMPLITUDES = (0.010, 0.040)
 """Least and greatest amplitude of these, m (the paper, section IV-B)."""
-
-SOFTEST, STIFFEST = 1.0, 80.0
-"""Range of the stiffnesses that are tried, Nm/rad: below the lower bound the sole hangs slack and a lower stiffness
-changes nothing; the upper one is the paper's (table I)."""
 
 
 def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
@@ -259,7 +256,7 @@ UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
 }
 """Grounds that no model is trained on, at the least and the greatest amplitude of the paper's table IV, m."""
 
-TUNED_FIXED_CHOICES = (1.0, 3.0, 8.0, 20.0, 45.0, 80.0)
+TUNED_FIXED_CHOICES = (1.0, 5.0, 20.0, 80.0, 400.0, 2000.0)
 """Stiffnesses that are tried to tune a fixed one to each unknown ground, Nm/rad."""
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import Study, study_entries
 from wbc.sim.studies.study_table import ALL
+from wbc.tasks.scheduling.record import as_good_as
 
-TOLERANCE = 0.5
-"""Largest difference of equal stiffnesses, Nm/rad."""
+TOLERANCE = 0.05
+"""Largest difference of equal stiffnesses, as a share."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def _summary(group: _Collected) -> SwingSummary:
     swings = group.swings
     fallbacks = Counter(s["fallback"].partition(":")[0].partition(",")[0] for s in swings if s["fallback"])
     decided = [s for s in swings if s["fallback"] is None]
-    followed = [abs(s["wanted_nm_per_rad"] - s["commanded_nm_per_rad"]) <= TOLERANCE for s in decided]
+    followed = [as_good_as(s["wanted_nm_per_rad"], s["commanded_nm_per_rad"], TOLERANCE) for s in decided]
     ahead = [s["seconds_before_landing"] for s in swings if s["seconds_before_landing"] is not None]
     return SwingSummary(
         walks=group.walks,

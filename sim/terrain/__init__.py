@@ -8,7 +8,7 @@ A new kind of ground goes into `families/`; `add_to_spec` draws a terrain into a
 """
 
 from wbc.sim.terrain.clearance import ClearanceWarning, check_clearance
-from wbc.sim.terrain.families import fields, image, obstacles, paving, stairs, stones  # noqa: F401 - registers the families
+from wbc.sim.terrain.families import fields, image, obstacles, patchwork, paving, stairs, stones  # noqa: F401 - registers the families
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, family, param, terrain_families
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.families.solids import bar, dome, plate, stone

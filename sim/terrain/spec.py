@@ -122,7 +122,8 @@ class Terrain:
         half = self.width / 2.0
         return (self.start - self.strip, self.stop + self.strip, -half, half)
 
-    def _site(self) -> Site:
+    def site(self) -> Site:
+        """Return the rough part, with the beginning of its random numbers."""
         return Site(self.start, self.stop, self.width, self.amplitude, Draws(self.seed, self._layout_key))
 
     @property
@@ -231,7 +232,7 @@ class Terrain:
         return tuple(strip(a, b, self.width, level, floor) for a, b, level in spans if level != floor)
 
     def _from_shapes(self, family: ShapeFamily) -> Ground:
-        site = self._site()
+        site = self.site()
         if self.amplitude == 0.0:
             return Ground(0.0)
         shapes, floor = tuple(family.shapes(site)), family.floor(site)
@@ -256,7 +257,7 @@ class Terrain:
     def _from_heights(self, family: FieldFamily) -> Ground:
         if self.amplitude == 0.0:
             return Ground(0.0)
-        field, start, stop = family.build(self._site(), self.cell)
+        field, start, stop = family.build(self.site(), self.cell)
         floor = float(field.z.min()) - FLOOR_GAP
         return Ground(floor, (), self._strips(start, stop, floor), field)
 
@@ -268,7 +269,7 @@ class Terrain:
         y = np.linspace(-half, half, rows + 1)
         # Strips reach to the very edge of the rough part, so they must not be sampled with it.
         z = Ground(ground.floor, ground.shapes).height(x[None, :], y[:, None])
-        stop = family.stop(self._site()) if self.amplitude > 0.0 else 0.0
+        stop = family.stop(self.site()) if self.amplitude > 0.0 else 0.0
         floor = float(z.min()) - FLOOR_GAP
         field = HeightMap(self.start, self.stop, -half, half, z)
         return Ground(floor, (), self._strips(0.0, stop, floor), field)
@@ -351,7 +352,7 @@ class Terrain:
             "height_field_bytes": 0 if map_ is None else map_.nbytes,
             "smallest_feature_m": _jsonable(self._feature),
             "resolution_needed_m": self.resolution_needed,
-            **({} if self.amplitude == 0.0 else self.parameters.facts(self._site())),
+            **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
             "fingerprint": self.fingerprint(),
         }
 

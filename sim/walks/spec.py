@@ -56,9 +56,10 @@ class WalkSpec:
         foot: Foot under both ankles: flat is the robot's own sole.
         stiffness: Stiffness of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when None.
         foot_changes: Further parameters of the foot, such as "damping" or "contact.row_spacing".
-        policy: Stiffness policy of variable soles, one of `wbc.tasks.stiffness_policy_names()`; the model that comes
-            with the library when None. `stiffness` is then the stiffness at the start.
-        policy_params: Parameters of the policy. With a file ("path"), the hash of its content is added ("sha256").
+        policy: Stiffness policy of variable soles, one of `wbc.tasks.stiffness_policy_names()`, or "oracle"; the model
+            that comes with the library when None. `stiffness` is then the stiffness at the start.
+        policy_params: Parameters of the policy, of an oracle the stiffness (Nm/rad) of each family of grounds. With a
+            file ("path"), the hash of its content is added ("sha256").
         terrain: Family of grounds, one of those that `wbc terrains` lists.
         amplitude: Highest minus lowest point of the ground, m; the family's own when None.
         terrain_params: Parameters of the family, and of the track: length, width, start, strip, rendering.
@@ -124,7 +125,7 @@ class WalkSpec:
         steps_per_tick(self.period, self.timestep)
         store("changes", checked_changes(self.gains, self.changes))
         policy, params = checked_policy(
-            self.foot_design(), self.policy, self.policy_params, self.settings().stiffness
+            self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
         )
         store("policy", policy)
         store("policy_params", params)

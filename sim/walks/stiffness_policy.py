@@ -7,12 +7,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from wbc.core.changes import Changes, as_changes
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, choose, finite_scalar
 from wbc.feet import Foot, VariableStiffnessFoot
 from wbc.feet.stiffness.model import DEFAULT_MODEL
-from wbc.tasks.scheduling.policies import FixedPolicy, StiffnessPolicy, stiffness_policy
+from wbc.sim.terrain import Terrain, terrain_families
+from wbc.sim.terrain.families.patchwork import stretches
+from wbc.tasks.scheduling.policies import (
+    FixedPolicy,
+    GroundPolicy,
+    StiffnessPolicy,
+    stiffness_policy,
+    stiffness_policy_names,
+)
 from wbc.tasks.scheduling.record import StiffnessTiming
+
+ORACLE = "oracle"
+"""Policy that knows families and places, for what scheduling can win at most; its parameters are family → Nm/rad."""
 
 DEFAULT_POLICY = "model"
 """Default policy of a sole of variable stiffness: the model that comes with the library."""
@@ -22,7 +35,7 @@ FILE, CONTENT = "path", "sha256"
 
 
 def checked_policy(
-    foot: Foot, name: str | None, parameters: Changes, timing: StiffnessTiming
+    foot: Foot, name: str | None, parameters: Changes, timing: StiffnessTiming, ground: Terrain
 ) -> tuple[str | None, Changes]:
     """Return policy and parameters in their normal form: with the default, and with the hash of a file that is read.
 
@@ -31,6 +44,7 @@ def checked_policy(
         name: Policy; the default when None.
         parameters: Parameters of the policy.
         timing: Timing of the policy, and its fallback stiffness.
+        ground: Ground of the walk, which an oracle knows.
 
     Raises:
         UnknownNameError: No such policy or parameter.
@@ -55,9 +69,14 @@ def checked_policy(
     file = values.get(FILE)
     if file is not None and not isinstance(file, str):
         raise InputError(f"{FILE} of a stiffness policy must be the name of a file, got {file!r}")
-    policy = make_policy(chosen, as_changes(values))
+    policy = make_policy(chosen, as_changes(values), ground)
     policy.prepare(timing.scan)
-    for stiffness in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None):
+    known = (
+        [finite_scalar(f"stiffness of {n} (Nm/rad)", v) for n, v in values.items()]
+        if chosen == ORACLE
+        else []
+    )
+    for stiffness in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None, *known):
         if stiffness is not None:
             foot.actuator.check(stiffness)
     model = _file(chosen, values)
@@ -78,8 +97,13 @@ def _file(name: str, values: Mapping[str, Any]) -> str | None:
     return file if isinstance(file, str) else None
 
 
-def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
+def make_policy(name: str, parameters: Changes, ground: Terrain) -> StiffnessPolicy:
     """Return a policy for one walk.
+
+    Args:
+        name: One of `stiffness_policy_names()`, or "oracle".
+        parameters: Parameters of the policy; of an oracle the stiffness (Nm/rad) of each family.
+        ground: Ground of the walk.
 
     Raises:
         UnknownNameError: No such policy or parameter.
@@ -93,7 +117,27 @@ def make_policy(name: str, parameters: Changes) -> StiffnessPolicy:
             raise InputError(
                 f"{file} has changed: its hash is {actual}, the walk was specified with {content}"
             )
+    if choose("stiffness policy", name, (*stiffness_policy_names(), ORACLE)) == ORACLE:
+        return _oracle(values, ground)
     return stiffness_policy(name, **values)
+
+
+def _oracle(stiffness: Mapping[str, Any], ground: Terrain) -> GroundPolicy:
+    """Return the policy that knows the family where a foot lands, and the stiffness of each family."""
+    for name in stiffness:
+        choose("family of an oracle", name, terrain_families())
+    parts = stretches(ground)
+    for name, _, _ in parts:
+        if name not in stiffness:
+            raise InputError(f"the oracle has no stiffness for '{name}'; give it as {name}=…, in Nm/rad")
+    values = np.array([float(stiffness[name]) for name, _, _ in parts])
+    begins = np.array([begin for _, begin, _ in parts])
+
+    def known(x: float, y: float) -> float:
+        del y
+        return float(values[max(int(np.searchsorted(begins, x, side="right")) - 1, 0)])
+
+    return GroundPolicy(known)
 
 
 def file_hash(path: str) -> str:

@@ -344,7 +344,7 @@ def _scheduler(
         if policy is not None:
             raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
         return None
-    chosen = make_policy(spec.policy, spec.policy_params) if policy is None else policy
+    chosen = make_policy(spec.policy, spec.policy_params, spec.ground()) if policy is None else policy
     # The result has an entry for each swing, and there may be some more than were planned.
     history = max(settings.stiffness.history, 2 * len(prepared.plan))
     timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate, history=history)

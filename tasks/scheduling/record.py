@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from pydantic import Field
+
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, NonNegative, Positive, Share, settings
 from wbc.feet.sensing.scan import Profile, ScanSettings
@@ -25,7 +27,7 @@ class StiffnessTiming:
         min_length: Shortest profile that a policy is asked about, m.
         min_coverage: Smallest share of a profile's samples that must have been seen.
         fallback: Stiffness to command when there is no decision, Nm/rad; None keeps the last one.
-        tolerance: Largest difference of actual and commanded stiffness that counts as reached, Nm/rad.
+        tolerance: Largest difference of actual and commanded stiffness that counts as reached, as a share.
         sensor_rate: Readings per second of the range sensor, which holds its last reading in between, Hz; 0 for one
             that reads at every tick.
         scan: Settings of the profile.
@@ -45,7 +47,7 @@ class StiffnessTiming:
     min_length: Annotated[Positive, "m"] = 0.15
     min_coverage: Share = 0.5
     fallback: Annotated[NonNegative, "Nm/rad"] | None = None
-    tolerance: Annotated[Positive, "Nm/rad"] = 0.5
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
     sensor_rate: Annotated[NonNegative, "Hz"] = 0.0
     scan: ScanSettings = field(default_factory=ScanSettings)
     history: Count = 1000
@@ -115,6 +117,11 @@ class StepStiffness:
             "seconds_before_landing": _finite_or_none(self.decided_before),
             "decision_us": 1e6 * self.computing,
         }
+
+
+def as_good_as(one: float, other: float, tolerance: float) -> bool:
+    """Return True if two stiffnesses differ by no more than a share of the larger one."""
+    return abs(one - other) <= tolerance * max(one, other)
 
 
 def _finite_or_none(value: float) -> float | None:

@@ -18,7 +18,7 @@ from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.soles.sole import SIDES
 from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
-from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
+from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming, as_good_as
 
 
 class StiffnessScheduler:
@@ -261,13 +261,13 @@ class StiffnessScheduler:
         else:
             record = replace(record, decided_before=measurement.time - self._decided_at)
         actual = float(measurement.sole_stiffness[self._side])
-        reached = abs(actual - record.commanded) <= self.timing.tolerance
+        reached = as_good_as(actual, record.commanded, self.timing.tolerance)
         self.steps.append(replace(record, actual=actual, reached=reached))
         self._count += 1
 
 
 def reachable(
-    actuator: StiffnessActuator, actual: float, target: float, duration: float, tolerance: float = 0.5
+    actuator: StiffnessActuator, actual: float, target: float, duration: float, tolerance: float = 0.025
 ) -> float:
     """Return the stiffness nearest to a target that an actuator at rest settles to in time.
 
@@ -276,7 +276,7 @@ def reachable(
         actual: Its present stiffness, Nm/rad.
         target: Target, Nm/rad, within its range.
         duration: Time left, s.
-        tolerance: Largest difference that counts as settled, Nm/rad.
+        tolerance: Largest difference that counts as settled, as a share.
 
     Returns:
         Stiffness between `actual` and `target`, Nm/rad.
@@ -287,12 +287,12 @@ def reachable(
     state = StiffnessState(actual, actual, actual)
 
     def settles(command: float) -> bool:
-        return abs(actuator.advance(state, command, duration).actual - command) <= tolerance
+        return as_good_as(actuator.advance(state, command, duration).actual, command, tolerance)
 
     if settles(target):
         return target
     near, far = actual, target
-    while abs(far - near) > 0.1 * tolerance:
-        middle = (near + far) / 2.0
+    while abs(far - near) > 0.1 * tolerance * max(near, far):
+        middle = math.sqrt(near * far)
         near, far = (middle, far) if settles(middle) else (near, middle)
     return near

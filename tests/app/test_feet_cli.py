@@ -72,7 +72,7 @@ BAD: dict[str, tuple[str, str]] = {
     "negative stiffness": ("foot press --stiffness -1", f"{NEGATIVE} -1"),
     "one negative stiffness of many": ("foot curves --stiffness 5 -1", NEGATIVE),
     "negative stiffness as parameter": ("foot drop --foot-param stiffness=-2", f"{NEGATIVE} -2"),
-    "stiffness beyond the actuator": ("foot press --foot variable --stiffness 90", "must lie in [0, 80], got 90"),
+    "stiffness beyond the actuator": ("foot press --foot variable --stiffness 2001", "must lie in [1, 2000], got 2001"),
     "stiffness of a rigid foot": ("foot slide --foot rigid --stiffness 5", "a rigid foot has no stiffness"),
     "stability of a rigid foot": ("foot stability --foot rigid", "no stiffness to vary; use a soft foot"),
     "unknown foot": ("foot press --foot sotf", "did you mean 'soft'"),

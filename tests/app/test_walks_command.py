@@ -76,6 +76,26 @@ def test_gait_and_gains_from_a_file_and_what_is_given_comes_first(
     assert [push["step"] for push in third["pushes"]] == [1, 2]
 
 
+def test_a_preset_is_the_papers_walk_and_what_is_given_comes_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["walk", "--preset", "frizza", "--terrain", "flat", "--distance", "0.05", "--json"]
+    assert main(words) == RAN
+    spec = json.loads(capsys.readouterr().out)["spec"]
+    assert (spec["foot"], spec["gains"], spec["policy"]) == ("paper", "legacy", "model")
+    assert (spec["changes"]["gains.dcm_p"], spec["changes"]["gains.dcm_d"]) == ([3.4, 3.4], [2.1, 2.1])
+    assert spec["changes"]["stiffness.decide_at"] == 0.75
+    assert spec["gait"]["apex"] == 0.5 and spec["gait"]["step_length"] == 0.145
+    file = tmp_path / "mine.toml"
+    file.write_text("apex = 0.4\nfoot = 'soft'\n[set]\ndcm_d = 1.0\n")
+    assert main([*words, "--config", str(file), "--set", "dcm_p=5", "--foot", "flat"]) == RAN
+    spec = json.loads(capsys.readouterr().out)["spec"]
+    assert (spec["foot"], spec["gait"]["apex"]) == ("flat", 0.4)
+    assert (spec["changes"]["gains.dcm_p"], spec["changes"]["gains.dcm_d"]) == ([5.0, 5.0], [1.0, 1.0])
+    assert main(["walk", "--preset", "friza"]) == BAD_INPUT
+    assert "did you mean 'frizza'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [

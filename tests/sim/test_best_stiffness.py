@@ -54,9 +54,9 @@ def test_the_top_of_a_parabola_is_found_and_its_near_side_is_what_the_parabola_s
     assert label.stiffness == pytest.approx(best, rel=0.05)
     reach = 10.0 ** np.sqrt(NEARLY / 60.0)
     assert label.nearly_low == pytest.approx(max(best / reach, 1.0), rel=0.06)
-    assert label.nearly_high == pytest.approx(min(best * reach, 80.0), rel=0.06)
+    assert label.nearly_high == pytest.approx(min(best * reach, 2000.0), rel=0.06)
     assert label.best_low <= label.stiffness <= label.best_high
-    worst = max(np.log10(best / 1.0), np.log10(80.0 / best))
+    worst = max(np.log10(best / 1.0), np.log10(2000.0 / best))
     assert label.gain == pytest.approx(60.0 * worst**2, rel=0.05)
     assert abs(label.J + 15.0) < 1.0 and label.walks == 32
 
@@ -75,10 +75,10 @@ def test_noise_alone_makes_the_best_stiffness_unsure_and_everything_nearly_best(
     rng = np.random.default_rng(3)
     k, ground = np.tile(GRID, 2), np.repeat([0, 1], GRID.size)
     label = best_stiffness(k, -0.3 + rng.normal(0.0, 0.01, k.size), ground)
-    assert (label.nearly_low, label.nearly_high) == pytest.approx((1.0, 80.0))
+    assert (label.nearly_low, label.nearly_high) == pytest.approx((1.0, 2000.0))
     assert label.best_high / label.best_low > 5.0
     same = best_stiffness(k, np.full(k.size, -0.3), ground)
-    assert same.gain == 0.0 and (same.nearly_low, same.nearly_high) == pytest.approx((1.0, 80.0))
+    assert same.gain == 0.0 and (same.nearly_low, same.nearly_high) == pytest.approx((1.0, 2000.0))
 
 
 def test_what_few_walks_leave_open_is_what_is_best_elsewhere() -> None:
@@ -110,9 +110,9 @@ def test_missing_walks_do_not_move_the_best_stiffness() -> None:
         ground += [place] * len(mine)
     values = 40.0 * np.log10(k) - 30.0 * np.array(ground)
     label = best_stiffness(np.array(k), values, np.array(ground))
-    assert label.stiffness == pytest.approx(80.0, rel=0.02)
+    assert label.stiffness == pytest.approx(2000.0, rel=0.02)
     curve = pooled_curve(np.array(k), values, np.array(ground))
-    assert np.ptp(curve(np.log10(GRID))) == pytest.approx(40.0 * np.log10(80.0), rel=0.02)
+    assert np.ptp(curve(np.log10(GRID))) == pytest.approx(40.0 * np.log10(2000.0), rel=0.02)
     assert ground_offsets(np.array(k), values, np.array(ground)) == pytest.approx(
         ground_offsets(np.array(k), values, np.array(ground))[0] - 30.0 * np.arange(4), abs=1e-9
     )

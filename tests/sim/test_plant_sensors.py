@@ -12,6 +12,7 @@ import pytest
 from wbc.core.errors import Array
 from wbc.core.signals import Command, Measurement
 from wbc.feet import ContactSpheres, FlatFoot, RangeSensor, StiffnessActuator, VariableStiffnessFoot
+from wbc.feet import foot as foot_by_name
 from wbc.robots import load
 from wbc.sim import PhysicsSettings, Plant, SensorNoise, SignalNoise
 from wbc.sim.plant.sensors import REALISTIC, SensorChain
@@ -268,16 +269,14 @@ def test_realistic_noise_is_small_against_the_signals() -> None:
 
 
 def test_stiffness_follows_its_command() -> None:
-    foot = VariableStiffnessFoot(
-        stiffness=5.0, actuator=StiffnessActuator(rate_limit=100.0, time_constant=0.0)
-    )
+    foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(rate_limit=5.0, time_constant=0.0))
     plant = Plant(load("hrp4_class"), foot=foot)
     zero = np.zeros(plant.robot.na)
     half = plant.hold().joint_position
     np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
     for tick in range(1, 11):  # the command is given once and kept
         plant.step(Command(zero, half, zero, np.array([7.0, 5.0]) if tick == 1 else None))
-        expected = min(7.0, 5.0 + 100.0 * 0.005 * tick)
+        expected = min(7.0, 5.0 * 10.0 ** (5.0 * 0.005 * tick))
         np.testing.assert_allclose(plant.measure().sole_stiffness, [expected, 5.0])
     plant.reset()
     np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
@@ -300,6 +299,14 @@ def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
     np.testing.assert_allclose(told.data.qpos, built.data.qpos, atol=1e-13)
     np.testing.assert_allclose(told.measure().sole_wrench, built.measure().sole_wrench, atol=1e-9)
     assert np.abs(built.data.qpos - soft).max() > 1e-6
+
+
+def test_damping_of_a_ratio_follows_the_stiffness_as_if_compiled_in() -> None:
+    told = Plant(load("hrp4_class"), foot=foot_by_name("paper", stiffness=5.0, damping_ratio=0.3))
+    built = Plant(load("hrp4_class"), foot=foot_by_name("paper", stiffness=60.0, damping_ratio=0.3))
+    assert not np.array_equal(told.model.dof_damping, built.model.dof_damping)
+    told.step(replace(told.hold(), sole_stiffness=np.array([60.0, 60.0])))
+    np.testing.assert_array_equal(told.model.dof_damping, built.model.dof_damping)
 
 
 def test_stiffness_of_feet_that_have_none_or_a_fixed_one() -> None:

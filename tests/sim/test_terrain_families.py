@@ -4,6 +4,7 @@ import copy
 import math
 import pickle
 from dataclasses import replace
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -11,11 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive
 from wbc.sim.terrain import FieldFamily, Site, Terrain, family, param, terrain, terrain_families
 from wbc.sim.terrain.families import base
 from wbc.sim.terrain.families.fields import low_pass
+from wbc.sim.terrain.families.patchwork import stretches
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
 SOLID = [n for n in NAMES if not isinstance(terrain(n).parameters, FieldFamily)]
@@ -130,6 +132,7 @@ FINGERPRINTS = {
     "iso8608": "6aa26cc0e4a1a01f",
     "large_floor_tiles": "b862efc5c9140eb5",
     "metal_sheets": "95d71afc24552452",
+    "patchwork": "ceacb15f2a133143",
     "pyramidal_stones": "530118c5606fe34f",
     "random": "c8e1febb233b7f24",
     "roof_tiles": "e826a3c4e83ae718",
@@ -254,6 +257,41 @@ def test_climbs_end_where_they_say(name: str, direction: str, end: float) -> Non
     if name == "slope":
         angle = t.describe()["angle_rad"]
         assert math.acos(t.normal(t.start + 0.2, 0.1)[2]) == pytest.approx(angle, abs=1e-9)
+
+
+def test_a_patchwork_is_what_its_stretches_say() -> None:
+    """Each stretch is as high as its family is to be, and its solids are those of the family."""
+    ground = terrain("patchwork", 0.04, 3, families="boards:0.5 stones roof_tiles", length=3.0)
+    found = stretches(ground)
+    assert [round(end - begin, 9) for _, begin, end in found] == [0.6] * 5
+    assert all(a != b for (a, *_), (b, *_) in pairwise(found))
+    y = np.linspace(-0.49, 0.49, 99)[:, None]
+    for name, begin, end in found:
+        peak = max(float(s.peak[2]) for s in ground.shapes if begin <= s.peak[0] <= end)
+        assert peak == pytest.approx(0.02 if name == "boards" else 0.04, abs=1e-9)
+        kinds = {type(s).__name__ for s in ground.shapes if begin <= s.peak[0] <= end}
+        assert len(kinds) == 1
+        assert ground.height(np.linspace(begin, end, 200), y).max() <= peak + 1e-9
+    orders = {tuple(name for name, *_ in stretches(replace(ground, seed=s))) for s in range(10)}
+    assert len(orders) > 5
+    assert stretches(terrain("stones", seed=1)) == [("stones", 0.3, 3.3)]
+
+
+@pytest.mark.parametrize(
+    ("families", "message"),
+    [
+        ("", "at least one family"),
+        ("stones stones", "twice"),
+        ("stone", "did you mean 'stones'"),
+        ("random", "of families of solids"),
+        ("patchwork", "of families of solids"),
+        ("boards:0.5", "must have the height 1"),
+        ("boards:2 stones", "must lie in"),
+    ],
+)
+def test_patchworks_that_cannot_be_laid(families: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        terrain("patchwork", families=families)
 
 
 def test_slats_leave_gaps_to_the_floor_of_the_pit() -> None:

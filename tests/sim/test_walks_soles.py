@@ -14,6 +14,7 @@ import pytest
 from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.stiffness.model import DEFAULT_MODEL
+from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.walks import WalkPlan, WalkResult, WalkSpec, WalkTrial, walk
 from wbc.tasks.scheduling.policies import SwingScan
 
@@ -113,6 +114,30 @@ def test_a_policy_of_ones_own_and_a_fallback() -> None:
         WalkTrial(WalkSpec(foot="soft"), policy=own)
 
 
+def test_an_oracle_sets_what_is_best_where_the_foot_lands() -> None:
+    params = {"families": "stones boards", "start": 0.1}
+    spec = replace(
+        SPEC,
+        terrain="patchwork",
+        terrain_params=tuple(params.items()),
+        foot="paper",
+        policy="oracle",
+        policy_params=(("boards", 60.0), ("stones", 7.0)),
+        plan=WalkPlan(distance=0.8),
+    )
+    result = walk(spec)
+    assert result.outcome == "completed" and result.stiffness is not None
+    commanded = [step["commanded_nm_per_rad"] for step in result.stiffness]
+    first, second = (({"stones": 7.0, "boards": 60.0})[name] for name, *_ in stretches(spec.ground())[:2])
+    assert set(commanded) == {7.0, 60.0} and commanded[1] == first and commanded[-1] == second
+    with pytest.raises(InputError, match="the oracle has no stiffness for 'boards'"):
+        replace(spec, policy_params=(("stones", 7.0),))
+    with pytest.raises(UnknownNameError, match="did you mean 'stones'"):
+        replace(spec, policy_params=(("stone", 7.0), ("boards", 60.0)))
+    with pytest.raises(InputError, match=r"\[0, 80\], got 90"):
+        replace(spec, policy_params=(("stones", 90.0), ("boards", 60.0)))
+
+
 def test_equal_policies_are_equal_specs() -> None:
     whole = replace(SPEC, policy="fixed", policy_params=(("stiffness", 5),))
     assert whole == replace(SPEC, policy="fixed", policy_params=(("stiffness", 5.0),))
@@ -168,9 +193,9 @@ def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
         ({"policy": "model", "policy_params": (("path", "/bin/ls"),)}, "no text"),
         ({"policy": "model", "policy_params": (("sha256", "0123"),)}, "has changed"),
         ({"policy": "fixed", "policy_params": (("sha256", "0123"),)}, "leave it out"),
-        ({"policy": "fixed", "policy_params": (("stiffness", 1000.0),)}, "1000"),
+        ({"policy": "fixed", "policy_params": (("stiffness", 3000.0),)}, "3000"),
         ({"changes": (("stiffness.sensor_rate", 50.0),)}, "follows from 'range_sensor.rate'"),
-        ({"changes": (("stiffness.fallback", 1000.0),)}, "1000"),
+        ({"changes": (("stiffness.fallback", 3000.0),)}, "3000"),
         ({"changes": (("stiffness.scan.step", 0.01),)}, "trained on profiles with a step"),
         ({"changes": (("stiffness.decide_at", 1.5),)}, "decide_at must be .* at most 1, got 1.5"),
     ],

@@ -234,7 +234,7 @@ def test_a_reset_starts_over() -> None:
     task.reset(33.0)
     np.testing.assert_array_equal(task.command, 33.0)
     with pytest.raises(InputError, match="commanded sole stiffness"):
-        task.reset(81.0)
+        task.reset(2001.0)
 
 
 def test_commands_are_copies() -> None:
@@ -400,16 +400,18 @@ def test_policies_have_names() -> None:
 
 def test_what_is_commanded_is_reached_even_by_an_early_landing() -> None:
     """A jump that the planned time is enough for is cut to what an earlier landing leaves time for."""
-    whole, sure = (make_task(FixedPolicy(75.0), decide_at=0.65, early_landing=early) for early in (0.0, 0.15))
+    whole, sure = (
+        make_task(FixedPolicy(2000.0), decide_at=0.65, early_landing=early) for early in (0.0, 0.15)
+    )
     commands = []
     for task in (whole, sure):
         rig = Rig(task, terrain("cobble_stones", amplitude=0.02, seed=4))
         rig.step()
         commands.append(rig.task.command[0])
-    assert commands[0] == 75.0 and 20.0 < commands[1] < 60.0
+    assert commands[0] == 2000.0 and 20.0 < commands[1] < 1000.0
     state = StiffnessState(5.0, 5.0, 5.0)
     assert FOOT.actuator.advance(state, commands[1], 0.28 - 0.15).actual == pytest.approx(
-        commands[1], abs=0.5
+        commands[1], rel=0.05
     )
 
 
@@ -474,8 +476,8 @@ def test_an_early_landing_is_written_down() -> None:
 
 
 @given(
-    wanted=st.floats(0.0, 80.0),
-    rate=st.floats(20.0, 2000.0),
+    wanted=st.floats(1.0, 2000.0),
+    rate=st.floats(1.0, 100.0),
     lag=st.floats(0.0, 0.1),
     decide_at=st.sampled_from([0.5, 0.75, 0.9]),
 )
@@ -487,16 +489,16 @@ def test_what_is_commanded_is_reached(wanted: float, rate: float, lag: float, de
     record = Rig(task).step()
     assert record.reached, (record.commanded, record.actual)
     assert min(40.0, wanted) <= record.commanded <= max(40.0, wanted)
-    if rate * record.planned_before < 0.5 * abs(wanted - 40.0):
+    if rate * record.planned_before < 0.5 * abs(math.log10(wanted / 40.0)):
         assert record.commanded != wanted
 
 
 def test_the_command_goes_as_far_as_it_can() -> None:
-    actuator = StiffnessActuator(rate_limit=100.0, time_constant=0.0)
-    assert reachable(actuator, 10.0, 80.0, 0.2) == pytest.approx(30.0, abs=0.6)
-    assert reachable(actuator, 80.0, 0.0, 0.2) == pytest.approx(60.0, abs=0.6)
-    assert reachable(actuator, 10.0, 25.0, 0.2) == 25.0
-    assert reachable(actuator, 10.0, 25.0, 0.0) == pytest.approx(10.0, abs=0.51)
+    actuator = StiffnessActuator(rate_limit=1.0, time_constant=0.0)  # 0.3 decades, a factor of two, in 0.3 s
+    assert reachable(actuator, 10.0, 80.0, 0.30103) == pytest.approx(20.0, rel=0.03)
+    assert reachable(actuator, 80.0, 1.0, 0.30103) == pytest.approx(40.0, rel=0.03)
+    assert reachable(actuator, 10.0, 15.0, 0.2) == 15.0
+    assert reachable(actuator, 10.0, 25.0, 0.0) == pytest.approx(10.0, rel=0.03)
     assert reachable(StiffnessActuator.instantaneous(), 0.0, 80.0, 0.0) == 80.0
 
 
@@ -507,10 +509,10 @@ def test_wishes_beyond_the_actuator_are_cut() -> None:
     assert (record.requested, record.commanded) == (-3.0, 0.0)
 
 
-def test_the_last_quarter_is_enough_for_the_whole_range_at_700_per_second() -> None:
-    """With a lag of 20 ms; 400 Nm/rad/s get about 50 Nm/rad far, and are asked for no more."""
-    for rate, enough in ((700.0, True), (400.0, False)):
-        values = iter([80.0, 0.0, 80.0, 2.0, 78.0])
+def test_the_last_quarter_is_enough_for_the_whole_range_at_the_default_rate() -> None:
+    """With a lag of 20 ms; 10 decades per second get less than two decades far, and are asked for no more."""
+    for rate, enough in ((StiffnessActuator().rate_limit, True), (10.0, False)):
+        values = iter([2000.0, 1.0, 2000.0, 2.0, 1500.0])
         foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(rate, 0.02))
         task = make_task(lambda swing, values=values: next(values), foot)
         rig = Rig(task)
@@ -518,7 +520,7 @@ def test_the_last_quarter_is_enough_for_the_whole_range_at_700_per_second() -> N
             rig.step()
         assert all(r.reached for r in task.steps)
         assert all(r.requested == r.commanded for r in task.steps) == enough
-        assert enough or task.steps[0].commanded > 55.0
+        assert enough or task.steps[0].commanded > 50.0
 
 
 # --- records and bad input --------------------------------------------------------------------------------------------
@@ -566,7 +568,7 @@ def test_a_model_for_another_step_is_refused(model: StiffnessModel) -> None:
         ({"min_coverage": 1.5}, "^min_coverage must be .* of at most 1"),
         ({"fallback": -2.0}, r"^fallback \(Nm/rad\) must be .* of at least 0"),
         ({"fallback": math.nan}, r"^fallback \(Nm/rad\) must be a finite number"),
-        ({"tolerance": 0.0}, r"^tolerance \(Nm/rad\) must be .* above 0"),
+        ({"tolerance": 0.0}, r"^tolerance must be .* above 0"),
         ({"sensor_rate": -5.0}, r"^sensor_rate \(Hz\) must be .* of at least 0"),
         ({"history": 0}, "^history must be an integer of at least 1, got 0$"),
     ],
@@ -580,7 +582,7 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="foot must be VariableStiffnessFoot, got SoftFoot"):
         StiffnessScheduler(ROBOT, SoftFoot(), FixedPolicy(5.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="commanded sole stiffness"):
-        make_task(fallback=100.0)
+        make_task(fallback=2100.0)
     for policy in (5.0, FixedPolicy):
         with pytest.raises(InputError, match="a stiffness policy is"):
             make_task(policy)

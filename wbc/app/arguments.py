@@ -19,8 +19,9 @@ from cyclopts.config import Dict
 from wbc.core.errors import InputError
 from wbc.core.files import read_json, read_text
 from wbc.core.settings import usable_path
+from wbc.sim.walks.presets import WALK_PRESETS
 
-CONFIG, SPEC = "--config", "--spec"
+CONFIG, SPEC, PRESET = "--config", "--spec", "--preset"
 
 UNIONS = (typing.Union, types.UnionType)
 
@@ -32,14 +33,17 @@ JOINED = ("push",)
 
 
 def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Add the options in the file of --config, and check words; cyclopts calls it for every command.
+    """Add the options of --config and --preset, and check words; cyclopts calls it for every command.
 
     Raises:
         InputError: A file that cannot be used or named, a fraction for a whole number, or options beside --spec.
     """
     path = _given(arguments, CONFIG)
     if path is not None:
-        _add_file(app, commands, arguments, Path(path))
+        _add_options(app, commands, arguments, read_options(Path(path)), path)
+    preset = _given(arguments, PRESET)
+    if preset is not None:
+        _add_options(app, commands, arguments, preset_options(preset), f"preset '{preset}'")
     _refuse_beside_spec(arguments)
     for argument in arguments:
         if Path in (argument.hint, *typing.get_args(argument.hint)):
@@ -80,17 +84,29 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _add_file(app: App, commands: tuple[str, ...], arguments: ArgumentCollection, path: Path) -> None:
-    """Add the options of a file that the command line does not give; options of names and values name by name."""
+def preset_options(name: str) -> dict[str, Any]:
+    """Return a preset of walks as options of `wbc walk`.
+
+    Raises:
+        UnknownNameError: No such preset.
+    """
+    parts = dict(WALK_PRESETS[name])
+    return {**parts.pop("gait"), **parts.pop("plan"), "set": parts.pop("changes"), **parts}
+
+
+def _add_options(
+    app: App, commands: tuple[str, ...], arguments: ArgumentCollection, options: dict[str, Any], path: str
+) -> None:
+    """Add options of a file or preset that the command line does not give; names and values name by name."""
     by_name = {argument.name: argument for argument in arguments}
     others: dict[str, Any] = {}
-    for option, value in read_options(path).items():
+    for option, value in options.items():
         name = f"--{option.replace('_', '-')}"
         if name == CONFIG:
             raise InputError(f"{path}: a file of options cannot name another one")
         argument = by_name.get(name)
         if argument is not None and argument.hint == tuple[str, ...] and option not in JOINED:
-            _add_names(argument, option, value, str(path))
+            _add_names(argument, option, value, path)
         elif option in JOINED:
             rows = value if isinstance(value, list) else [value]
             others[option] = [_joined(row) if isinstance(row, dict) else row for row in rows]
@@ -101,7 +117,7 @@ def _add_file(app: App, commands: tuple[str, ...], arguments: ArgumentCollection
             )
         else:
             others[option] = value
-    Dict(others, source=str(path), use_commands_as_keys=False)(app, commands, arguments)
+    Dict(others, source=path, use_commands_as_keys=False)(app, commands, arguments)
 
 
 def _add_names(argument: Argument, option: str, value: Any, source: str) -> None:

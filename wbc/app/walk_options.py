@@ -42,9 +42,10 @@ class WalkOptions:
             stiffness is set while it swings).
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
         foot_param: Further parameters of the foot, each as name=value.
-        policy: Policy that sets soles of variable stiffness while they swing: model or fixed; the model that comes with
-            the library when not given.
-        policy_param: Parameters of the policy, each as name=value, such as stiffness=5 or path=model.json.
+        policy: Policy that sets soles of variable stiffness while they swing: model, fixed or oracle; the model that
+            comes with the library when not given.
+        policy_param: Parameters of the policy, each as name=value, such as stiffness=5 or path=model.json; of an oracle
+            the stiffness of each family, such as stones=5.
         terrain: Family of grounds, one of those that `wbc terrains` lists; stones of 20 mm when not given.
         amplitude: Highest minus lowest point of the ground, m; the family's own when not given, 20 mm if no ground is
             named either.
@@ -74,6 +75,8 @@ class WalkOptions:
         push: Pushes on the way, each as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (0 forward, 90
             left), number of the step, share of that step.
         gait: Sizes and timings of steps.
+        preset: Options by name: frizza for the paper's walk, mc_rtc's plain law with gains, foot and scan of the paper.
+            What is given on the command line or in a file comes before it.
         config: File with some of these options, TOML or JSON, such as swing_height = 0.07; names and values are tables,
             such as dcm_p = 5 under [set]. What is given on the command line comes before it.
         spec: File with the whole walk as JSON, such as an earlier output of --json; takes the place of all of these.
@@ -110,6 +113,7 @@ class WalkOptions:
     set: tuple[str, ...] = ()
     push: tuple[str, ...] = ()
     gait: Annotated[Gait, Parameter(name="*")] = field(default_factory=Gait)
+    preset: str | None = None
     config: Path | None = None
     spec: Path | None = None
     record: Path | None = None

@@ -166,8 +166,9 @@ class Boards(ShapeFamily):
             room = max(0.0, min(site.width / 2.0 - half[1], 1.5 * self.narrow))
             boards.append((x, 0.0 if wide[i] else room * float(across[i]), size, yaw))
             edge = x + half[0]
-        if not boards:
-            site.require(2.0 * (self.longest + self.gap_max), 2.0 * self.narrow)
+        if not boards:  # a short track whose first gap takes most of it
+            site.require(2.0 * self.longest, 2.0 * self.narrow)
+            boards.append(((site.x0 + site.x1) / 2.0, 0.0, (float(lengths[0]), self.narrow), 0.0))
         for (x, y, size, yaw), top in zip(boards, site.tops(len(boards), self.lowest), strict=True):
             yield plate(x, y, size, float(top), yaw=yaw)
 

@@ -46,6 +46,8 @@ COMMANDS = {
     "study swings": "wbc.app.commands.study.show:swings",
     "study best": "wbc.app.commands.study.stiffness:best",
     "study heights": "wbc.app.commands.study.stiffness:heights",
+    "study optimize": "wbc.app.commands.study.optimize:optimize",
+    "study paper": "wbc.app.commands.study.paper:paper",
     "study dataset": "wbc.app.commands.study.stiffness:dataset",
     "stiffness train": "wbc.app.commands.stiffness:train",
     "stiffness judge": "wbc.app.commands.stiffness:judge",

@@ -13,6 +13,7 @@ from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
+from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
@@ -37,11 +38,13 @@ class ModelOptions:
             those chosen from the table (select).
         neighbours: Number of neighbours.
         kind: A class of stiffnesses is chosen (classification), or their weighted mean (regression).
+        clusters: Classes of stiffnesses: twenty of 4 Nm/rad up to 80 (paper), or nine of one ratio up to 2,000 (log).
     """
 
     features: Literal["paper", "window", "select"] = "paper"
     neighbours: Count = ModelSettings.neighbours
     kind: Kind = "classification"
+    clusters: Literal["paper", "log"] = "paper"
 
     def settings(self, table: StiffnessTable) -> ModelSettings:
         """Return the settings of the model of a table."""
@@ -49,7 +52,8 @@ class ModelOptions:
             features = select_features(table.values).kept
         else:
             features = {"paper": PAPER_FEATURES, "window": WINDOW_FEATURES}[self.features]
-        return ModelSettings(features=features, neighbours=self.neighbours, kind=self.kind)
+        clusters = Clusters.logarithmic() if self.clusters == "log" else Clusters.linear()
+        return ModelSettings(features=features, neighbours=self.neighbours, kind=self.kind, clusters=clusters)
 
 
 @settings(kw_only=True)
@@ -127,7 +131,7 @@ def judge(
     if chosen != ModelSettings():
         judged = (Candidate.of(chosen, "the model asked for"), *judged)
     curve = learning_curve(data, chosen)
-    results = compare(data, judged, folds=options.folds)
+    results = compare(data, judged, folds=options.folds, clusters=chosen.clusters)
     if options.plot is not None:
         draw_model(data, options.plot, chosen)
     trends = amplitude_trends(data)

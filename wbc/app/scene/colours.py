@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from wbc.app.scene.shapes import Colour, Legend
+from wbc.feet.soles.actuator import STIFFEST
 
 PLAIN: Colour = (0.78, 0.80, 0.83, 1.0)
 """Colour of links without one."""
@@ -28,9 +29,6 @@ RAY_COLOUR: Colour = (0.90, 0.20, 0.20, 0.9)
 SCAN_COLOUR: Colour = (0.95, 0.90, 0.25, 1.0)
 SOFT_COLOUR: Colour = (0.35, 0.80, 0.85, 1.0)
 STIFF_COLOUR: Colour = (0.50, 0.10, 0.45, 1.0)
-
-STIFFEST = 80.0
-"""Stiffness in the colour of the stiffest sole, Nm/rad: end of the range in Table I of Frizza et al., 2022."""
 
 LEGEND: Legend = (
     ("centre of mass and its shadow", COM_COLOUR),

@@ -13,7 +13,6 @@ from wbc.app.scene.colours import (
     SCAN_COLOUR,
     SOFT_COLOUR,
     STIFF_COLOUR,
-    STIFFEST,
     SUPPORT_COLOUR,
     ZMP_COLOUR,
     stiffness_colour,
@@ -37,6 +36,7 @@ from wbc.app.scene.sources import FOOT
 from wbc.core.errors import Array
 from wbc.core.hull import hull_and_area
 from wbc.core.robot import GRAVITY
+from wbc.feet.soles.actuator import STIFFEST
 from wbc.walking.pattern.lipm import natural_frequency
 from wbc.walking.planning.footsteps import SIDES
 

@@ -198,7 +198,7 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
         executor = None
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
-        bar = stack.enter_context(_progress())
+        bar = stack.enter_context(progress_bar())
         task = bar.add_task(study.name, total=len(specs), rate="")
 
         def progress(summary: SweepSummary) -> None:
@@ -229,7 +229,8 @@ def summary_text(study: Study, options: RunOptions, summary: SweepSummary) -> st
     )
 
 
-def _progress() -> Progress:
+def progress_bar() -> Progress:
+    """Return the progress bar of a sweep."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -37,17 +37,19 @@ class PartOptions:
         cell: Only these cells, by name or beginning of a name.
         arm: Only these arms.
         seeds: Only the first so many seeds.
+        scale: Only this share of the seeds, at least one.
         any_code: Take results of other versions of the code, too.
     """
 
     cell: tuple[str, ...] = ()
     arm: tuple[str, ...] = ()
     seeds: int | None = None
+    scale: float = 1.0
     any_code: bool = False
 
     def part(self, study: str) -> Study:
         """Return this part of a study."""
-        return read_study(study).narrowed(self.cell, self.arm, self.seeds)
+        return read_study(study).narrowed(self.cell, self.arm, self.seeds).scaled(self.scale)
 
 
 @settings(kw_only=True)

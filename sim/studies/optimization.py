@@ -1,0 +1,474 @@
+"""Bayesian optimisation of a sole's stiffness and the stabilizer's gains: which points to walk, and what the walks say.
+
+A walk is one value of a noisy function: every walk has a layout of its own. Asking is a pure function of what has been
+walked, so that a run that was killed asks the same again and finds the answers in its journal.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError
+from wbc.core.registry import Registry
+from wbc.core.settings import Count, Positive, Seed, settings
+from wbc.feet.soles.actuator import PAPER_STIFFEST, SOFTEST, STIFFEST
+from wbc.sim.studies.journal import Entry, canonical, trial_key
+from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.study import FRESH_SEED, Cell, Study, merged
+from wbc.sim.walks.presets import FAST_LANDING
+from wbc.sim.walks.spec import WalkSpec
+
+NAMES = ("k", "kP", "kD")
+"""Parameters: stiffness of the sole (Nm/rad), proportional (1/s) and derivative gain of the stabilizer."""
+
+OPTIMISATION_SEED = 10_000
+"""Seed of the first walk of an optimisation; the following walks have the following seeds. Validations have 100 to 119,
+which no walk of an optimisation has."""
+
+FIRST_DESIGN = 12
+"""Number of points before the first model: four for each parameter, a scrambled Sobol sequence."""
+
+REFIT = 10
+"""Number of walks after which the length scales of the model are fitted anew."""
+
+GRID = 201
+"""Number of stiffnesses of a slice of the posterior."""
+
+TABLE_II: Mapping[str, tuple[str, float, float, tuple[float, float] | None]] = {
+    "flat": ("Flat floor", 3.4, 2.1, None),
+    "cylinder_obstacles": ("Cylinder obst", 4.8, 1.8, (0.2, 9.5)),
+    "stones": ("Stones", 4.0, 1.3, (2.8, 16.1)),
+    "small_stones": ("Small stones", 4.3, 2.4, (2.3, 31.6)),
+    "stone_bricks": ("Stones Bricks", 5.0, 0.5, (25.4, 28.9)),
+    "pyramidal_stones": ("Pyramidal stones", 4.2, 1.6, (0.9, 48.7)),
+    "metal_sheets": ("Metal iron sheets", 3.6, 2.7, (0.7, 19.9)),
+    "large_floor_tiles": ("Large floor tiles", 3.9, 2.6, (0.02, 0.6)),
+    "roof_tiles": ("Roof tiles", 4.1, 2.6, (23.9, 33.3)),
+    "cobble_stones": ("Cobble stones", 4.0, 2.6, (18.4, 32.8)),
+    "floor_tiles": ("Floor tiles", 3.7, 1.1, (31.6, 46.1)),
+}
+"""The paper's Table II: family → its name there, kP, kD and range of optimal k (Nm/rad; None: entire range)."""
+
+
+@settings(kw_only=True)
+class Bounds:
+    """Bounds of an optimisation, each the lowest and the highest value.
+
+    Attributes:
+        k: Stiffness of the sole, Nm/rad.
+        kP: Proportional gain of the stabilizer, 1/s.
+        kD: Derivative gain of the stabilizer.
+        log: The stiffness is searched in its logarithm.
+    """
+
+    k: Annotated[tuple[float, float], "Nm/rad"]
+    kP: Annotated[tuple[float, float], "1/s"] = (0.1, 5.0)  # noqa: N815 - the paper's name
+    kD: tuple[float, float] = (0.1, 5.0)  # noqa: N815 - the paper's name
+    log: bool = True
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            low, high = getattr(self, name)
+            if not (math.isfinite(low) and math.isfinite(high) and 0.0 <= low < high):
+                raise InputError(
+                    f"bounds of {name} must be two numbers, the lower one first and not below 0, got {low:g} {high:g}"
+                )
+        if self.log and self.k[0] == 0.0:
+            raise InputError("bounds of k from 0 have no logarithm; begin above 0, or search k itself")
+
+    def values(self, unit: Sequence[float] | Array) -> dict[str, float]:
+        """Return the parameters of a point of the unit cube, with six digits."""
+        result = {}
+        for name, share in zip(NAMES, unit, strict=True):
+            low, high = getattr(self, name)
+            if name == "k" and self.log:
+                value = 10.0 ** (math.log10(low) + share * math.log10(high / low))
+            else:
+                value = low + share * (high - low)
+            result[name] = min(max(float(f"{value:.6g}"), low), high)
+        return result
+
+    def unit(self, values: Mapping[str, float]) -> list[float]:
+        """Return the point of the unit cube of some parameters; outside it if they are outside the bounds."""
+        result = []
+        for name in NAMES:
+            low, high = getattr(self, name)
+            if name == "k" and self.log:
+                result.append(math.log10(max(values[name], 1e-12) / low) / math.log10(high / low))
+            else:
+                result.append((values[name] - low) / (high - low))
+        return result
+
+
+BOUNDS: Registry[Bounds] = Registry(
+    "preset of bounds",
+    {"wide": Bounds(k=(SOFTEST, STIFFEST)), "paper": Bounds(k=(0.0, PAPER_STIFFEST), log=False)},
+)
+"""Bounds by name: "paper" is its Table I, "wide" has k to 2,000 Nm/rad in its logarithm."""
+
+
+@settings(kw_only=True)
+class OptimisationSpec:
+    """One optimisation: ground, law, bounds and seed decide which walks it asks for.
+
+    Attributes:
+        ground: Family of grounds.
+        amplitude: Highest minus lowest point of the ground, m; the family's own when None.
+        law: Preset of the stabilizer's settings, "default" or "legacy".
+        bounds: Bounds of the parameters.
+        distance: Length of a walk, m.
+        seed: Seed of the optimisation: of the points it asks for.
+        batch: Number of points asked for at a time, which workers walk side by side.
+    """
+
+    ground: str
+    amplitude: Annotated[Positive, "m"] | None = None
+    law: str = "default"
+    bounds: Bounds
+    distance: Annotated[Positive, "m"] = 3.0
+    seed: Seed = 0
+    batch: Annotated[Count, Field(le=1000)] = 1
+
+    def __post_init__(self) -> None:
+        self.walk(self.bounds.values((0.5, 0.5, 0.5)), OPTIMISATION_SEED)
+
+    def parts(self) -> dict[str, Any]:
+        """Return the parts of a spec that all walks share."""
+        shared = {
+            "terrain": self.ground,
+            "amplitude": self.amplitude,
+            "foot": "soft",
+            "noise": "realistic",
+            "plan": {"distance": self.distance},
+            "gains": self.law,
+        }
+        return shared | ({"gait": dict(FAST_LANDING)} if self.law == "legacy" else {})
+
+    def own_parts(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """Return the parts of a spec that the parameters decide."""
+        gains = {"gains.dcm_p": values["kP"], "gains.dcm_d": values["kD"]}
+        return {"stiffness": values["k"], "changes": gains}
+
+    def walk(self, values: Mapping[str, float], seed: int) -> WalkSpec:
+        """Return the walk with some parameters over the layout of a seed."""
+        return WalkSpec.from_json(merged(self.parts(), self.own_parts(values), {"seed": seed}))
+
+    def owns(self, spec: Mapping[str, Any]) -> bool:
+        """Return True if a walk of a journal can be one of this optimisation or of its validation."""
+        mine = self.walk(self.bounds.values((0.5, 0.5, 0.5)), OPTIMISATION_SEED).to_json()
+        free = ("seed", "stiffness", "changes")
+        if any(spec.get(name) != value for name, value in mine.items() if name not in free):
+            return False
+        return spec.get("seed", 0) < OPTIMISATION_SEED or within(self.bounds, parameters(spec))
+
+
+def parameters(spec: Mapping[str, Any]) -> dict[str, float]:
+    """Return k, kP and kD of the spec of a walk."""
+    gains = [np.ravel(spec["changes"][f"gains.dcm_{name}"])[0] for name in "pd"]
+    return dict(zip(NAMES, (float(spec["stiffness"]), *map(float, gains)), strict=True))
+
+
+def within(bounds: Bounds, values: Mapping[str, float]) -> bool:
+    """Return True if parameters lie within the bounds."""
+    return all(-1e-9 <= share <= 1.0 + 1e-9 for share in bounds.unit(values))
+
+
+@dataclass(frozen=True)
+class Walked:
+    """A point and what it gave.
+
+    Attributes:
+        unit: Point of the unit cube.
+        J: Objective of the walk.
+        result: Result of the walk.
+    """
+
+    unit: tuple[float, ...]
+    J: float
+    result: Mapping[str, Any]
+
+
+def check_journal(
+    entries: Mapping[str, Entry], owns: Callable[[Mapping[str, Any]], bool], what: str, *, any_code: bool
+) -> None:
+    """Refuse a journal of something else, or of another version of the code.
+
+    Raises:
+        InputError: A trial that is not of it, or of another version without `any_code`.
+    """
+    for entry in entries.values():
+        if not owns(entry.spec):
+            where = {name: entry.spec.get(name) for name in ("terrain", "amplitude", "foot", "gains")}
+            raise InputError(
+                f"the journal is not of this {what}: it has a walk with {canonical(where)}; use another"
+            )
+        if not any_code and entry.version != provenance():
+            raise InputError(
+                f"the journal has walks of another version of the code ({entry.version.get('code')}, not "
+                f"{provenance()['code']}): --any-code takes them, or begin another journal"
+            )
+
+
+class Asker:
+    """Chooses points by a Gaussian process and an upper confidence bound.
+
+    Engine: `bayesian-optimization` (MIT), with a Matérn kernel of one length a parameter and the noise of single walks,
+    both fitted. Points that are asked for together are told apart by believing the model's mean at those before.
+
+    Source: batches: D. Ginsbourger et al., "Kriging is well-suited to parallelize optimization", 2010 (Kriging
+    believer); bound: N. Srinivas et al., ICML 2010.
+    """
+
+    def __init__(self, seed: int) -> None:
+        """Start without data.
+
+        Raises:
+            InputError: The engine is not installed.
+        """
+        try:
+            import bayes_opt  # type: ignore[import-not-found, unused-ignore] # noqa: PLC0415 - an extra
+        except ImportError as error:
+            raise InputError(
+                'an optimisation needs the extra "studies": pip install "wbc[studies]"'
+            ) from error
+        self._engine = bayes_opt
+        self._seed = seed
+        self._kernel: tuple[int, Any] = (0, None)
+
+    def ask(self, known: Sequence[Walked], count: int) -> list[tuple[float, ...]]:
+        """Return the next points of the unit cube; the same for the same points known, in any process."""
+        from scipy.stats import qmc  # noqa: PLC0415 - slow to import
+
+        first = qmc.Sobol(len(NAMES), rng=np.random.default_rng(self._seed)).random(16)[:FIRST_DESIGN]
+        points: list[tuple[float, ...]] = []
+        X = [walked.unit for walked in known]
+        y = [walked.J for walked in known]
+        while len(points) < count:
+            if len(X) < FIRST_DESIGN:
+                point = tuple(float(v) for v in first[len(X)])
+                believed = float(np.mean(y)) if y else 0.0
+            else:
+                point, believed = self._suggest(X, y, len(known))
+            points.append(point)
+            X, y = [*X, point], [*y, believed]
+        return points
+
+    def _suggest(self, X: list[Any], y: list[float], told: int) -> tuple[tuple[float, ...], float]:
+        rng = np.random.RandomState(np.random.SeedSequence([self._seed, len(X)]).generate_state(1)[0])  # noqa: NPY002 - the engine's kind
+        engine = self._engine.BayesianOptimization(
+            f=None,
+            pbounds={name: (0.0, 1.0) for name in NAMES},
+            acquisition_function=self._engine.acquisition.UpperConfidenceBound(kappa=2.0),
+            random_state=rng,
+            verbose=0,
+            allow_duplicate_points=True,
+        )
+        for point, value in zip(X, y, strict=True):
+            engine.register(params=dict(zip(NAMES, point, strict=True)), target=value)
+        fitted_at = max(FIRST_DESIGN, told - told % REFIT)
+        if self._kernel[0] != fitted_at:
+            data = np.array(X[:fitted_at]), np.array(y[:fitted_at])
+            self._kernel = fitted_at, fitted(*data, seed=self._seed).kernel_
+        engine.set_gp_params(kernel=self._kernel[1], optimizer=None, normalize_y=True, alpha=1e-6)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = engine.suggest()
+            point = tuple(float(f"{found[name]:.9g}") for name in NAMES)
+            believed = float(engine._gp.predict(np.array([point]))[0])
+        return point, believed
+
+
+def fitted(X: Array, y: Array, *, seed: int = 0) -> Any:
+    """Return a Gaussian process of noisy values over the unit cube, fitted; X (n, 3), y (n,)."""
+    from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415 - takes a second to import
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # noqa: PLC0415
+
+    kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern([0.3] * X.shape[1], (0.05, 10.0), nu=2.5)
+    kernel += WhiteKernel(0.5, (1e-3, 1e1))
+    model = GaussianProcessRegressor(kernel, normalize_y=True, n_restarts_optimizer=1, random_state=seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return model.fit(X, y)
+
+
+Run = Callable[[list[WalkSpec]], Mapping[str, Entry]]
+"""Function that runs walks that a journal does not have, and returns the entries of the journal."""
+
+
+def optimise(spec: OptimisationSpec, budget: int, run: Run, *, any_code: bool = False) -> list[Walked]:
+    """Walk the points of an optimisation until its budget is spent.
+
+    Args:
+        spec: The optimisation.
+        budget: Number of walks, at least 1.
+        run: Runs walks; what a journal has is not run again.
+        any_code: Take walks of other versions of the code, too.
+
+    Returns:
+        Points and results in the order in which they were asked for; walks without a result are left out.
+    """
+    asker, asked = Asker(spec.seed), 0
+    known: list[Walked] = []
+    while asked < budget:
+        left = (FIRST_DESIGN if asked < FIRST_DESIGN else budget) - asked
+        points = asker.ask(known, min(spec.batch, left, budget - asked))
+        specs = [
+            spec.walk(spec.bounds.values(p), OPTIMISATION_SEED + asked + i) for i, p in enumerate(points)
+        ]
+        asked += len(points)
+        entries = run(specs)
+        by_content = {trial_key(e.spec, {}): e for e in entries.values()} if any_code else {}
+        for point, walk in zip(points, specs, strict=True):
+            plain = walk.to_json()
+            entry = entries.get(trial_key(plain)) or by_content.get(trial_key(plain, {}))
+            if entry is not None and entry.status == "done" and entry.result is not None:
+                known.append(Walked(point, float(entry.result["J"]), entry.result))
+    return known
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Result of an optimisation.
+
+    Attributes:
+        walks: Number of walks.
+        best: Parameters of the greatest expected J.
+        J: Expected J there.
+        J_std: Standard deviation of that expectation.
+        noise: Standard deviation of the J of single walks about their expectation.
+        same: Ranges of k whose expected J, at the best gains, cannot be told from the best at 95 %, Nm/rad.
+        k: Stiffnesses of the slice of the posterior at the best gains, shape (n,), Nm/rad.
+        mean: Expected J of the slice, shape (n,).
+        std: Standard deviation of the expectation, shape (n,).
+        slices: Slices of the other parameters through the best point: name → values, mean, std.
+    """
+
+    walks: int
+    best: Mapping[str, float]
+    J: float
+    J_std: float
+    noise: float
+    same: tuple[tuple[float, float], ...]
+    k: Array
+    mean: Array
+    std: Array
+    slices: Mapping[str, tuple[Array, Array, Array]]
+
+    @property
+    def whole(self) -> bool:
+        """True if no k of the bounds can be told from the best."""
+        return len(self.same) == 1 and self.same[0] == (float(self.k[0]), float(self.k[-1]))
+
+
+@checked
+def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimum:
+    """Find the best parameters, and the stiffnesses that cannot be told from the best.
+
+    Args:
+        known: Points and results.
+        bounds: Bounds of the parameters.
+        seed: Seed of the fit.
+
+    Raises:
+        InputError: Fewer walks than a model needs.
+    """
+    if len(known) < FIRST_DESIGN:
+        raise InputError(f"an optimum needs at least {FIRST_DESIGN} walks with a result, got {len(known)}")
+    X, y = np.array([w.unit for w in known]), np.array([w.J for w in known])
+    model = None if np.ptp(y) < 1e-12 else fitted(X, y, seed=seed)
+
+    def posterior(points: Array) -> tuple[Array, Array]:
+        if model is None:
+            return np.full(len(points), y.mean()), np.zeros((len(points), len(points)))
+        mean, cov = model.predict(points, return_cov=True)
+        level = float(model.kernel_.k2.noise_level) * float(model._y_train_std) ** 2
+        return mean, cov - level * np.eye(len(points))  # of the expectation, not of another noisy walk
+
+    rng = np.random.default_rng(seed)
+    trials = np.vstack([X, rng.random((4000, len(NAMES)))])
+    top = trials[0 if model is None else int(np.argmax(model.predict(trials)))]
+    axis = np.linspace(0.0, 1.0, GRID)
+    for _ in range(3):  # along each axis in turn
+        for i in range(len(NAMES)):
+            line = np.tile(top, (GRID, 1))
+            line[:, i] = axis
+            mean, _ = posterior(line)
+            top = line[int(np.argmax(mean))]
+    slices = {}
+    for i, name in enumerate(NAMES):
+        line = np.tile(top, (GRID, 1))
+        line[:, i] = axis
+        mean, cov = posterior(line)
+        std = np.sqrt(np.maximum(np.diag(cov), 0.0))
+        values = np.array([bounds.values(point)[name] for point in line])
+        slices[name] = (values, mean, std)
+        if name == "k":
+            best = int(np.argmax(mean))
+            spread = np.sqrt(np.maximum(np.diag(cov) + cov[best, best] - 2.0 * cov[best], 0.0))
+            same = mean[best] - mean <= 1.645 * spread + 1e-9
+            ranges = _ranges(values, same)
+            expected = float(mean[best]), float(std[best])
+    k, mean, std = slices.pop("k")
+    noise = 0.0 if model is None else math.sqrt(model.kernel_.k2.noise_level) * float(model._y_train_std)
+    return Optimum(len(known), bounds.values(top), *expected, noise, ranges, k, mean, std, slices)
+
+
+def _ranges(values: Array, inside: Iterable[bool]) -> tuple[tuple[float, float], ...]:
+    """Return the ends of the runs of values that are inside."""
+    found: list[tuple[float, float]] = []
+    before = False
+    for value, now in zip(values.tolist(), inside, strict=True):
+        if now:
+            found = [*found[:-1], (found[-1][0], value)] if before else [*found, (value, value)]
+        before = bool(now)
+    return tuple(found)
+
+
+def validation(spec: OptimisationSpec, found: Optimum, seeds: int) -> Study:
+    """Return the study that walks the optimum on seeds that the optimisation has not seen, beside other stiffnesses.
+
+    Args:
+        spec: The optimisation.
+        found: Its result.
+        seeds: Number of seeds, at least 1.
+    """
+    low, high = spec.bounds.k
+    others = {f"k {k:g}": k for k in (max(low, SOFTEST), 5.0, PAPER_STIFFEST, high) if low <= k <= high}
+    arms = {"best": spec.own_parts(found.best)}
+    arms |= {name: spec.own_parts({**found.best, "k": k}) for name, k in others.items()}
+    return Study(
+        name=f"validation, {spec.ground}",
+        about="the optimum on held-out seeds, beside other stiffnesses with the same gains",
+        base=spec.parts(),
+        cells=(Cell(spec.ground, {}),),
+        arms=arms,
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        metric="J",
+        reference="best",
+    )
+
+
+def table_two(found: Mapping[str, Optimum]) -> str:
+    """Return the optima beside the paper's Table II, as Markdown."""
+    lines = [
+        "| | kP | kD | k not told from the best (Nm/rad) | kP, paper | kD, paper | k, paper |",
+        "|---|---:|---:|---|---:|---:|---|",
+    ]
+    for ground, optimal in found.items():
+        paper = TABLE_II.get(ground)
+        same = "all" if optimal.whole else ", ".join(f"{a:.3g} – {b:.3g}" for a, b in optimal.same)
+        theirs = ("", "", "")
+        if paper is not None:
+            span = "entire range" if paper[3] is None else f"{paper[3][0]:g} – {paper[3][1]:g}"
+            theirs = (f"{paper[1]:g}", f"{paper[2]:g}", span)
+        best = optimal.best
+        lines.append(f"| `{ground}` | {best['kP']:.2g} | {best['kD']:.2g} | {same} | {' | '.join(theirs)} |")
+    return "\n".join(lines)

@@ -1,0 +1,203 @@
+"""Bayesian optimisation of stiffness and gains: what is asked, what is found, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.app import cli
+from wbc.core.errors import InputError
+from wbc.sim.studies.journal import Entry, Journal, trial_key
+from wbc.sim.studies.optimization import (
+    BOUNDS,
+    FIRST_DESIGN,
+    OPTIMISATION_SEED,
+    TABLE_II,
+    Bounds,
+    OptimisationSpec,
+    Walked,
+    check_journal,
+    optimise,
+    optimum,
+    parameters,
+    table_two,
+    validation,
+)
+from wbc.sim.studies.provenance import provenance
+from wbc.sim.walks import WalkSpec
+
+pytest.importorskip("bayes_opt", reason="needs the extra 'studies'")
+
+SPEC = OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3)
+
+
+class MadeUpWalks:
+    """Runs walks that are a parabola over the logarithm of k and over the gains, with noise by the seed."""
+
+    def __init__(self, best: float = 20.0, noise: float = 3.0) -> None:
+        self.best, self.noise = best, noise
+        self.entries: dict[str, Entry] = {}
+        self.run = 0
+
+    def __call__(self, specs: list[WalkSpec]) -> Mapping[str, Entry]:
+        for spec in specs:
+            plain = spec.to_json()
+            key = trial_key(plain)
+            if key in self.entries:
+                continue
+            self.run += 1
+            p = parameters(plain)
+            J = -40.0 * math.log10(p["k"] / self.best) ** 2 - 4.0 * (p["kP"] - 3.0) ** 2
+            J += self.noise * float(np.random.default_rng(spec.seed).normal()) - 1.0
+            self.entries[key] = Entry(plain, "done", {"J": J}, None, None, provenance())
+        return self.entries
+
+
+def test_finds_the_top_of_a_noisy_hill_and_the_range_that_is_as_good() -> None:
+    walks = MadeUpWalks()
+    found = optimum(optimise(SPEC, 36, walks), SPEC.bounds)
+    assert found.walks == 36
+    assert 8.0 < found.best["k"] < 50.0 and 2.0 < found.best["kP"] < 4.0
+    ((low, high),) = found.same
+    assert 1.0 < low < 20.0 < high < 400.0 and not found.whole
+    assert abs(found.J + 1.0) < 2.5 and 1.5 < found.noise < 6.0
+    # The model looks where it is good: most walks after the first design are near the top.
+    near = [abs(math.log10(parameters(e.spec)["k"] / 20.0)) < 0.5 for e in walks.entries.values()]
+    assert np.mean(near[FIRST_DESIGN:]) > 0.5 > np.mean(near[:FIRST_DESIGN])
+
+
+def test_where_nothing_matters_every_stiffness_is_as_good() -> None:
+    rng = np.random.default_rng(0)
+    walked = [Walked(tuple(rng.random(3)), -1.0, {}) for _ in range(20)]
+    assert optimum(walked, SPEC.bounds).whole
+    with pytest.raises(InputError, match="at least 12 walks with a result, got 5"):
+        optimum(walked[:5], SPEC.bounds)
+
+
+@pytest.mark.parametrize("batch", [1, 2])
+def test_killed_anywhere_it_goes_on_with_the_same_walks(batch: int) -> None:
+    """Whatever the journal has is found again: nothing is walked twice, and the end is the same."""
+    spec = OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, batch=batch)
+    whole, cut = MadeUpWalks(), MadeUpWalks()
+    first = optimise(spec, 18, whole)
+
+    class KilledError(Exception):
+        pass
+
+    def killed(specs: list[WalkSpec]) -> Mapping[str, Entry]:
+        if cut.run >= 14:
+            raise KilledError
+        return cut(specs)
+
+    with pytest.raises(KilledError):
+        optimise(spec, 18, killed)
+    again = optimise(spec, 18, cut)
+    assert [w.unit for w in again] == [w.unit for w in first] and cut.run == 18
+    seeds = [e.spec["seed"] for e in cut.entries.values()]
+    assert sorted(seeds) == list(range(OPTIMISATION_SEED, OPTIMISATION_SEED + 18))
+
+
+def test_walks_without_a_result_are_left_out() -> None:
+    walks = MadeUpWalks()
+
+    def some_diverge(specs: list[WalkSpec]) -> Mapping[str, Entry]:
+        for key, entry in walks(specs).items():
+            if entry.spec["seed"] % 5 == 0 and entry.status == "done":
+                walks.entries[key] = Entry(entry.spec, "diverged", None, None, "…", entry.version)
+        return walks.entries
+
+    assert len(optimise(SPEC, 15, some_diverge)) == 12
+
+
+def test_bounds_are_the_papers_or_wide() -> None:
+    paper, wide = BOUNDS["paper"], BOUNDS["wide"]
+    assert paper.values((0.0, 0.0, 1.0)) == {"k": 0.0, "kP": 0.1, "kD": 5.0}
+    assert paper.values((0.5, 0.5, 0.5))["k"] == 40.0
+    assert wide.values((0.5, 0.5, 0.5))["k"] == pytest.approx(math.sqrt(2000.0), rel=1e-5)
+    point = (0.123, 0.456, 0.789)
+    for bounds in (paper, wide):
+        assert bounds.unit(bounds.values(point)) == pytest.approx(point, abs=1e-5)
+    with pytest.raises(InputError, match="bounds of k must be two numbers, the lower one first .* got 80 1"):
+        Bounds(k=(80.0, 1.0))
+    with pytest.raises(InputError, match="no logarithm"):
+        Bounds(k=(0.0, 80.0))
+
+
+def test_a_journal_of_something_else_or_of_other_code_is_refused() -> None:
+    walks = MadeUpWalks()
+    optimise(SPEC, 3, walks)
+    check_journal(walks.entries, SPEC.owns, "optimisation", any_code=False)
+    for other in (
+        OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3),
+        OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, law="legacy"),
+        OptimisationSpec(ground="stones", bounds=Bounds(k=(1900.0, 2000.0)), distance=0.3),
+    ):
+        with pytest.raises(InputError, match="not of this optimisation: it has a walk with .*stones"):
+            check_journal(walks.entries, other.owns, "optimisation", any_code=False)
+    old = {
+        key: Entry(e.spec, e.status, e.result, None, None, {**e.version, "code": "0123456789ab"})
+        for key, e in walks.entries.items()
+    }
+    with pytest.raises(InputError, match="another version of the code .* --any-code takes them"):
+        check_journal(old, SPEC.owns, "optimisation", any_code=False)
+    check_journal(old, SPEC.owns, "optimisation", any_code=True)
+    before = walks.run
+    walks.entries = {trial_key(e.spec, e.version): e for e in old.values()}
+
+    def find(specs: list[WalkSpec]) -> Mapping[str, Entry]:
+        return walks.entries
+
+    assert len(optimise(SPEC, 3, find, any_code=True)) == 3 and walks.run == before
+
+
+def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_papers() -> None:
+    found = optimum(optimise(SPEC, 20, MadeUpWalks()), SPEC.bounds)
+    study = validation(SPEC, found, 20)
+    assert set(study.seeds) == set(range(100, 120)) and list(study.arms) == [
+        "best",
+        "k 1",
+        "k 5",
+        "k 80",
+        "k 2000",
+    ]
+    specs = [trial.spec for trial in study.trials()]
+    assert all(SPEC.owns(spec.to_json()) for spec in specs)
+    text = table_two({"stones": found})
+    assert "| 4 | 1.3 | 2.8 – 16.1 |" in text and len(TABLE_II) == 11
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["stone"], "did you mean 'stones'"),
+        (["stones", "--budget", "0"], "budget"),
+        (["stones", "--k", "80", "1"], "the lower one first"),
+        (["stones", "stones"], "different grounds"),
+        (["stones", "--law", "legal"], "legal"),
+        (["stones", "--figures", "nowhere"], "no folder nowhere"),
+    ],
+)
+def test_bad_input(words: list[str], message: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    journal = str(tmp_path / "journal.jsonl")
+    assert cli.main(["study", "optimize", *words, "--journal", journal]) == cli.BAD_INPUT
+    assert message in capfd.readouterr().err
+    assert not Path(journal).exists()
+
+
+@pytest.mark.slow
+def test_the_command_walks_and_resumes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    journal = tmp_path / "journal.jsonl"
+    words = ["study", "optimize", "stones", "--journal", str(journal), "--distance", "0.15", "--budget", "13"]
+    words += ["--validate", "1", "--workers", "2", "--figures", str(tmp_path), "--json"]
+    assert cli.main(words) == cli.RAN
+    first = capfd.readouterr().out
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(lines[:7]) + lines[7][:40])  # killed in the middle of a line
+    assert cli.main(words) == cli.RAN
+    assert capfd.readouterr().out == first
+    assert len(Journal(journal)) == len(lines)
+    assert (tmp_path / "optimize_stones.png").stat().st_size > 10_000

@@ -1,0 +1,90 @@
+"""The paper's experiments: their grounds and arms, their scale, and one command that runs all of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wbc.app import cli
+from wbc.core.errors import InputError
+from wbc.sim.studies.catalog import study_by_name
+from wbc.sim.studies.journal import Entry, Journal
+from wbc.sim.studies.paper import TABLE_IV_STEPS, fig5, oracle, table4, table_four
+from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.study_table import layout_of, study_table
+from wbc.sim.walks import WalkSpec
+
+
+def test_experiments_have_the_papers_grounds_and_independent_layouts() -> None:
+    study = fig5()
+    assert len(study.cells) == 28 and len(study.seeds) >= 10
+    layouts = {layout_of(trial.spec.to_json()) for trial in study.narrowed(arms=["soft 5"]).trials()}
+    assert len(layouts) == 280
+    four = table4()
+    assert len(four.cells) == 20 and len(four.seeds) >= 20
+    at_once = next(trial.spec for trial in four.trials() if trial.arm == "variable, 75 % at once")
+    assert isinstance(at_once, WalkSpec) and at_once.settings().stiffness.decide_at == 0.75
+    legacy = next(iter(study_by_name("table4_legacy").trials())).spec
+    assert isinstance(legacy, WalkSpec) and dict(legacy.changes)["gains.dcm_p"] == (3.4, 3.4)
+
+
+def test_the_papers_table_adds_up() -> None:
+    columns = [sum(row[i] for rows in TABLE_IV_STEPS.values() for row in rows) for i in range(3)]
+    assert columns == [386, 254, 140]  # variable, soft, flat: the paper's text has 140/440 for flat
+
+
+def test_our_table_stands_beside_the_papers() -> None:
+    study = table4(seeds=2).narrowed(["stones, 55 mm"])
+    entries = {}
+    for trial in study.trials():
+        steps = {"flat": 5, "soft 5": 20}.get(trial.arm, 22)
+        result = {"steps_done": steps, "outcome": "completed" if steps == 22 else "fell"}
+        entry = Entry(trial.spec.to_json(), "done", result, None, None, provenance())
+        entries[entry.key] = entry
+    text = table_four(study_table(study, entries))
+    assert text.splitlines()[-1].startswith("| stones, 55 mm | 5 [5, 5] | 22 [22, 22] | 20 [20, 20]")
+    assert text.endswith("20, 6, 6 |")
+
+
+def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
+    trials = list(oracle(seeds=1).trials())
+    assert {trial.arm for trial in trials} >= {"oracle", "model", "5", "2000"}
+
+
+def test_a_scaled_study_has_a_share_of_the_seeds_and_at_least_one() -> None:
+    study = table4()
+    assert study.scaled(1.0) == study
+    assert study.scaled(0.5).seeds == study.seeds[:10] and len(study.scaled(0.001).seeds) == 1
+    with pytest.raises(InputError, match="scale must"):
+        study.scaled(0.0)
+
+
+def test_a_journal_of_other_code_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    spec = next(iter(fig5().trials())).spec
+    old = Entry(spec.to_json(), "done", {}, None, None, {**provenance(), "code": "0123456789ab"})
+    with Journal(tmp_path / "fig5.jsonl") as journal:
+        journal.add(old)
+    words = ["study", "paper", "--folder", str(tmp_path), "--only", "fig5"]
+    assert cli.main(words) == cli.BAD_INPUT
+    assert "another version of the code (0123456789ab" in capfd.readouterr().err
+    assert cli.main([*words, "--only", "fig6"]) == cli.BAD_INPUT
+    assert "did you mean 'fig5'" in capfd.readouterr().err
+
+
+@pytest.mark.slow
+def test_everything_runs_at_the_smallest_scale_and_resumes(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("bayes_opt", reason="needs the extra 'studies'")
+    words = ["study", "paper", "--folder", str(tmp_path), "--scale", "0.01", "--cells", "1"]
+    words += ["--distance", "0.15", "--workers", "2"]
+    assert cli.main(words) == cli.RAN
+    report = (tmp_path / "report.md").read_text()
+    for part in ("authority", "oracle", "fig5", "table4", "optimize", "optimize_legacy", "dataset"):
+        assert f"## {part}\n" in report
+    sizes = {path: path.stat().st_size for path in tmp_path.glob("*.jsonl")}
+    assert len(sizes) == 9
+    assert cli.main(words) == cli.RAN
+    assert (tmp_path / "report.md").read_text() == report
+    assert {path: path.stat().st_size for path in sizes} == sizes

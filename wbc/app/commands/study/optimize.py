@@ -1,0 +1,205 @@
+"""`wbc study optimize`: the best stiffness and gains of grounds, by Bayesian optimisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from wbc.app.commands.study.run import RunOptions, progress_bar
+from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError, choose
+from wbc.core.settings import Count, Positive, Seed, settings, to_json
+from wbc.sim.studies.journal import Entry, Journal, read_journal
+from wbc.sim.studies.optimization import (
+    BOUNDS,
+    TABLE_II,
+    Bounds,
+    OptimisationSpec,
+    Optimum,
+    Walked,
+    check_journal,
+    optimise,
+    optimum,
+    table_two,
+    validation,
+)
+from wbc.sim.studies.study_table import StudyTable, study_table
+from wbc.sim.studies.sweep import cluster_executor, sweep
+from wbc.sim.terrain import terrain_families
+from wbc.sim.walks import WalkSpec
+
+Grounds = Annotated[
+    tuple[str, ...],
+    Parameter(help="Families of grounds, or 'table2' for the eleven of the paper's Table II."),
+]
+
+
+@settings(kw_only=True)
+class OptimizeOptions(RunOptions):
+    """An optimisation, and where its walks are run.
+
+    Attributes:
+        budget: Walks on each ground.
+        bounds: Bounds of stiffness and gains: wide (1 to 2,000 Nm/rad in the logarithm) or paper (its Table I).
+        k: Other bounds of the stiffness, Nm/rad: the lowest and the highest.
+        kp: Other bounds of the proportional gain, 1/s.
+        kd: Other bounds of the derivative gain.
+        law: Preset of the stabilizer's settings, default or legacy.
+        amplitude: Highest minus lowest point of the grounds, m; the family's own when not given.
+        distance: Length of a walk, m.
+        seed: Seed of the points that are asked for.
+        batch: Points asked for at a time; as many as workers when not given. Another number asks for other points.
+        validate: Held-out seeds on which the optimum is walked beside other stiffnesses; 0 for none.
+        figures: Folder for a figure of each ground.
+        any_code: Take walks of other versions of the code, too.
+    """
+
+    budget: Annotated[Count, Field(le=100_000)] = 400
+    bounds: Literal["wide", "paper"] = "wide"
+    k: tuple[float, float] | None = None
+    kp: tuple[float, float] | None = None
+    kd: tuple[float, float] | None = None
+    law: Literal["default", "legacy"] = "default"
+    amplitude: Annotated[Positive, "m"] | None = None
+    distance: Annotated[Positive, "m"] = 3.0
+    seed: Seed = 0
+    batch: Count | None = None
+    validate: Annotated[int, Field(ge=0, le=1000)] = 20
+    figures: Path | None = None
+    any_code: bool = False
+
+    def chosen_bounds(self) -> Bounds:
+        """Return the bounds."""
+        preset = BOUNDS[self.bounds]
+        return Bounds(k=self.k or preset.k, kP=self.kp or preset.kP, kD=self.kd or preset.kD, log=preset.log)
+
+    def spec(self, ground: str) -> OptimisationSpec:
+        """Return the optimisation of a ground."""
+        return OptimisationSpec(
+            ground=ground,
+            amplitude=None if ground == "flat" else self.amplitude,
+            law=self.law,
+            bounds=self.chosen_bounds(),
+            distance=self.distance,
+            seed=self.seed,
+            batch=self.batch or self.workers,
+        )
+
+
+@reports
+def optimize(
+    grounds: Grounds, /, *, options: Flat[OptimizeOptions], output: OutputOptions = Output()
+) -> Report:
+    """Find the best stiffness and gains of grounds (the paper's section III), and which stiffnesses are as good.
+
+    The objective is the paper's eq. (6), at most 0: ten for a missed step, and the errors of ZMP and CoM in m. The run
+    can be stopped, also killed, and continues from its journal.
+    """
+    found, walked, judged = run_optimisation(grounds, options)
+    figures = _figures(options.figures, walked, found)
+    data = {
+        "grounds": {
+            name: {
+                **{k: v for k, v in to_json(each).items() if k not in ("k", "mean", "std", "slices")},
+                "validation": judged[name].to_json() if name in judged else None,
+            }
+            for name, each in found.items()
+        },
+        "figures": figures,
+    }
+    return output.report(data, "\n\n".join([table_two(found), *_texts(found, judged), *figures]))
+
+
+def run_optimisation(
+    grounds: tuple[str, ...], options: OptimizeOptions
+) -> tuple[dict[str, Optimum], dict[str, list[Walked]], dict[str, StudyTable]]:
+    """Run the optimisations of some grounds and their validations; return optima, walks and tables by ground."""
+    names = tuple(TABLE_II) if grounds == ("table2",) else grounds
+    for name in names:
+        choose("terrain", name, terrain_families())
+    if len(set(names)) < len(names) or not names:
+        raise InputError(f"an optimisation needs different grounds, got {' '.join(names) or 'none'}")
+    specs = [options.spec(name) for name in names]
+    if options.figures is not None and not options.figures.is_dir():
+        raise InputError(f"no folder {options.figures} to write figures into")
+    owns = lambda spec: any(each.owns(spec) for each in specs)  # noqa: E731
+    check_journal(read_journal(options.journal), owns, "optimisation", any_code=options.any_code)
+    found: dict[str, Optimum] = {}
+    walked: dict[str, list[Walked]] = {}
+    judged: dict[str, StudyTable] = {}
+    each = options.budget + (5 * options.validate if options.validate else 0)
+    with open_runner(options, each * len(specs), "optimize", any_code=options.any_code) as run:
+        for spec in specs:
+            known = walked[spec.ground] = optimise(spec, options.budget, run, any_code=options.any_code)
+            found[spec.ground] = optimum(known, spec.bounds, seed=spec.seed)
+            if options.validate:
+                study = validation(spec, found[spec.ground], options.validate)
+                entries = run([trial.spec for trial in study.trials()])  # type: ignore[misc]
+                judged[spec.ground] = study_table(study, entries, any_code=options.any_code)
+    return found, walked, judged
+
+
+def _texts(found: Mapping[str, Optimum], judged: Mapping[str, StudyTable]) -> list[str]:
+    lines = []
+    for name, each in found.items():
+        best = ", ".join(f"{parameter} {value:.3g}" for parameter, value in each.best.items())
+        lines.append(
+            f"{name}: best at {best}; expected J {each.J:.3g} ± {each.J_std:.2g}, a walk ± {each.noise:.2g}, "
+            f"{each.walks} walks"
+        )
+        if name in judged:
+            lines.append(f"{judged[name].study.name}\n\n{judged[name].markdown()}")
+    return lines
+
+
+def _figures(
+    folder: Path | None, walked: Mapping[str, list[Walked]], found: Mapping[str, Optimum]
+) -> list[str]:
+    if folder is None:
+        return []
+    from wbc.app.plot.optimization import optimum_figure  # noqa: PLC0415 - slow to import
+
+    paths = []
+    for name, each in found.items():
+        path = folder / f"optimize_{name}.png"
+        optimum_figure(name, walked[name], each).savefig(path, dpi=110)
+        paths.append(str(path))
+    return paths
+
+
+@contextmanager
+def open_runner(
+    options: RunOptions, total: int, title: str, *, any_code: bool
+) -> Iterator[Callable[[list[WalkSpec]], Mapping[str, Entry]]]:
+    """Open journal and workers once for many small sweeps; yield the function that runs the walks of one."""
+    with ExitStack() as stack:
+        journal = stack.enter_context(Journal(options.journal, sync=options.sync))
+        executor: Any
+        if options.cluster is not None:
+            executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
+        else:
+            pool = ProcessPoolExecutor(options.workers, mp_context=get_context("spawn"))
+            executor = stack.enter_context(pool)
+        bar = stack.enter_context(progress_bar())
+        task = bar.add_task(title, total=total, rate="")
+
+        def run(specs: list[WalkSpec]) -> Mapping[str, Entry]:
+            sweep(
+                specs,
+                journal,
+                executor=executor,
+                timeout=options.timeout,
+                retry=options.retry,
+                any_code=any_code,
+            )
+            bar.advance(task, len(specs))
+            return journal.entries
+
+        yield run
