@@ -18,6 +18,7 @@ import fcntl
 import hashlib
 import json
 import logging
+import lzma
 import math
 import os
 import re
@@ -185,7 +186,7 @@ def read_journal(path: Path | str) -> Mapping[str, Entry]:
     Lines that are torn or damaged are skipped, and their number is logged.
 
     Args:
-        path: The file; one that does not exist is empty.
+        path: The file; one that does not exist is empty, one whose name ends in .xz is compressed.
 
     Raises:
         JournalError: The file cannot be read, or is no journal.
@@ -196,9 +197,11 @@ def read_journal(path: Path | str) -> Mapping[str, Entry]:
 def _read(path: Path | str) -> Entries:
     try:
         content = Path(path).read_bytes()
+        if Path(path).suffix == ".xz":
+            content = lzma.decompress(content)
     except FileNotFoundError:
         return Entries()
-    except OSError as error:
+    except (OSError, lzma.LZMAError) as error:
         raise JournalError(f"journal {path} cannot be read: {error}") from error
     *lines, rest = content.split(b"\n")
     found: dict[str, bytes] = {}

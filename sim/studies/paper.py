@@ -172,8 +172,8 @@ def oracle(seeds: int = 40) -> Study:
         except KeyError as error:
             raise InputError(f"{path} has no best stiffness of {error}") from error
     fixed = {f"{k:g}": {"foot": "soft", "stiffness": k} for k in AUTHORITY_STIFFNESSES}
-    known = {"foot": "variable", "policy": "oracle", "policy_params": best}
-    arms = {"oracle": known, "model": {"foot": "variable"}, **fixed}
+    known: dict[str, Any] = {"foot": "variable", "policy": "oracle", "policy_params": best}
+    arms: dict[str, dict[str, Any]] = {"oracle": known, "model": {"foot": "variable"}, **fixed}
     heights = halfway_heights()
     highest = max(heights[name] for name in ORACLE_FAMILIES)
     shares = " ".join(f"{name}:{heights[name] / highest:.3g}" for name in ORACLE_FAMILIES)
