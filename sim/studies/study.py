@@ -126,6 +126,11 @@ class Study:
             for arm in (*(cell.arms or ()), *cell.arm_values, *references):
                 choose(f"arm of the study '{self.name}'", arm, self.arms)
 
+    @property
+    def size(self) -> int:
+        """Number of trials; their specs are not made for it."""
+        return len(self.seeds) * sum(len(cell.arms or self.arms) for cell in self.cells)
+
     def trials(self) -> Iterator[StudyTrial]:
         """Yield all trials, seed by seed: a sweep that is stopped has tried all arms on the same grounds.
 

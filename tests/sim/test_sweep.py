@@ -458,7 +458,7 @@ def test_studies_of_the_project_can_be_run(name: str) -> None:
         pytest.skip("rests on the study 'halfway'")
     study = study_by_name(name).narrowed(seeds=1)
     specs = [trial.spec for trial in study.trials()]
-    assert len({json.dumps(spec.to_json()) for spec in specs}) == len(specs)
+    assert len({json.dumps(spec.to_json()) for spec in specs}) == len(specs) == study.size
     fresh = [seed >= 100 for seed in study_by_name(name).seeds]
     assert all(fresh) != (name in TRAINING) and any(fresh) == all(fresh), (
         "seeds below 100 are for tuning and training"
