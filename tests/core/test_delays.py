@@ -112,15 +112,17 @@ def test_measured_torques_are_used_where_drives_report_them() -> None:
 
 @pytest.mark.slow
 def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
-    """As many lift-offs and touch-downs as steps: the hysteresis lets nothing chatter."""
+    """In 98 of 100 ticks each foot's contact is the true one; a foot that bounces as it lands changes it once more."""
     from wbc.sim.walks import WalkHook, WalkPlan, WalkTrial  # noqa: PLC0415
 
     class Contacts(WalkHook):
         seen: list[tuple[bool, bool]] = []  # noqa: RUF012
+        true: list[tuple[bool, bool]] = []  # noqa: RUF012
 
         def tick(self, tick) -> None:  # type: ignore[no-untyped-def]
             wrenches = tick.walking.control.wrenches
             self.seen.append(tuple(wrenches.contact))
+            self.true.append(tuple(tick.plant.truth().sole_wrench[:, 2] > 5.0))
 
     contacts = Contacts()
     spec = WalkSpec(
@@ -133,8 +135,10 @@ def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> N
     trial = WalkTrial(spec)
     result = trial.run([contacts])
     assert result.fall is None and spec.mode == "hybrid"
-    changes = np.abs(np.diff(np.array(contacts.seen).astype(int), axis=0)).sum()
-    assert changes == 2 * result.steps_done
+    seen, true = np.array(contacts.seen), np.array(contacts.true)
+    assert (seen == true).mean() > 0.98, (seen == true).mean()
+    assert not seen.all(axis=0).any()
+    assert np.abs(np.diff(seen.astype(int), axis=0)).sum() < 4 * result.steps_done
 
 
 def test_touch_down_needs_more_force_than_lift_off() -> None:
