@@ -63,7 +63,7 @@ class DriveSettings:
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
     fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.3, 0.15, 0.4)
     fastest_back: Annotated[NonNegative, "m/s"] = 0.2
-    reach: Share = 0.9
+    reach: Share = 0.75
     steps: Annotated[int, Field(ge=2, le=20)] = 4
     stopping: Annotated[NonNegative, "m"] = 0.1
     replan: Annotated[Positive, "s"] = 0.1
