@@ -38,6 +38,9 @@ AT_REST: Velocity = (0.0, 0.0, 0.0)
 LEADER_TURN = 4.0 / 3.0
 """Share of the turn of a step that the foot on the outer side takes; the other one takes 2/3 and turns inwards."""
 
+TURN_REACH = 0.9
+"""Share of the greatest turn of a foot that steps may use."""
+
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
@@ -51,7 +54,7 @@ class DriveSettings:
         fastest: Greatest velocity granted: forward, left (or right) and turn. The defaults are for all built-in robots;
             `talos` walks at 0.5 m/s.
         fastest_back: Greatest velocity granted backwards.
-        reach: Share of the legs' reach that steps may use; the rest is for step adjustment.
+        reach: Share of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
         steps: Steps that are planned ahead, before the one that closes up.
         stopping: Length of a step above which the robot takes a shorter one before it closes up, m.
         replan: Time between plans of the footsteps on both feet, s.
@@ -208,7 +211,7 @@ class VelocitySource:
         outer, inner = (abs(turn) * part for part in (LEADER_TURN, 2.0 - LEADER_TURN))
         # Steps that are long and wide at once take more of the hip than each alone.
         effort = (dx / (s * r.max_length)) ** 2 + (2.0 * dy / max(wider, 1e-6)) ** 2
-        if effort > 1.0 or outer > s * r.max_yaw or inner > 0.5 * s * r.max_yaw:
+        if effort > 1.0 or outer > TURN_REACH * r.max_yaw or inner > 0.5 * TURN_REACH * r.max_yaw:
             return False
         for side in SIDES:
             stance = Footstep(other(side), 0.0, 0.0)
