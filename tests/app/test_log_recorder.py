@@ -462,10 +462,10 @@ EARLIER = {
         "arch_hinge": {"$tuple": [0.0, 0.0]},
         "actuator": {
             "$class": "wbc.feet.actuator:StiffnessActuator",
-            "rate_limit": 800.0,
+            "rate_limit": 33.0,
             "time_constant": 0.02,
-            "low": 0.0,
-            "high": 80.0,
+            "low": 1.0,
+            "high": 2000.0,
         },
     },
     "terrain": {
