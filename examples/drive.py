@@ -18,12 +18,8 @@ from _common import parse, report, upright
 import wbc
 from wbc.walking import FootstepPlan, WalkingControl
 
-KEYS = {
-    "A": (0.05, 0.0),
-    "B": (-0.05, 0.0),
-    "C": (0.0, -0.1),
-    "D": (0.0, 0.1),
-}  # escape sequences of the arrows
+# Escape sequences of the arrows end in these.
+KEYS = {"A": (0.05, 0.0), "B": (-0.05, 0.0), "C": (0.0, -0.1), "D": (0.0, 0.1)}
 S = [(0.5, (0.2, 0.0, 0.2)), (6.0, (0.2, 0.0, -0.2)), (12.0, None)]
 
 

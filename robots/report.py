@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.robot import GRAVITY
-from wbc.robots.derivation.servo import SOFT
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -140,13 +140,13 @@ def _drives(robot: Any) -> list[str]:
         name: robot.servo_gains[name].kp
         for leg in robot.legs
         for name in leg[-2:]
-        if robot.servo_gains[name].source == "given" and robot.servo_gains[name].kp < SOFT * tipping
+        if robot.servo_gains[name].source == "given" and robot.servo_gains[name].kp < ANKLE_SHARE * tipping
     }
     if soft:
         name, kp = min(soft.items(), key=lambda item: item[1])
         found.append(
             f"given servo gains are soft: kp of '{name}' is {kp:.0f} Nm/rad, {kp / tipping:.2f} m g h; position "
-            f"control needs {SOFT:g} m g h, {SOFT * tipping:.0f} Nm/rad"
+            f"control needs {ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
         )
     undamped = [name for name, (kp, kd) in robot.gains.items() if kp > 0.0 and kd == 0.0]
     if undamped:

@@ -26,10 +26,6 @@ Inertias of similar robots scale with m h²: 0.036 kg m² for a robot of 39 kg a
 """
 
 
-SOFT = 0.4
-"""Stiffness of an ankle's servo, multiple of m g h per radian, below which walks in position control fell."""
-
-
 class ServoGains(NamedTuple):
     """Gains of the servo of one joint.
 

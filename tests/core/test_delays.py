@@ -112,7 +112,7 @@ def test_measured_torques_are_used_where_drives_report_them() -> None:
 
 @pytest.mark.slow
 def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
-    """In 98 of 100 ticks each foot's contact is the true one; a foot that bounces as it lands changes it once more."""
+    """In 98 of 100 ticks each foot's contact is the true one, with fewer than four changes a step."""
     from wbc.sim.walks import WalkHook, WalkPlan, WalkTrial  # noqa: PLC0415
 
     class Contacts(WalkHook):
