@@ -18,8 +18,7 @@ from _common import parse, report, upright
 import wbc
 from wbc.walking import FootstepPlan, WalkingControl
 
-# Escape sequences of the arrows end in these.
-KEYS = {"A": (0.05, 0.0), "B": (-0.05, 0.0), "C": (0.0, -0.1), "D": (0.0, 0.1)}
+KEYS = {"A": (0.05, 0.0), "B": (-0.05, 0.0), "C": (0.0, -0.1), "D": (0.0, 0.1)}  # how arrows' sequences end
 S = [(0.5, (0.2, 0.0, 0.2)), (6.0, (0.2, 0.0, -0.2)), (12.0, None)]
 
 
@@ -54,8 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
                 walking.velocity = (forward + change[0], 0.0, turn + change[1])
             plant.step(walking.command(plant.measure()))
             view.update()
-    forward, left = plant.truth().com[:2].tolist()
-    return report(upright=upright(plant), steps=walking.steps_done, forward_m=forward, left_m=left)
+    return report(upright=upright(plant), steps=walking.steps_done, forward_m=float(plant.truth().com[0]))
 
 
 if __name__ == "__main__":
