@@ -118,6 +118,8 @@ class WalkTrial:
         spec: The walk.
         plant: The plant.
         walking: The controller.
+        meter: Measures the figures of the result.
+        sole_meter: Measures those of soles of variable stiffness; None without a policy.
     """
 
     @checked
@@ -153,8 +155,8 @@ class WalkTrial:
                 stiffness=_scheduler(spec, prepared, robot, policy),
                 extent=spec.extent,
             )
-        self._meter = WalkMeter(self.plant, self.walking)
-        self._soles = None if self.walking.stiffness is None else StiffnessMeter(self.plant, self.walking)
+        self.meter = WalkMeter(self.plant, self.walking)
+        self.sole_meter = None if self.walking.stiffness is None else StiffnessMeter(self.plant, self.walking)
         height = prepared.settings.com_height
         lowering = 0.0 if height is None else max(0.0, standing_com - height)
         pelvis = float(self.plant.data.qpos[2]) - self._ground() - lowering
@@ -179,7 +181,7 @@ class WalkTrial:
         return self._falls.reason((x, y, z, qx, qy, qz, qw), self._ground())
 
     def _run(self, hooks: Sequence[WalkHook]) -> WalkResult:
-        plant, walking, meter, soles = self.plant, self.walking, self._meter, self._soles
+        plant, walking, meter, soles = self.plant, self.walking, self.meter, self.sole_meter
         limit = self._prepared.time_limit
         ticks: list[float] = []
         physics = 0.0
@@ -250,7 +252,7 @@ class WalkTrial:
             outcome = "completed" if self._drive.over else "unfinished"
         driven = self.spec.plan.drive is not None
         planned = walking.steps_done if driven else len(self._prepared.plan)
-        figures = self._meter.figures()
+        figures = self.meter.figures()
         return WalkResult(
             **(identity(self.spec) | {"policy": self._policy}),
             outcome=outcome,
@@ -264,7 +266,7 @@ class WalkTrial:
             seconds=self.plant.time,
             **self._travel(),
             **figures,
-            stiffness=None if self._soles is None else tuple(self._soles.steps()),
+            stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=walking.control.failures,
             notes=self._prepared.notes,
             clock=clock,

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import importlib
 import sys
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
+from time import sleep
 from types import ModuleType
 
 import mujoco
 import numpy as np
 import pytest
 
+from wbc.app.bench.profile import PARTS, profile_walk
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver, primal_residual
 from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import BenchTickOptions, bench_tick, start_configuration
-from wbc.app.bench.walk import CASES, PARTS, BenchWalkOptions, bench_walk
+from wbc.app.bench.walk import CASES, BenchWalkOptions, bench_walk
+from wbc.core.errors import Array
 from wbc.robots import load, names
-from wbc.tasks import PositionTask
+from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
+from wbc.tasks import PositionTask, PostureTask
 from wbc.tasks.balance import balance_controller
 
 
@@ -112,9 +116,50 @@ def test_parts_make_up_the_period_of_a_walk_that_is_otherwise_the_same() -> None
     assert [cost.name for cost in costs] == list(CASES)
     for cost in costs:
         assert cost.steps_done == cost.steps_planned == 3
-        assert tuple(cost.parts_us) == PARTS and min(cost.parts_us.values()) > 0.0
-        assert sum(cost.parts_us.values()) == pytest.approx(cost.period_us)
+        parts = {row.what: row for row in cost.profile}
+        assert sum(row.us for row in cost.profile) == pytest.approx(cost.period_us)
+        assert sum(row.share for row in cost.profile) == pytest.approx(1.0)
         assert cost.real_time_factor == pytest.approx(1e6 * cost.control_period / cost.period_us)
-        assert cost.parts_us["physics"] > cost.parts_us["sensors"]
+        assert parts["physics"].us > parts["sensors"].us
         assert 0.0 < cost.collision_share < cost.constraint_share < 1.0
     assert mujoco.get_mjcb_time() is None
+
+
+class _SlowTask(PostureTask):
+    def evaluate(self, error: Array) -> None:
+        sleep(0.001)
+        super().evaluate(error)
+
+
+class _SlowHook(WalkHook):
+    def tick(self, tick: WalkTick) -> None:
+        sleep(0.002)
+
+
+def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk_alone() -> None:
+    spec = WalkSpec(plan=WalkPlan(distance=0.1), foot="variable", terrain="stones", amplitude=0.02)
+    trial = WalkTrial(spec)
+    slow = trial.walking.controller.add(_SlowTask(weight=0.0, name="mine"))
+    result, rows = profile_walk(trial, [_SlowHook()])
+    parts = {row.what: row for row in rows}
+    ticks = parts["sensors"].calls
+    assert ticks == round(result.seconds / spec.period)
+    assert parts["task 'mine'"].calls == ticks and parts["task 'mine'"].us > 1000.0
+    assert parts["hook _SlowHook"].us > 2000.0 > parts["QP: assembly"].us
+    assert [what for what in parts if what in PARTS] == [part for part in PARTS if part in parts]
+    assert set(PARTS) - set(parts) == {"recording", "live view"}
+    assert sum(row.share for row in rows) == pytest.approx(1.0) and min(row.us for row in rows) > 0.0
+    for owner in (
+        trial.plant,
+        trial.walking,
+        trial.walking.controller,
+        slow,
+        trial.meter,
+    ):  # no clock is left
+        assert not any(callable(value) and hasattr(value, "__wrapped__") for value in vars(owner).values())
+
+
+def test_a_profiled_walk_is_the_same_bit_for_bit() -> None:
+    spec = WalkSpec(plan=WalkPlan(distance=0.1), foot="soft", terrain="stones", amplitude=0.02)
+    profiled, plain = profile_walk(WalkTrial(spec))[0], WalkTrial(spec).run()
+    assert replace(profiled, clock=None).to_json() == replace(plain, clock=None).to_json()

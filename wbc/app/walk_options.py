@@ -81,6 +81,7 @@ class WalkOptions:
             such as dcm_p = 5 under [set]. What is given on the command line comes before it.
         spec: File with the whole walk as JSON, such as an earlier output of --json; takes the place of all of these.
         record: File to write everything to that happens, tick by tick (.arrow).
+        profile: Divide the time of the walk, from physics to each task.
     """
 
     robot: str = WalkSpec.robot
@@ -117,6 +118,7 @@ class WalkOptions:
     config: Path | None = None
     spec: Path | None = None
     record: Path | None = None
+    profile: bool = False
 
     def walk(self) -> WalkSpec:
         """Return the spec of the walk.

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import mujoco
 
+from wbc.app.bench.profile import ProfileRow, profile_walk
 from wbc.core.settings import Count, Positive, Seed, settings
 from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial, walk
-
-PARTS = ("physics", "sensors", "observer", "walk", "stabilizer", "QP", "rest of the tick", "figures")
-"""Parts of a control period.
-
-Of the tick: the observer, the walk (phases, pattern, step adjustment), the stabilizer with its distribution, the
-whole-body QP from assembly to solution, and the rest: targets, servo references, fall test. Figures are the
-result and the fall test on the true state. The whole is timed in separate walks: the clocks around the parts cost about
-a hundredth of it, and the parts are scaled down by that.
-"""
 
 SOFT: dict[str, Any] = {"foot": "soft", "stiffness": 5.0, "amplitude": 0.02}
 
@@ -72,8 +63,8 @@ class WalkCost:
         steps_done: Steps of the walk; one that falls early is no measure.
         steps_planned: Steps of its plan.
         real_time_factor: Simulated time over wall time.
-        period_us: Wall time of a control period, µs.
-        parts_us: Wall time of a control period by `PARTS`, µs.
+        period_us: Wall time of a control period, µs, without clocks around its parts.
+        profile: Parts of the period in walks of their own, scaled down to it by what the clocks cost.
         collision_share: Share of the physics spent on collision detection.
         constraint_share: Share of the physics spent on contact forces.
     """
@@ -85,7 +76,7 @@ class WalkCost:
     steps_planned: int
     real_time_factor: float
     period_us: float
-    parts_us: dict[str, float]
+    profile: tuple[ProfileRow, ...]
     collision_share: float
     constraint_share: float
 
@@ -94,10 +85,10 @@ def bench_walk(options: BenchWalkOptions) -> Iterator[WalkCost]:
     """Time every case."""
     for name, spec in options.cases().items():
         shares = _physics_shares(spec)
-        parts = min(
-            (_time_by_part(spec) for _ in range(options.repeats)), key=lambda parts: sum(parts.values())
+        profile = min(
+            (profile_walk(WalkTrial(spec))[1] for _ in range(options.repeats)),
+            key=lambda rows: sum(row.us for row in rows),
         )
-        whole = sum(parts.values())
         results = [walk(spec) for _ in range(options.repeats)]
         factor = max(result.clock.real_time_factor for result in results if result.clock is not None)
         period = 1e6 * spec.period / factor
@@ -109,50 +100,10 @@ def bench_walk(options: BenchWalkOptions) -> Iterator[WalkCost]:
             steps_planned=results[0].steps_planned,
             real_time_factor=factor,
             period_us=period,
-            parts_us={part: period * spent / whole for part, spent in parts.items()},
+            profile=tuple(replace(row, us=period * row.share) for row in profile),
             collision_share=shares[0],
             constraint_share=shares[1],
         )
-
-
-def _time_by_part(spec: WalkSpec) -> dict[str, float]:
-    """Walk once, and return the time by `PARTS`, s."""
-    trial = WalkTrial(spec)
-    plant, walking = trial.plant, trial.walking
-    spent: dict[str, float] = {}
-    for part, owner, method in (
-        ("physics", plant, "step"),
-        ("sensors", plant, "measure"),
-        ("tick", walking, "command"),
-        ("observer", walking.control.observer, "update"),
-        ("walk", walking.walk, "update"),
-        ("stabilizer", walking.stabilizer, "update"),
-        ("QP", walking.controller, "solve"),
-    ):
-        spent[part] = 0.0
-        setattr(owner, method, _timed(getattr(owner, method), part, spent))
-    result = trial.run()
-    assert result.clock is not None, "a walk that has just been run has been timed"
-    whole = plant.time / result.clock.real_time_factor
-    tick = spent.pop("tick")
-    spent["rest of the tick"] = tick - sum(spent[part] for part in PARTS[2:6])
-    spent["figures"] = whole - spent["physics"] - spent["sensors"] - tick
-    return {part: spent[part] for part in PARTS}
-
-
-def _timed(method: Callable[..., Any], part: str, spent: dict[str, float]) -> Callable[..., Any]:
-    """Return a method that adds its time to that of a part."""
-    clock = time.perf_counter
-
-    @functools.wraps(method)
-    def timed(*args: Any, **kwargs: Any) -> Any:
-        start = clock()
-        try:
-            return method(*args, **kwargs)
-        finally:
-            spent[part] += clock() - start
-
-    return timed
 
 
 def _physics_shares(spec: WalkSpec) -> tuple[float, float]:

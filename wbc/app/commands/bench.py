@@ -5,9 +5,10 @@ from __future__ import annotations
 from rich.progress import Progress, track
 
 from wbc.app.bench.physics import BenchPhysicsOptions, bench_physics
+from wbc.app.bench.profile import profile_text
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver
 from wbc.app.bench.tick import BenchTickOptions, bench_tick
-from wbc.app.bench.walk import CASES, PARTS, BenchWalkOptions, bench_walk
+from wbc.app.bench.walk import CASES, BenchWalkOptions, bench_walk
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.settings import to_json
 
@@ -89,20 +90,14 @@ def walk(
     output: OutputOptions = Output(),
 ) -> Report:
     """Time the closed loop of walks, and divide it: physics, observer, stabilizer, QP and the rest."""
-    columns = list(track(bench_walk(options), "walking", len(CASES), console=progress_console()))
-    rows = {
-        "us of a control period": [column.name for column in columns],
-        **{part: [f"{column.parts_us[part]:.0f}" for column in columns] for part in PARTS},
-        "all": [f"{column.period_us:.0f}" for column in columns],
-        "x real time": [f"{column.real_time_factor:.1f}" for column in columns],
-        "physics: collision, constraints": [
-            f"{column.collision_share:.0%}, {column.constraint_share:.0%}" for column in columns
-        ],
-        "steps done": [f"{column.steps_done} of {column.steps_planned}" for column in columns],
-    }
-    lines = [f"| {name} | " + " | ".join(values) + " |" for name, values in rows.items()]
-    lines.insert(1, "|---|" + "---:|" * len(columns))
-    return output.report({"rows": to_json(columns)}, "\n".join(lines))
+    costs = list(track(bench_walk(options), "walking", len(CASES), console=progress_console()))
+    texts = [
+        f"{cost.name}: {cost.real_time_factor:.1f} x real time, {cost.steps_done} of {cost.steps_planned} steps; "
+        f"of the physics {cost.collision_share:.0%} collision, {cost.constraint_share:.0%} contact forces\n\n"
+        f"{profile_text(cost.profile)}"
+        for cost in costs
+    ]
+    return output.report({"rows": to_json(costs)}, "\n\n".join(texts))
 
 
 def _line(values: dict[str, float]) -> str:

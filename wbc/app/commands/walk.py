@@ -6,11 +6,13 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.files import check_target
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_options import WalkOptions
 from wbc.app.walk_report import walk_text
+from wbc.core.settings import to_json
 from wbc.sim.terrain import check_clearance
 from wbc.sim.walks import WalkHook, WalkTrial
 
@@ -49,10 +51,18 @@ def walk(
             hooks.append(record)
         if watch is not None:
             hooks.append(watch)
-        result = trial.run(hooks)
+        profile: tuple[ProfileRow, ...] = ()
+        if options.profile:
+            result, profile = profile_walk(trial, hooks)
+        else:
+            result = trial.run(hooks)
     changes = [] if watch is None else watch.interventions
     data = result.to_json() | interactive(changes) | {"spec": spec.to_json()}
     lost = None if record is None else record.loss
     if options.record is not None:
         data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
-    return output.report(data, walk_text(result, spec) + interactive_text(changes), lost)
+    text = walk_text(result, spec) + interactive_text(changes)
+    if options.profile:
+        data |= {"profile": to_json(profile)}
+        text += f"\n\n{profile_text(profile)}"
+    return output.report(data, text, lost)
