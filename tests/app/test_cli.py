@@ -40,6 +40,8 @@ ELSEWHERE = {
     "study dataset": "sim/test_best_stiffness.py",
     "stiffness train": "sim/test_best_stiffness.py",
     "stiffness judge": "sim/test_best_stiffness.py",
+    "study optimize": "sim/test_optimization.py",
+    "study paper": "sim/test_paper_studies.py",
     "robots check": "app/test_robots_command.py",
     "robots add": "app/test_robots_command.py",
     "plot": "app/test_plots.py",

@@ -299,7 +299,7 @@ def test_gains_and_stiffness_are_set_and_stops_stop() -> None:
     controls = LiveControls(stage.plant, walking)
     offer = {gain["name"]: gain["value"] for gain in controls.available()["gains"]}
     assert offer["dcm_p"] == walking.stabilizer.gains.dcm_p[0]  # type: ignore[index]
-    assert controls.available()["stiffness"] == {"low": 0.0, "high": 80.0, "value": 10.0}
+    assert controls.available()["stiffness"] == {"low": 1.0, "high": 2000.0, "value": 10.0}
     controls.apply({"do": "gain", "name": "dcm_p", "value": 5.5})
     controls.apply({"do": "stiffness", "value": 30})
     controls.apply({"do": "stop"})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,8 @@ def test_everything_runs_at_the_smallest_scale_and_resumes(
         assert f"## {part}\n" in report
     sizes = {path: path.stat().st_size for path in tmp_path.glob("*.jsonl")}
     assert len(sizes) == 9
-    assert cli.main(words) == cli.RAN
+    capfd.readouterr()
+    assert cli.main([*words, "--json"]) == cli.RAN
+    assert isinstance(json.loads(capfd.readouterr().out), dict)
     assert (tmp_path / "report.md").read_text() == report
     assert {path: path.stat().st_size for path in sizes} == sizes

@@ -19,7 +19,6 @@ from cyclopts.config import Dict
 from wbc.core.errors import InputError
 from wbc.core.files import read_json, read_text
 from wbc.core.settings import usable_path
-from wbc.sim.walks.presets import WALK_PRESETS
 
 CONFIG, SPEC, PRESET = "--config", "--spec", "--preset"
 
@@ -90,6 +89,8 @@ def preset_options(name: str) -> dict[str, Any]:
     Raises:
         UnknownNameError: No such preset.
     """
+    from wbc.sim.walks.presets import WALK_PRESETS  # noqa: PLC0415 - imports the simulator
+
     parts = dict(WALK_PRESETS[name])
     return {**parts.pop("gait"), **parts.pop("plan"), "set": parts.pop("changes"), **parts}
 

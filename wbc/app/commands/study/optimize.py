@@ -15,6 +15,7 @@ from pydantic import Field
 from wbc.app.commands.study.run import RunOptions, progress_bar
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, choose
+from wbc.core.files import save_figure
 from wbc.core.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.optimization import (
@@ -169,7 +170,7 @@ def _figures(
     paths = []
     for name, each in found.items():
         path = folder / f"optimize_{name}.png"
-        optimum_figure(name, walked[name], each).savefig(path, dpi=110)
+        save_figure(optimum_figure(name, walked[name], each), path, dpi=110.0)
         paths.append(str(path))
     return paths
 

@@ -13,7 +13,7 @@ from wbc.app.commands.study.run import RunOptions, run_trials
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.plot.experiments import steps_figure
 from wbc.core.errors import InputError, choose
-from wbc.core.files import write_text
+from wbc.core.files import save_figure, write_text
 from wbc.core.settings import Count, Positive, settings
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
@@ -121,7 +121,7 @@ def _study(part: str, options: PaperOptions) -> str:
     if part.startswith("table4"):
         texts.insert(1, table_four(table))
     picture = options.folder / f"{part}.png"
-    steps_figure(table).savefig(picture, dpi=110)
+    save_figure(steps_figure(table), picture, dpi=110.0)
     return "\n\n".join([*texts, f"![Steps of each arm.]({picture.name})"])
 
 

@@ -149,10 +149,10 @@ def heights(
 def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
     """Return the origin of a result: counts of trials by status, versions of the code, seeds."""
     found = study_entries(study, entries, any_code=any_code)
-    used = {trial: entry for trial, entry in found if entry is not None}
-    versions = {json.dumps(entry.version, sort_keys=True) for entry in used.values()}
+    used = [(trial, entry) for trial, entry in found if entry is not None]
+    versions = {json.dumps(entry.version, sort_keys=True) for _, entry in used}
     return {
-        "trials": dict(Counter(entry.status for entry in used.values())),
+        "trials": dict(Counter(entry.status for _, entry in used)),
         "versions": [json.loads(version) for version in sorted(versions)],
-        "seeds": sorted({trial.seed for trial in used}),
+        "seeds": sorted({trial.seed for trial, _ in used}),
     }
