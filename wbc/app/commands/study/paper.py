@@ -157,10 +157,10 @@ def _dataset(options: PaperOptions) -> str:
         return f"{summary.total} walks, too few for a label"
     made = {"command": f"wbc study paper --only dataset --scale {options.scale:g}", "code": code_version()}
     table = stiffness_table(study, found, windows=3, made=made)
-    path = options.folder / "dataset.csv"
-    table.save(path)
+    target = options.folder / "dataset.csv"
+    table.save(target)
     texts = [
-        f"{summary.total} walks, {len(table)} rows in {path.name}",
+        f"{summary.total} walks, {len(table)} rows in {target.name}",
         f"```text\n{label_table(found)}\n```",
     ]
     try:
