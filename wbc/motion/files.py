@@ -50,12 +50,10 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
         raise InputError(f"the name of a motion must end in .npz or .csv, got '{path.name}'")
     with replacing(path) as new:
         if path.suffix == ".npz":
-            with new.open("wb") as file:
-                known: dict[str, Any] = {} if clip.standing is None else {"standing": clip.standing}
-                names = np.array(clip.joint_names)
-                np.savez_compressed(
-                    file, joint_names=names, rate=clip.rate, base=clip.base, joints=clip.joints, **known
-                )
+            columns: dict[str, Any] = {"rate": clip.rate, "base": clip.base, "joints": clip.joints}
+            if clip.standing is not None:
+                columns["standing"] = clip.standing
+            np.savez_compressed(new, joint_names=np.array(clip.joint_names), **columns)
             return
         with new.open("w", newline="", encoding="utf-8") as text:
             writer = csv.writer(text)
