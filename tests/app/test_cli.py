@@ -46,6 +46,7 @@ ELSEWHERE = {
     "robots add": "app/test_robots_command.py",
     "plot": "app/test_plots.py",
     "view": "app/test_log_replay.py",
+    **dict.fromkeys(("bench record", "bench compare"), "app/test_bench.py"),
     **dict.fromkeys(("motion make", "motion check", "motion filter"), "motion/test_motion.py"),
 }
 """Commands that have their own tests of what they print, because it takes a walk or a file: the file that does it."""

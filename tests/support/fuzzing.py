@@ -97,6 +97,7 @@ STUBS = (
     "wbc.app.commands.bench:bench_solver",
     "wbc.app.commands.bench:bench_physics",
     "wbc.app.commands.bench:bench_walk",
+    "wbc.app.commands.bench:bench_record",
     "wbc.app.commands.study.run:sweep",
     "wbc.app.commands.study.stiffness:run_trials",
     "wbc.app.commands.terrain:plot_families",
@@ -109,7 +110,15 @@ STUBS = (
 )
 """Long work that legal values start: a word that gets here was accepted."""
 
-LONG = {"bench physics", "bench walk", "push", "study dataset", "foot curves", "foot stability"}
+LONG = {
+    "bench physics",
+    "bench walk",
+    "bench record",
+    "push",
+    "study dataset",
+    "foot curves",
+    "foot stability",
+}
 
 
 class Accepted(BaseException):

@@ -27,6 +27,8 @@ COMMANDS = {
     "bench solver": "wbc.app.commands.bench:solver",
     "bench physics": "wbc.app.commands.bench:physics",
     "bench walk": "wbc.app.commands.bench:walk",
+    "bench record": "wbc.app.commands.bench:record",
+    "bench compare": "wbc.app.commands.bench:compare",
     "feet": "wbc.app.commands.foot.feet:feet",
     "foot press": "wbc.app.commands.foot.tests:press",
     "foot drop": "wbc.app.commands.foot.tests:drop",
