@@ -251,6 +251,7 @@ def test_too_few_repeats_are_said(tmp_path: Path, capfd: pytest.CaptureFixture[s
         (_record(machine=3), "machine"),
         (_record(benchmarks={"tick": {"options": {}, "samples_us": {"slow": [1.0]}}}), "at least two"),
         (_record(benchmarks={"tick": 3}), "tick has no object"),
+        (_record(benchmarks={"tick": {"options": {}, "samples_us": {"slow": [1.0, 1e-320]}}}), "1e-06"),
         (_record(benchmarks=3), "benchmarks"),
         (
             _record(benchmarks={"tick": {"options": {}, "samples_us": {"slow": [1.0, -1.0]}}}),
@@ -269,6 +270,12 @@ def test_what_is_no_record_or_of_another_benchmark_is_refused(
     assert cli.main(_compared(tmp_path, _record(), other)) == cli.BAD_INPUT
     out, err = capfd.readouterr()
     assert out == "" and err.count("\n") == 1 and message in err
+
+
+@pytest.mark.parametrize("threshold", ["-0.1", "nan"])
+def test_a_threshold_is_a_share(tmp_path: Path, capfd: pytest.CaptureFixture[str], threshold: str) -> None:
+    assert cli.main(_compared(tmp_path, _record(), _record(), "--threshold", threshold)) == cli.BAD_INPUT
+    assert "threshold" in capfd.readouterr().err
 
 
 def test_a_record_holds_every_repeat_and_where_it_was_made(

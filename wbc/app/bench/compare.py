@@ -25,6 +25,9 @@ from wbc.sim.studies.intervals import holm
 SIGNIFICANCE = 0.05
 """Largest p-value, after Holm's correction, of a difference."""
 
+MOST = 100.0
+"""Largest threshold."""
+
 RESAMPLES = 5000
 """Resamples of the bootstrap."""
 
@@ -82,8 +85,10 @@ def compare_records(before: BenchRecord, after: BenchRecord, threshold: float) -
         threshold: Share by which a median must grow to be slower, such as 0.05.
 
     Raises:
-        InputError: Records without a benchmark in common, or of benchmarks with other options.
+        InputError: A negative threshold, records without a benchmark in common, or of benchmarks with other options.
     """
+    if not 0.0 <= threshold <= MOST:
+        raise InputError(f"the threshold must be a share from 0 to {MOST:g}, got {threshold}")
     common = [name for name in before.benchmarks if name in after.benchmarks]
     if not common:
         first, second = (", ".join(record.benchmarks) or "none" for record in (before, after))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import math
 import os
 import platform
 import subprocess
@@ -32,6 +31,9 @@ KIND = "wbc benchmark record"
 
 LIBRARIES = ("pin", "mujoco", "proxsuite", "daqp", "numpy", "scipy")
 """Libraries whose versions a record names."""
+
+SHORTEST, LONGEST = 1e-6, 1e12
+"""Shortest and longest time that a sample may be, µs."""
 
 Samples = dict[str, tuple[Annotated[Positive, "µs"], ...]]
 """Figure → its value in every repeat, µs."""
@@ -171,12 +173,13 @@ def _check_samples(data: dict[str, Any]) -> None:
         for figure, values in samples.items():
             if not isinstance(values, list) or len(values) < 2 or not all(map(_is_time, values)):
                 raise InputError(
-                    f"'{figure}' of {name} must hold at least two times above zero, us, got {shown(values)}"
+                    f"'{figure}' of {name} must hold at least two times from {SHORTEST:g} to {LONGEST:g} us, "
+                    f"got {shown(values)}"
                 )
 
 
 def _is_time(value: object) -> bool:
-    return isinstance(value, (int, float)) and 0.0 < value < math.inf
+    return isinstance(value, (int, float)) and SHORTEST <= value <= LONGEST
 
 
 def _tick(options: BenchRecordOptions) -> Iterator[tuple[str, float]]:
