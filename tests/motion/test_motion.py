@@ -93,7 +93,7 @@ def test_formats_of_the_field_become_the_same_clip(
     ending: str,
     given: tuple[str, ...],
 ) -> None:
-    """What a file does not hold, rate or joint names, has to be given, and is never guessed."""
+    """A rate or joint names that a file does not hold have to be given, and are never guessed."""
     path = tmp_path / f"clip{ending}"
     write(arms, path)
     options = {"rate": arms.rate, "joints": arms.joint_names}

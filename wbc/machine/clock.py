@@ -40,7 +40,7 @@ class Clock:
 
 @dataclass
 class Quiet:
-    """What was got from the operating system for the time of a loop.
+    """Settings that the operating system granted for the time of a loop.
 
     Attributes:
         memory_locked: No page is swapped out.

@@ -13,6 +13,7 @@ import signal
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -50,7 +51,7 @@ class Guard:
         self._fd = (
             os.memfd_create("wbc_guard")
             if hasattr(os, "memfd_create")
-            else os.open(f"/tmp/wbc_guard_{os.getpid()}", os.O_RDWR | os.O_CREAT, 0o600)
+            else tempfile.mkstemp(prefix="wbc_guard_")[0]
         )
         os.ftruncate(self._fd, mmap.PAGESIZE)
         self._memory = mmap.mmap(self._fd, mmap.PAGESIZE)

@@ -73,7 +73,7 @@ LOW_STATE = np.dtype(
 
 _CDR_HEADER = b"\x00\x01\x00\x00"  # little-endian XCDR1
 _FIRST_MODE = {LOW_CMD: 2, LOW_STATE: 70}
-"""Where the first motor's mode lies in CDR; in the struct it lies two bytes later, with padding around it."""
+"""Place of the first motor's mode in CDR; in the struct it lies two bytes later, with padding around it."""
 
 _REVERSED = np.array([int(f"{value:08b}"[::-1], 2) for value in range(256)], dtype=np.uint8)
 

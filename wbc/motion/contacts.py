@@ -41,7 +41,7 @@ class ContactSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """Which sole stands when.
+    """Contacts of both soles over time.
 
     Attributes:
         rate: Frames per second, Hz.

@@ -149,7 +149,7 @@ ROWS = (
     ("time on one foot", lambda m: 100.0 * m.single_support, "%"),
     ("frames that are not feasible", lambda m: 100.0 * float(m.infeasible_frames.mean()), "%"),
 )
-"""What of the measures is shown: label, value, unit."""
+"""Measures that are shown: label, value, unit."""
 
 
 def _table(*columns: MotionMeasures) -> list[str]:

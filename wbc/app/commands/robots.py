@@ -20,7 +20,7 @@ FILE = Parameter(help="MJCF or URDF of the robot.")
 
 @settings(kw_only=True)
 class RobotFileOptions:
-    """What a robot's file does not say.
+    """Options for all that a robot's file does not say.
 
     Attributes:
         left: Left foot: a body, site or geom of an MJCF, a link of a URDF; the lowest limb of an MJCF when not given.
