@@ -36,10 +36,14 @@ class GainOptions(TaskOptions, total=False):
         stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
         damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
             the default.
+        error_bound: Greatest component of the error that acts, in its unit (m, rad), scalar or shape (dim,), > 0: a
+            longer error acts as one of this length in its direction, so that a target out of reach pulls no harder
+            the further away it is. 0.1 m (of the centre of mass 0.3 m) and 1 rad by default; `math.inf` for none.
     """
 
     stiffness: ArrayLike
     damping: ArrayLike | None
+    error_bound: ArrayLike
 
 
 class MotionOptions(GainOptions, total=False):

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, check_options, unknown_name
-from wbc.core.qp.task import MotionTask
+from wbc.core.qp.task import ERROR_BOUNDS, MotionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.options import MotionOptions
 
@@ -41,6 +41,7 @@ class AxesTask(MotionTask):
         name = gains.pop("name", None) or name
         mask = axis_mask(name, gains.pop("axes", choices), choices)
         self._keep = None if mask.all() else np.flatnonzero(mask)
+        self._linear_rows = int(mask[:3].sum())
         self._only_joints: Sequence[str] | None = gains.pop("joints", None)
         super().__init__(name, int(mask.sum()), **gains)
 
@@ -52,6 +53,16 @@ class AxesTask(MotionTask):
         """
         super().bind(robot)
         self._unused = other_columns(robot, self._only_joints)
+
+    def _default_bound(self) -> ArrayLike:
+        if "|" not in self.unit:
+            return super()._default_bound()
+        linear, angular = (ERROR_BOUNDS.get(unit, np.inf) for unit in self.unit.split("|"))
+        return np.where(np.arange(self.dim) < self._linear_rows, linear, angular)
+
+    def _vectors(self) -> Sequence[slice]:
+        parts = (slice(0, self._linear_rows), slice(self._linear_rows, self.dim))
+        return [part for part in parts if part.stop > part.start]
 
     def _write(self, rows: tuple[Array, Array, Array], values: tuple[Array, Array, Array]) -> None:
         """Write Jacobian, error and drift of all axes into the rows of the chosen ones."""

@@ -13,6 +13,9 @@ from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
 from wbc.tasks.options import MotionOptions
 
+ERROR_BOUND = 0.3
+"""Greatest component of the error that acts, m: a push moves the centre of mass further than a motion moves a hand."""
+
 
 class CoMTask(AxesTask):
     """Bring the centre of mass to a point of the world.
@@ -35,6 +38,9 @@ class CoMTask(AxesTask):
         self._target: Array | None = None
         if target is not None:
             self.target = target
+
+    def _default_bound(self) -> ArrayLike:
+        return ERROR_BOUND
 
     @property
     def target(self) -> Array:

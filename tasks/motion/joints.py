@@ -85,6 +85,11 @@ class JointTask(Task):
         else:
             self._target = finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
 
+    def saturate(self, error: Array) -> None:
+        """Bring the error of each joint into its bound; see `Task.saturate`."""
+        bound = self._rows.bound
+        np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
+
     def _row(self, joint: str) -> int:
         self.robot.joint_index(joint)
         if joint not in self.joints:

@@ -172,7 +172,7 @@ def test_gains_feed_forward_and_drift_make_the_reference(case: str) -> None:
     task = MOTION_TASKS[case].make(robot)
     controller.add(task)
     task.weight = 1e6
-    task.damping = 3.0
+    task.damping, task.error_bound = 3.0, np.inf
     task.feedforward_velocity = rng.normal(size=task.dim)
     task.feedforward_acceleration = rng.normal(size=task.dim)
     robot.update(*random_state(robot, rng, 0.3))
@@ -263,13 +263,13 @@ def test_weights_share_between_tasks_that_disagree() -> None:
     hand = left_hand(robot)
     here = np.array(robot.placement(hand).translation)
     one = controller.add(PositionTask(hand, here + [0.1, 0.0, 0.0], name="one", weight=3.0, stiffness=10.0))
-    two = controller.add(PositionTask(hand, here - [0.0, 0.2, 0.0], name="two", weight=1.0, stiffness=10.0))
+    two = controller.add(PositionTask(hand, here - [0.0, 0.1, 0.0], name="two", weight=1.0, stiffness=10.0))
     solution = controller.solve()
     jacobian = rows_of(one, robot)[0]
-    np.testing.assert_allclose(jacobian @ solution.accelerations, [0.75, -0.5, 0.0], atol=1e-5)
+    np.testing.assert_allclose(jacobian @ solution.accelerations, [0.75, -0.25, 0.0], atol=1e-5)
     np.testing.assert_allclose(3.0 * solution.residuals["one"], -solution.residuals["two"], atol=1e-5)
     two.weight = [0.0, 1.0, 1.0]
-    np.testing.assert_allclose(jacobian @ controller.solve().accelerations, [1.0, -0.5, 0.0], atol=1e-5)
+    np.testing.assert_allclose(jacobian @ controller.solve().accelerations, [1.0, -0.25, 0.0], atol=1e-5)
 
 
 def test_weights_of_joints_stay_when_the_weight_changes() -> None:
@@ -372,3 +372,40 @@ def test_errors_point_from_measured_to_target() -> None:
     task.bind(robot)
     expected = np.concatenate([other.rotation.T @ [0.1, 0.2, -0.3], other.rotation.T @ [0.0, 0.0, 0.3]])
     np.testing.assert_allclose(rows_of(task, robot)[1], expected, atol=1e-12)
+
+
+# Errors out of bounds
+
+
+def test_an_error_beyond_its_bound_acts_as_one_of_that_size_in_its_direction() -> None:
+    """A hand that nothing hinders accelerates to a target far away as to one at the bound on the way to it."""
+
+    def acceleration(distance: float) -> Array:
+        controller = standing("hrp4_class")
+        hand = controller.add(PoseTask(left_hand(controller.robot), weight=1e4, stiffness=50.0))
+        turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.2) @ hand.target.rotation
+        offset = distance * np.array([1.0, 0.5, 0.0])
+        hand.target = pin.SE3(turned, hand.target.translation + offset)
+        made = controller.solve().accelerations
+        np.testing.assert_allclose(hand.error, (*offset, 0.0, 0.0, 0.2), atol=1e-9)
+        jacobian, _, drift = rows_of(hand, controller.robot)
+        return np.asarray(jacobian @ made + drift)
+
+    np.testing.assert_allclose(acceleration(2.0), acceleration(0.1), atol=1e-6)
+    np.testing.assert_allclose(acceleration(2.0), (5.0, 2.5, 0.0, 0.0, 0.0, 10.0), atol=0.01)
+
+
+def test_joints_are_bounded_one_by_one_and_any_bound_can_be_set() -> None:
+    posture = standing("hrp4_class").task("posture")
+    assert isinstance(posture, PostureTask) and (posture.error_bound == 1.0).all()
+    error = np.zeros(posture.dim)
+    error[:3] = 3.0, -3.0, 0.4
+    posture.saturate(error)
+    np.testing.assert_allclose(error[:3], (1.0, -1.0, 0.4))
+    posture.error_bound = np.inf
+    error[0] = 3.0
+    posture.saturate(error)
+    assert error[0] == 3.0
+    assert (CoMTask().error_bound == 0.3).all() and (PositionTask("f").error_bound == 0.1).all()
+    np.testing.assert_allclose(PoseTask("f", axes=("x", "roll", "yaw")).error_bound, (0.1, 1.0, 1.0))
+    assert np.isinf(MomentumTask().error_bound).all()

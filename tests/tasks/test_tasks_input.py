@@ -42,6 +42,10 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "com: weight of wrong shape": lambda: CoMTask(weight=[1.0, 2.0]),
     "com: negative stiffness": lambda: CoMTask(stiffness=-1.0),
     "com: infinite damping": lambda: CoMTask(damping=float("inf")),
+    "com: bound of zero": lambda: CoMTask(error_bound=0.0),
+    "com: bound that is no number": lambda: CoMTask(error_bound=NAN),
+    "com: bound of wrong shape": lambda: CoMTask(error_bound=[0.1, 0.1]),
+    "com: bound in words": lambda: CoMTask(error_bound="far"),  # type: ignore[arg-type]
     "com: no axis": lambda: CoMTask(axes=()),
     "com: axis twice": lambda: CoMTask(axes=("x", "x")),
     "position: nan": lambda: PositionTask("left_hand", [NAN, 0.0, 0.0]),

@@ -119,6 +119,8 @@ class Assembly:
         p.target, self._targets, self._selected_target = targets[:n_rows], targets[n_first:], targets[n_rows:]
         self._block_matrix = p.rows[n_first:n_rows, :nv]
         self._rows, self._velocity = Rows.zeros(n_block + n_selected), np.zeros(n_block + n_selected)
+        self._excess = np.zeros(n_block + n_selected)
+        self._bounded: list[tuple[Task, slice]] = []  # tasks whose errors have bounds, and their rows
         self._block_velocity, self._selected_velocity = self._velocity[:n_block], self._velocity[n_block:]
         p.soft_weight = self._rows.weight[n_eq - n_first : n_block]
         self._selected = self._rows.view(slice(n_block, n_block + n_selected))
@@ -227,6 +229,7 @@ class Assembly:
             rows = self._places[task.name] = slice(at, at + task.dim)
             view = self._view(rows)
             task.attach(view)
+            self._bounded.append((task, slice(rows.start - self._start, rows.stop - self._start)))
             if isinstance(task, MotionTask):
                 self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
             elif isinstance(task, VariableTask):
@@ -245,6 +248,8 @@ class Assembly:
             block = slice(at, at + task.dim)
             view = self._selected.view(block)
             task.attach(view)
+            first = self._block_velocity.size
+            self._bounded.append((task, slice(first + block.start, first + block.stop)))
             hard_target = None
             if task.hard:
                 rows = self._places[task.name]
@@ -300,7 +305,7 @@ class Assembly:
         for selection, rows, velocity, _, _ in self._selection:
             selection.evaluate(rows.error)
             velocity[:] = v[selection.columns]
-        reference(self._rows, self._velocity, self._targets)
+        reference(self._rows, self._saturated(), self._velocity, self._targets)
         for task, matrix, row_target in self._variable:
             task.evaluate(matrix, row_target)
 
@@ -322,6 +327,18 @@ class Assembly:
             self._joint_limits.write(dt, *self._joint_bounds)
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
+
+    def _saturated(self) -> Array:
+        """Errors of all rows as they act: those beyond their bounds shortened."""
+        rows, excess = self._rows, self._excess
+        np.abs(rows.error, out=excess)
+        excess -= rows.bound
+        if not excess[excess.argmax()] > 0.0:
+            return rows.error
+        errors = rows.error.copy()
+        for task, place in self._bounded:
+            task.saturate(errors[place])
+        return errors
 
     def _write_contact(self, slot: _ContactSlot, dt: float) -> None:
         contact = slot.contact
@@ -378,16 +395,17 @@ class Assembly:
         return residual
 
 
-def reference(rows: Rows, velocity: Array, out: Array) -> None:
+def reference(rows: Rows, error: Array, velocity: Array, out: Array) -> None:
     """Reference acceleration of tasks: feed-forward, PD on error and velocity, minus drift.
 
     Args:
         rows: Values of the tasks.
+        error: Their errors as they act.
         velocity: Velocities of the tasks, overwritten.
         out: To fill.
     """
     np.subtract(rows.velocity, velocity, out=out)
     out *= rows.damping
-    out += np.multiply(rows.stiffness, rows.error, out=velocity)
+    out += np.multiply(rows.stiffness, error, out=velocity)
     out += rows.acceleration
     out -= rows.drift

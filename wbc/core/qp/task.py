@@ -7,12 +7,14 @@ drift. The controller then computes the reference acceleration of all tasks toge
     reference = feed-forward acceleration + stiffness · error
                 + damping · (feed-forward velocity − Jacobian · v) − drift,
 
-and minimises ½ Σ weight · (Jacobian · acceleration − reference)².
+and minimises ½ Σ weight · (Jacobian · acceleration − reference)². An error beyond its bound acts as one of that size: a
+target out of reach pulls no harder the further away it is.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +24,10 @@ from wbc.core.errors import Array, InputError, finite_array, shown, whole_number
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
+
+ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
+"""Unit → greatest component of an error that acts, unless a task is given another: far above those of a motion that is
+followed. Errors of other units have no bound."""
 
 
 @dataclass(slots=True)
@@ -35,11 +41,14 @@ class Rows:
     velocity: Array
     acceleration: Array
     weight: Array
+    bound: Array
 
     @staticmethod
     def zeros(dim: int) -> Rows:
-        """Return rows of zeros."""
-        return Rows(*(np.zeros(dim) for _ in range(7)))
+        """Return rows of zeros, whose error has no bound."""
+        rows = Rows(*(np.zeros(dim) for _ in range(8)))
+        rows.bound.fill(np.inf)
+        return rows
 
     def view(self, rows: slice) -> Rows:
         """Return the given rows as views."""
@@ -73,6 +82,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         weight: ArrayLike = 1.0,
         stiffness: ArrayLike = 0.0,
         damping: ArrayLike | None = None,
+        error_bound: ArrayLike | None = None,
         hard: bool = False,
         level: int = 1,
     ) -> None:
@@ -84,6 +94,8 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; unused when `hard`.
             stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
             damping: Acceleration per velocity error, 1/s; critical, 2·√stiffness, when None.
+            error_bound: Greatest component of the error that acts, `unit`, scalar or shape (dim,), > 0; that of
+                `ERROR_BOUNDS` when None.
             hard: Make the rows a constraint.
             level: Priority, 1 is the highest; a hard task is above all levels.
 
@@ -109,6 +121,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         self._robot: Robot | None = None
         self.weight = weight
         self.stiffness = stiffness
+        self.error_bound = self._default_bound() if error_bound is None else error_bound
         if damping is not None:
             self.damping = damping
 
@@ -166,6 +179,43 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             self.stiffness = np.array(self._rows.stiffness)
         else:
             self._rows.damping[:] = self._gain("damping (1/s)", value)
+
+    @property
+    def error_bound(self) -> Array:
+        """Greatest component of the error that acts, `unit`, shape (dim,); assign one, or inf for none."""
+        return self._rows.bound
+
+    @error_bound.setter
+    def error_bound(self, value: ArrayLike) -> None:
+        what = f"error_bound of task '{self.name}' ({self.unit})"
+        try:
+            bound = np.broadcast_to(np.asarray(value, dtype=float), (self._dim,))
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{what} must be a scalar or have shape ({self._dim},), got {shown(value)}"
+            ) from None
+        if not (bound > 0.0).all():
+            raise InputError(f"{what} must be above zero, got {shown(value)}")
+        self._rows.bound[:] = bound
+
+    def saturate(self, error: Array) -> None:
+        """Shorten an error that is beyond the bound to it, in its own direction.
+
+        Args:
+            error: Error of the task, shape (dim,), `unit`; positions and rotations are shortened each by themselves.
+        """
+        for part in self._vectors():
+            over = float((abs(error[part]) / self._rows.bound[part]).max())
+            if over > 1.0:
+                error[part] /= over
+
+    def _default_bound(self) -> ArrayLike:
+        """Bound of the error of a task that is given none, `unit`, scalar or shape (dim,)."""
+        return ERROR_BOUNDS.get(self.unit, np.inf)
+
+    def _vectors(self) -> Sequence[slice]:
+        """Rows of the error that are one vector; all of them unless a task says otherwise."""
+        return (slice(0, self._dim),)
 
     @property
     def feedforward_velocity(self) -> Array:
@@ -233,7 +283,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     def _resize(self, dim: int) -> None:
         """Change the number of rows before the task is attached, keeping uniform gains."""
         old, self._rows, self._dim = self._rows, Rows.zeros(dim), dim
-        for field in ("weight", "stiffness", "damping"):
+        for field in ("weight", "stiffness", "damping", "bound"):
             values = getattr(old, field)
             if values.size != dim and not (values == values[0]).all():
                 raise InputError(f"{field} of task '{self.name}' must be a scalar or have shape ({dim},)")
