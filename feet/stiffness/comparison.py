@@ -59,7 +59,7 @@ def candidates() -> tuple[Candidate, ...]:
 def compare(
     table: StiffnessTable,
     models: Sequence[Candidate] | None = None,
-    protocols: Sequence[Protocol] = ("grounds", "amplitudes", "shuffled", "paper"),
+    protocols: Sequence[Protocol] = ("grounds", "amplitudes", "layouts", "shuffled", "paper"),
     *,
     folds: int = 10,
     clusters: Clusters | None = None,

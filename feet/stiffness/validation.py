@@ -17,17 +17,22 @@ from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
 from wbc.feet.stiffness.model import Kind, ModelSettings, knn_pipeline
 
-Protocol = Literal["paper", "shuffled", "amplitudes", "grounds"]
+Protocol = Literal["paper", "shuffled", "layouts", "amplitudes", "grounds"]
 
 PROTOCOLS: Mapping[Protocol, str] = {
     "paper": "stratified folds in the order of the rows: profiles of one ground are on both sides",
     "shuffled": "stratified folds of shuffled rows: the same, independent of the order",
+    "layouts": "a layout of a ground is on one side; other layouts of the same ground are on the other",
     "amplitudes": "a ground at one amplitude is on one side",
     "grounds": "a ground is on one side, with all its amplitudes",
 }
 """Ways to split a table into training and test rows; "grounds" compares to a walk on unknown ground."""
 
-_GROUPS: Mapping[Protocol, tuple[str, ...]] = {"amplitudes": ("ground", "amplitude"), "grounds": ("ground",)}
+_GROUPS: Mapping[Protocol, tuple[str, ...]] = {
+    "layouts": ("ground", "seed"),
+    "amplitudes": ("ground", "amplitude"),
+    "grounds": ("ground",),
+}
 
 
 @dataclass(frozen=True)

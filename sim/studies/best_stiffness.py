@@ -244,8 +244,10 @@ def labels(
     _check_arms(study)
     found: dict[str, list[tuple[float, float, int]]] = {}
     for trial, entry in study_entries(study, entries, any_code=any_code):
-        if entry is not None and entry.status == "done" and entry.result is not None:
-            assert isinstance(trial.spec, WalkSpec) and trial.spec.stiffness is not None
+        assert isinstance(trial.spec, WalkSpec)
+        if entry is None or entry.status != "done" or entry.result is None:
+            continue
+        if trial.spec.stiffness is not None:  # a rigid sole has none
             found.setdefault(trial.cell, []).append((trial.spec.stiffness, entry.result["J"], trial.seed))
     walks = {
         cell: np.array(rows)
@@ -271,23 +273,25 @@ def label_table(labels_of: Mapping[str, Label]) -> str:
 
 
 def _check_arms(study: Study) -> None:
-    """Refuse a study whose arms are not soles of different stiffnesses."""
+    """Refuse a study without soles of enough stiffnesses, or with two arms of the same."""
     if study.kind != WalkSpec.kind:
         raise InputError(
             f"a best stiffness comes from walks; study '{study.name}' is of the kind '{study.kind}'"
         )
     seen: dict[float, str] = {}
-    first = study.narrowed(seeds=1)
-    for trial in first.trials():
+    for trial in study.narrowed(seeds=1).trials():
         assert isinstance(trial.spec, WalkSpec)
         stiffness = trial.spec.stiffness
-        if stiffness is None:
-            raise InputError(f"arm '{trial.arm}' of the study '{study.name}' says no stiffness")
-        if seen.setdefault(stiffness, trial.arm) != trial.arm:
+        if stiffness is not None and seen.setdefault(stiffness, trial.arm) != trial.arm:
             raise InputError(
                 f"arms '{seen[stiffness]}' and '{trial.arm}' of the study '{study.name}' have the same stiffness of "
                 f"{stiffness:g} Nm/rad"
             )
+    if len(seen) < MIN_STIFFNESSES:
+        raise InputError(
+            f"a best stiffness needs arms of {MIN_STIFFNESSES} stiffnesses; study '{study.name}' has "
+            f"{', '.join(f'{k:g}' for k in sorted(seen)) or 'none'} of them"
+        )
 
 
 def _prior_without(cell: str, walks: Mapping[str, Array]) -> Curve | None:
@@ -311,7 +315,8 @@ def stiffness_table(
     """Make the table that a stiffness model learns from: roughness under the toes, with the label of the ground.
 
     The ground is cut along the lines of both toes into windows as long as a scan, evenly spread over the walk and
-    taken from the left and from the right in turn.
+    taken from the left and from the right in turn. Without a length of a window, the windows are whole tracks from the
+    right to the left toe, side by side.
 
     Args:
         study: The study.
@@ -327,8 +332,6 @@ def stiffness_table(
     whole_number("windows of each ground", windows, low=2)
     if not labels_of:
         raise InputError("no best stiffness is known yet; run the study first")
-    if given.window is None:
-        raise InputError("a table of windows needs the length of a window")
     rows: list[tuple[Any, ...]] = []
     done: set[tuple[str, int]] = set()
     for trial in study.trials():
@@ -366,14 +369,17 @@ def stiffness_table(
 
 def seen_roughness(spec: WalkSpec, windows: int, recipe: ProfileRecipe) -> Array:
     """Return the roughness under the toes on a ground, left and right in turn, shape (windows, 10)."""
-    assert recipe.window is not None
     robot, ground = spec.prepare().robot(), spec.ground()
-    count = round(recipe.window / recipe.step) + 1
-    place = recipe.step * np.arange(count)
     end = ground.start + ground.length
     if spec.plan.distance is not None:
         end = min(end, spec.start[0] + spec.plan.distance + 0.5 * robot.soles[0].length)
-    starts = np.linspace(ground.start, max(end - place[-1], ground.start), windows)
-    lines = [float(robot.placement(sole.frame).translation[1]) for sole in robot.soles]
-    heights = [ground.height(x + place, np.full(count, lines[i % 2])) for i, x in enumerate(starts)]
+    toes = [float(robot.placement(sole.frame).translation[1]) for sole in robot.soles]
+    length = end - ground.start if recipe.window is None else recipe.window
+    place = recipe.step * np.arange(round(length / recipe.step) + 1)
+    if recipe.window is None:
+        starts, lines = np.full(windows, ground.start), np.linspace(min(toes), max(toes), windows)
+    else:
+        starts = np.linspace(ground.start, max(end - place[-1], ground.start), windows)
+        lines = np.array([toes[i % 2] for i in range(windows)])
+    heights = [ground.height(x + place, np.full(place.size, y)) for x, y in zip(starts, lines, strict=True)]
     return roughness(place, np.array(heights), recipe.roughness).values

@@ -8,13 +8,19 @@ from typing import Any
 
 from wbc.core.arguments import checked
 from wbc.core.registry import Registry
-from wbc.sim.studies.paper import authority, fig5, oracle, table4
+from wbc.sim.studies.paper.experiments import (
+    authority,
+    damping,
+    fig5,
+    oracle,
+    table4,
+    tuned_fixed,
+)
 from wbc.sim.studies.stiffness_studies import (
     arches,
     dataset,
     halfway,
     stiffness_question,
-    tuned_fixed,
     unknown_ground,
 )
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
@@ -121,11 +127,12 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "tuned_fixed": tuned_fixed,
         "unknown_ground": unknown_ground,
         "authority": authority,
+        "damping": damping,
         "oracle": oracle,
         "fig5": fig5,
-        "fig5_legacy": lambda: fig5(gains="legacy"),
+        "fig5_legacy": lambda: fig5(5, gains="legacy"),
         "table4": table4,
-        "table4_legacy": lambda: table4(gains="legacy"),
+        "table4_legacy": lambda: table4(10, gains="legacy"),
     },
 )
 """Studies by name."""

@@ -14,6 +14,10 @@ import wbc._version as version
 PARTS = ("core", "feet", "robots", "sim", "tasks", "walking")
 """Parts of the package that can change the result of a trial; the command line and the pictures cannot."""
 
+STUDIES, TRIALS = ("sim", "studies"), "trials.py"
+"""Folder of the studies: they choose walks, whose specs are in the key, and count results. Of its modules only the
+one that runs trials is hashed."""
+
 RESULTS = "data"
 """Name of the folders of results in feet and sim: models and tables are no code. A walk that uses one has its hash in
 the spec."""
@@ -32,15 +36,18 @@ def code_version() -> str:
     digest = hashlib.sha256()
     for part in PARTS:
         folder = root / part
-        for path in sorted(
-            p
-            for p in folder.rglob("*")
-            if p.suffix in SUFFIXES and not {"__pycache__", RESULTS} & set(p.relative_to(folder).parts)
-        ):
+        for path in sorted(p for p in folder.rglob("*") if _computes(p.relative_to(root).parts)):
             digest.update(f"{part}/{path.relative_to(folder).as_posix()}\0".encode())
             digest.update(path.read_bytes())
             digest.update(b"\0")
     return digest.hexdigest()[:12]
+
+
+def _computes(parts: tuple[str, ...]) -> bool:
+    """Return True if a file of the package can change the result of a trial."""
+    if not parts[-1].endswith(SUFFIXES) or {"__pycache__", RESULTS} & set(parts):
+        return False
+    return parts[:2] != STUDIES or parts[-1] == TRIALS
 
 
 @cache

@@ -131,7 +131,7 @@ QUESTION_DISTANCE = 1.5
 """Length of a walk of the stiffness question, m: twelve steps, the first two of them on flat floor."""
 
 
-def halfway(seeds: int = 6) -> Study:
+def halfway(seeds: int = 3) -> Study:
     """Return walks that tell at which height of the ground half of them fall, where a sole can make a difference."""
     return Study(
         name="halfway",
@@ -140,7 +140,7 @@ def halfway(seeds: int = 6) -> Study:
             "foot": "soft",
             "stiffness": 10.0,
             "noise": "realistic",
-            "plan": {"distance": QUESTION_DISTANCE},
+            "plan": {"distance": 3.0},
         },
         cells=tuple(
             Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
@@ -256,29 +256,12 @@ UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
 }
 """Grounds that no model is trained on, at the least and the greatest amplitude of the paper's table IV, m."""
 
-TUNED_FIXED_CHOICES = (1.0, 5.0, 20.0, 80.0, 400.0, 2000.0)
-"""Stiffnesses that are tried to tune a fixed one to each unknown ground, Nm/rad."""
-
 
 def _unknown_cells() -> tuple[Cell, ...]:
     return tuple(
         Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
         for name, amplitudes in UNKNOWN_GROUNDS.items()
         for amplitude in amplitudes
-    )
-
-
-def tuned_fixed(seeds: int = 4) -> Study:
-    """Return walks that tune a fixed stiffness to each of the unknown grounds, on other seeds than the table's."""
-    return Study(
-        name="tuned_fixed",
-        about="the best fixed stiffness on each ground of 'unknown_ground', on seeds of its own",
-        base={"foot": "soft", "noise": "realistic", "plan": {"distance": 3.0}},
-        cells=_unknown_cells(),
-        arms={f"{k:g}": {"stiffness": k} for k in TUNED_FIXED_CHOICES},
-        seeds=tuple(range(seeds)),
-        metric="J",
-        reference=f"{TUNED_FIXED_CHOICES[2]:g}",
     )
 
 
@@ -299,8 +282,8 @@ def unknown_ground(seeds: int = 20) -> Study:
         "variable": {"foot": "variable"},
     }
     cells = _unknown_cells()
-    if tuned_fixed_known():
-        best = tuned_fixed_stiffness()
+    best = tuned_fixed_stiffness()
+    if all(cell.name in best for cell in cells):
         arms["tuned fixed"] = {"foot": "soft"}
         cells = tuple(
             replace(cell, arm_values={"tuned fixed": {"stiffness": best[cell.name]}}) for cell in cells
@@ -316,14 +299,18 @@ def unknown_ground(seeds: int = 20) -> Study:
     )
 
 
-def tuned_fixed_known() -> bool:
-    """Return True if the library holds a result of the study 'tuned_fixed'."""
-    return (DATA / "tuned_fixed.json").is_file()
-
-
 def tuned_fixed_stiffness() -> dict[str, float]:
-    """Return the fixed stiffness that the study 'tuned_fixed' found best: cell → Nm/rad."""
-    data = _result("tuned_fixed.json", "wbc study best tuned_fixed")
+    """Return the fixed stiffness that the study 'tuned_fixed' found best: cell → Nm/rad; empty if it was not run."""
+    return stored_stiffness("tuned_fixed") if (DATA / "tuned_fixed.json").is_file() else {}
+
+
+def stored_stiffness(study: str) -> dict[str, float]:
+    """Return the best stiffnesses of a study that the library holds: cell → Nm/rad.
+
+    Raises:
+        InputError: There is no result.
+    """
+    data = _result(f"{study}.json", f"wbc study best {study}")
     return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}
 
 

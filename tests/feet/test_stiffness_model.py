@@ -12,10 +12,11 @@ from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
+from wbc.feet.stiffness.authors import is_authors_file, load_table, read_authors, write_authors
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import REQUIRED, ProfileRecipe, StiffnessTable
-from wbc.feet.stiffness.features import WINDOW_FEATURES, FeatureSet, select_features
+from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, FeatureSet, select_features
 from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, roughness
@@ -362,8 +363,9 @@ def test_folds_are_kept_apart(table: StiffnessTable, protocol: str) -> None:
         shared_blocks += len({owner[t] for t in train} & {owner[t] for t in test})
         shared_grounds += len({owner[t][0] for t in train} & {owner[t][0] for t in test})
     assert tested == set(owner)
-    assert (shared_blocks == 0) == (protocol in ("amplitudes", "grounds"))
-    assert (shared_grounds == 0) == (protocol == "grounds")
+    # A ground of this table has one layout.
+    assert (shared_blocks == 0) == (protocol in ("amplitudes", "layouts", "grounds"))
+    assert (shared_grounds == 0) == (protocol in ("layouts", "grounds"))
     assert len(np.unique(result.fold)) == len(Spy.shown) == 10
 
 
@@ -518,9 +520,67 @@ def test_the_command_judges_a_table(
     assert cli.main(words) == 0
     told = json.loads(capfd.readouterr().out)
     asked = [row for row in told["validation"] if row["model"] == "the model asked for"]
-    assert {row["split"] for row in asked} == {"grounds", "amplitudes", "shuffled", "paper"}
+    assert {row["split"] for row in asked} == set(PROTOCOLS)
     chosen = select_features(table.values).kept
     same = cross_validate(table, ModelSettings(tuple(chosen), neighbours=3), "grounds", folds=2)
     assert next(row["accuracy"] for row in asked if row["split"] == "grounds") == pytest.approx(same.accuracy)
     assert told["rows"] == len(table) and set(told["amplitude_trends"]) == set(table.ground.tolist())
     assert sum(told["explained_variance"]) == pytest.approx(1.0)
+
+
+# --- the authors' file ------------------------------------------------------------------------------------------------
+
+
+def made_up_authors(grounds: int = 2) -> str:
+    """A file as the authors': six trajectories of five amplitudes; the stiffness falls with the amplitude."""
+    rng = np.random.default_rng(3)
+    lines = []
+    for _ in range(grounds):
+        shapes = rng.uniform(0.8, 1.2, (6, 3))
+        for step in range(5):
+            for shape in shapes:
+                sp, p, sku = shape * np.array([0.01 * (1 + 0.2 * step), 0.012 * (1 + 0.2 * step) ** 2, 3.2])
+                values = (sp, p, p**2, sku**3, p**3, sp**3)
+                lines.append(",".join([*(f"{value:.5g}" for value in values), str(9 - 2 * step)]))
+    return "\n".join(lines) + "\n"
+
+
+def test_the_authors_file_is_read_written_and_judged(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path, again = tmp_path / "tot.csv", tmp_path / "again.csv"
+    path.write_text(made_up_authors())
+    read = load_table(path)
+    assert len(read) == 60 and np.unique(read.ground).size == 2
+    assert read.stiffness[:30:6].tolist() == [34.0, 26.0, 18.0, 10.0, 2.0]
+    lines = path.read_text().splitlines()
+    first = [float(word) for word in lines[0].split(",")]
+    np.testing.assert_allclose(FeatureSet(PAPER_FEATURES)(read.values)[0], first[:6], rtol=1e-4)
+    write_authors(read, again)
+    other = [[float(word) for word in line.split(",")] for line in again.read_text().splitlines()]
+    mine = [[float(word) for word in line.split(",")] for line in lines]
+    np.testing.assert_allclose(other, mine, rtol=2e-4)
+    # A trajectory has one layout at all amplitudes: folds by layout keep it on one side.
+    judged = cross_validate(read, protocol="layouts", folds=4)
+    for ground, seed in ((g, s) for g in np.unique(read.ground) for s in range(6)):
+        assert np.unique(judged.fold[(read.ground == ground) & (read.seed == seed)]).size == 1
+    assert cli.main(["stiffness", "judge", str(path), "--folds", "2", "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert {row["split"] for row in told["validation"]} == set(PROTOCOLS) and told["selection"] is None
+    assert not any("window" in row["model"] for row in told["validation"])
+
+
+def test_files_that_are_not_the_authors_are_refused(table: StiffnessTable, tmp_path: Path) -> None:
+    path = tmp_path / "tot.csv"
+    text = made_up_authors(1)
+    for wrong, message in (
+        (text.replace(",9\n", ",21\n", 1), "from 1 to 20"),
+        (text[: text.rindex("\n", 0, -1) + 1], "30 rows for each ground"),
+        (text.replace("0.", "x", 1) if not text.startswith("0.") else text[:20] + "\n" + text, "no file of"),
+    ):
+        path.write_text(wrong)
+        with pytest.raises(InputError, match=message):
+            read_authors(path)
+    assert not is_authors_file(tmp_path) and not is_authors_file(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="6 rows for each of 5 amplitudes"):
+        write_authors(table.rows(slice(0, 7)), path)

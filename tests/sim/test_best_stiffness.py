@@ -276,8 +276,15 @@ def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest
     assert {round(label["stiffness"]) for label in told["labels"].values()} == {9}
     assert cli.main(["study", "best", str(study), "--journal", str(tmp_path / "none.jsonl")]) == 2
     assert "no journal" in capfd.readouterr().err
-    assert cli.main(["study", "best", "rough_ground", "--journal", str(journal)]) == 2
-    assert "says no stiffness" in capfd.readouterr().err
+    assert cli.main(["study", "best", "halfway", "--journal", str(journal)]) == 2
+    assert "needs arms of 4 stiffnesses; study 'halfway' has 10 of them" in capfd.readouterr().err
+    assert cli.main(["study", "best", "damping", "--journal", str(journal)]) == 2
+    assert "have the same stiffness of 5 Nm/rad" in capfd.readouterr().err
+    out = tmp_path / "best.json"
+    words = ["study", "best", str(study), "--journal", str(journal), "--output", str(out)]
+    assert cli.main(words) == 0
+    assert json.loads(out.read_text())["labels"] == told["labels"]
+    capfd.readouterr()
     assert cli.main(["study", "best", "push_recovery", "--journal", str(journal)]) == 2
     assert cli.main(["study", "best", "tuned_fixed", "--journal", str(journal)]) == 2  # other grounds
     assert "walks of enough stiffnesses" in capfd.readouterr().err

@@ -12,21 +12,18 @@ import pytest
 from wbc.app import cli
 from wbc.core.errors import InputError
 from wbc.sim.studies.journal import Entry, Journal, trial_key
-from wbc.sim.studies.optimization import (
+from wbc.sim.studies.paper.optimization import (
     BOUNDS,
     FIRST_DESIGN,
     OPTIMISATION_SEED,
-    TABLE_II,
     Bounds,
     OptimisationSpec,
     Walked,
     check_journal,
     optimise,
-    optimum,
     parameters,
-    table_two,
-    validation,
 )
+from wbc.sim.studies.paper.optimum import TABLE_II, optimum, table_two, validation
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.walks import WalkSpec
 
@@ -159,7 +156,6 @@ def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_p
     study = validation(SPEC, found, 20)
     assert set(study.seeds) == set(range(100, 120)) and list(study.arms) == [
         "best",
-        "k 1",
         "k 5",
         "k 80",
         "k 2000",

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wbc.app import cli
+from wbc.app.commands.study.paper import BUDGET, JOURNALS, LEGACY_GROUNDS, PARTS, VALIDATIONS
 from wbc.core.errors import InputError
-from wbc.sim.studies.catalog import study_by_name
+from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, Journal
-from wbc.sim.studies.paper import TABLE_IV_STEPS, fig5, oracle, table4, table_four
+from wbc.sim.studies.paper.choice import choice
+from wbc.sim.studies.paper.experiments import (
+    TABLE_IV_STEPS,
+    authority,
+    damping,
+    fig5,
+    oracle,
+    table4,
+    table_four,
+)
+from wbc.sim.studies.paper.optimum import TABLE_II
 from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.study import Study
 from wbc.sim.studies.study_table import layout_of, study_table
 from wbc.sim.walks import WalkSpec
 
@@ -53,6 +67,68 @@ def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
     assert {trial.arm for trial in trials} >= {"oracle", "model", "5", "2000"}
 
 
+def test_the_whole_of_it_is_at_most_25_000_walks() -> None:
+    assert set(PARTS) <= {*STUDIES, "optimize", "optimize_legacy"}
+    studies = [study_by_name(part) for part in PARTS if not part.startswith(("optimize", "dataset"))]
+    walks = {json.dumps(dict(trial.plain), sort_keys=True) for study in studies for trial in study.trials()}
+    tuned = len(fig5(tuned=dict.fromkeys([cell.name for cell in fig5().cells], 5.0)).cells) * 10 + 20 * 20
+    optimised = (len(TABLE_II) + len(LEGACY_GROUNDS)) * (BUDGET + 4 * VALIDATIONS)
+    assert 20_000 < len(walks) + tuned + optimised + 6000 <= 25_000
+
+
+def made_up(study: Study, steps: Callable[[str, str, int], float]) -> dict[str, Entry]:
+    """Entries of all trials of a study with steps by cell, arm and seed."""
+    entries = {}
+    for trial in study.trials():
+        result = {"steps_done": steps(trial.cell, trial.arm, trial.seed), "outcome": "fell"}
+        entry = Entry(dict(trial.plain), "done", result, None, None, provenance())
+        entries[entry.key] = entry
+    return entries
+
+
+def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> None:
+    study = authority(seeds=10).narrowed(["boards", "stones"])
+    rng = np.random.default_rng(2)
+
+    def two_sided(cell: str, arm: str, seed: int) -> float:
+        best = "5" if cell.startswith("stones") else "400"
+        return 15.0 + 4.0 * (arm == best) + 0.1 * rng.normal()
+
+    found = choice(study, made_up(study, two_sided))
+    assert [ground.best for ground in found.grounds] == ["400", "5"]
+    assert all(ground.same == (ground.best,) for ground in found.grounds)
+    assert found.gain.mean == pytest.approx(2.0, abs=0.1) and found.gain.n == 20
+    assert found.over["80"].mean == pytest.approx(4.0, abs=0.1) and not found.equivalence.equivalent
+    assert "rigid" not in found.arms and "| 400 | 400 |" in found.markdown()
+    # Noise alone: the best of six is worth nothing on other layouts.
+    gains = [choice(study, made_up(study, lambda *_: 15.0 + rng.normal())).gain.mean for _ in range(10)]
+    assert abs(np.mean(np.array(gains, dtype=float))) < 0.2
+    with pytest.raises(InputError, match="two layouts"):
+        choice(study, {})
+    with pytest.raises(InputError, match="two arms"):
+        choice(study, {}, ["5"])
+
+
+def test_a_choice_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    study = authority(seeds=2).narrowed(["boards", "stones"])
+    with Journal(tmp_path / "authority.jsonl") as journal:
+        for entry in made_up(study, lambda cell, arm, seed: 5.0 + len(arm)).values():
+            journal.add(entry)
+    words = ["study", "choice", "authority", "--journal", str(tmp_path / "authority.jsonl"), "--json"]
+    assert cli.main(words) == cli.RAN
+    told = json.loads(capfd.readouterr().out)
+    assert told["single"] == "2000" and told["gain"]["mean"] == 0.0 and len(told["grounds"]) == 2
+    assert cli.main([*words, "--arm", "5"]) == cli.BAD_INPUT
+
+
+def test_the_oracle_needs_every_family_and_dampers_share_walks() -> None:
+    with pytest.raises(InputError, match="no stiffness for 'boards'"):
+        oracle(best={"stones": 5.0})
+    plain = {json.dumps(dict(t.plain), sort_keys=True) for t in authority(seeds=20).trials()}
+    shared = [t for t in damping().trials() if json.dumps(dict(t.plain), sort_keys=True) in plain]
+    assert {trial.arm for trial in shared} == {"b = 2"} and len(shared) == damping().size // 2
+
+
 def test_a_scaled_study_has_a_share_of_the_seeds_and_at_least_one() -> None:
     study = table4()
     assert study.scaled(1.0) == study
@@ -82,10 +158,11 @@ def test_everything_runs_at_the_smallest_scale_and_resumes(
     words += ["--distance", "0.15", "--workers", "2"]
     assert cli.main(words) == cli.RAN
     report = (tmp_path / "report.md").read_text()
-    for part in ("authority", "oracle", "fig5", "table4", "optimize", "optimize_legacy", "dataset"):
+    for part in PARTS:
         assert f"## {part}\n" in report
+    assert "of the 4,760 walks of the full scale" in report
     sizes = {path: path.stat().st_size for path in tmp_path.glob("*.jsonl")}
-    assert len(sizes) == 9
+    assert len(sizes) == len(PARTS) - len(JOURNALS)
     capfd.readouterr()
     assert cli.main([*words, "--json"]) == cli.RAN
     assert isinstance(json.loads(capfd.readouterr().out), dict)

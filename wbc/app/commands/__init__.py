@@ -47,6 +47,7 @@ COMMANDS = {
     "study export": "wbc.app.commands.study.show:export",
     "study swings": "wbc.app.commands.study.show:swings",
     "study best": "wbc.app.commands.study.stiffness:best",
+    "study choice": "wbc.app.commands.study.stiffness:choice",
     "study heights": "wbc.app.commands.study.stiffness:heights",
     "study optimize": "wbc.app.commands.study.optimize:optimize",
     "study paper": "wbc.app.commands.study.paper:paper",

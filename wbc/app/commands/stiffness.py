@@ -13,6 +13,7 @@ from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
+from wbc.feet.stiffness.authors import is_authors_file, load_table
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
@@ -24,7 +25,8 @@ from wbc.feet.stiffness.validation import Candidate
 TablePath = Annotated[
     Path,
     Parameter(
-        help="Table that `wbc study dataset` has written; the one that comes with the library if not given."
+        help="Table that `wbc study dataset` has written, or a file in the columns of the paper's authors; the one "
+        "that comes with the library if not given."
     ),
 ]
 
@@ -90,7 +92,7 @@ def train(
 ) -> Report:
     """Make a stiffness model of a table, and write it as plain numbers."""
     target = check_target("a stiffness model", options.out, (".json",), [table])
-    data = StiffnessTable.load(table)
+    data = load_table(table)
     chosen = options.settings(data)
     made = StiffnessModel.fit(data, chosen)
     made.save(target)
@@ -120,14 +122,15 @@ def judge(
 ) -> Report:
     """Validate models on grounds that they were not trained on, and analyse the table; about a minute.
 
-    Cross-validations by ground, by ground and amplitude, shuffled, and as in the paper; accuracy over the number of
-    grounds; correlation of the best stiffness with the amplitude; features that the table itself would choose.
+    Cross-validations by ground, by ground and amplitude, by layout, shuffled, and as in the paper; accuracy over the
+    number of grounds; correlation of the best stiffness with the amplitude; features that the table itself would
+    choose. Of a file in the authors' columns only models of the paper's features are judged: it has no others.
     """
-    data = StiffnessTable.load(table)
+    data, theirs = load_table(table), is_authors_file(table)
     chosen = options.settings(data)
     if options.plot is not None:
         check_target("a picture", options.plot, PICTURES, [table])
-    judged = candidates()
+    judged = tuple(each for each in candidates() if not theirs or each.features == PAPER_FEATURES)
     if chosen != ModelSettings():
         judged = (Candidate.of(chosen, "the model asked for"), *judged)
     curve = learning_curve(data, chosen)
@@ -136,7 +139,7 @@ def judge(
         draw_model(data, options.plot, chosen)
     trends = amplitude_trends(data)
     components = principal_components(data, chosen.features)
-    selection = select_features(data.values)
+    selection = None if theirs else select_features(data.values)
     facts: dict[str, Any] = {
         "table": str(table),
         "rows": len(data),
@@ -160,7 +163,7 @@ def judge(
         },
         "amplitude_trends": trends,
         "explained_variance": components.explained.tolist(),
-        "selection": to_json(selection),
+        "selection": None if selection is None else to_json(selection),
     }
     parts = [
         comparison_table(results),
@@ -174,6 +177,7 @@ def judge(
         "rank correlation of best stiffness and amplitude: "
         + ", ".join(f"{ground} {rank:+.2f}" for ground, rank in trends.items()),
         f"two principal components hold {100.0 * components.explained[:2].sum():.0f} % of the variance",
-        f"features that the table would choose: {', '.join(selection.kept)}",
     ]
+    if selection is not None:
+        parts.append(f"features that the table would choose: {', '.join(selection.kept)}")
     return output.report(facts, "\n\n".join(parts))

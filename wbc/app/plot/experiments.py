@@ -1,11 +1,11 @@
-"""Figure of an experiment in the paper's arrangement: a block of arms for each ground, colour for steps."""
+"""Figures of an experiment: in the paper's arrangement, colour for steps; and its differences with their intervals."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from wbc.app.plot.style import new_figure
+from wbc.app.plot.style import BLUE, ORANGE, grid, new_figure
 from wbc.sim.studies.study import ground_of
 from wbc.sim.studies.study_table import ALL, StudyTable
 
@@ -35,4 +35,38 @@ def steps_figure(table: StudyTable) -> Figure:
     axes.set_yticks(places, names, fontsize=6)
     axes.set_xticks(range(len(heights)), heights, fontsize=7)
     figure.colorbar(image, ax=axes, label=table.metric.replace("_", " "))
+    return figure
+
+
+def differences_figure(table: StudyTable) -> Figure:
+    """Draw the difference of each arm to the reference in every row with its interval, an arm beside the other.
+
+    What is established after Holm's correction is filled; the band is the margin within which a difference counts as
+    none.
+
+    Args:
+        table: Table of a study.
+    """
+    arms = [arm for arm in table.study.arms if arm != table.reference]
+    rows, cells = list(table.rows), table.by_name
+    figure = new_figure(2.6 + 1.7 * max(len(arms), 1), 1.1 + 0.17 * len(rows))
+    for i, axes in enumerate(grid(figure, 1, max(len(arms), 1), sharey=True)[0]):
+        if table.margin is not None:
+            axes.axvspan(-table.margin, table.margin, color="0.93", lw=0)
+        axes.axvline(0.0, color="0.3", linewidth=0.8)
+        for place, row in enumerate(rows):
+            cell = cells.get((row, arms[i])) if arms else None
+            if cell is None or cell.difference is None or cell.difference.mean is None:
+                continue
+            mean, low, high = cell.difference.mean, cell.difference.low, cell.difference.high
+            sure = cell.p_corrected is not None and cell.p_corrected < 0.05
+            colour = ORANGE if row == ALL else BLUE
+            if low is not None and high is not None:
+                axes.plot([low, high], [place, place], color=colour, linewidth=1.2)
+            axes.plot(mean, place, "o", color=colour, markersize=4.0, fillstyle="full" if sure else "none")
+        axes.set_title(arms[i] if arms else "", fontsize=8)
+        axes.set_yticks(range(len(rows)), [row.replace("_", " ") for row in rows], fontsize=6)
+        axes.tick_params(axis="x", labelsize=7)
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+    figure.supxlabel(f"{table.metric.replace('_', ' ')}: difference to {table.reference}", fontsize=8)
     return figure

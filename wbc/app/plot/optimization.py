@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.plot.style import AMBER, BLUE, ORANGE, grid, new_figure
-from wbc.sim.studies.optimization import NAMES, Optimum, Walked
+from wbc.sim.studies.paper.optimization import NAMES, Walked
+from wbc.sim.studies.paper.optimum import Optimum
 
 LABELS = {"k": "k (Nm/rad)", "kP": "kP (1/s)", "kD": "kD"}
 

@@ -18,19 +18,15 @@ from wbc.core.errors import InputError, choose
 from wbc.core.files import save_figure
 from wbc.core.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.studies.journal import Entry, Journal, read_journal
-from wbc.sim.studies.optimization import (
+from wbc.sim.studies.paper.optimization import (
     BOUNDS,
-    TABLE_II,
     Bounds,
     OptimisationSpec,
-    Optimum,
     Walked,
     check_journal,
     optimise,
-    optimum,
-    table_two,
-    validation,
 )
+from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation
 from wbc.sim.studies.study_table import StudyTable, study_table
 from wbc.sim.studies.sweep import cluster_executor, sweep
 from wbc.sim.terrain import terrain_families

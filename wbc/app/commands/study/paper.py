@@ -2,41 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from wbc.app.commands.study.optimize import OptimizeOptions, run_optimisation
 from wbc.app.commands.study.run import RunOptions, run_trials
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.app.plot.experiments import steps_figure
+from wbc.app.plot.experiments import differences_figure, steps_figure
 from wbc.core.errors import InputError, choose
 from wbc.core.files import save_figure, write_text
 from wbc.core.settings import Count, Positive, settings
+from wbc.feet.stiffness.authors import RECIPE, TRAJECTORIES, write_authors
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
-from wbc.sim.studies.journal import Journal, read_journal
-from wbc.sim.studies.optimization import FIRST_DESIGN, TABLE_II, check_journal, table_two
-from wbc.sim.studies.paper import table_four
+from wbc.sim.studies.journal import Entry, read_journal
+from wbc.sim.studies.paper.choice import choice
+from wbc.sim.studies.paper.experiments import (
+    AUTHORITY_STIFFNESSES,
+    FIRST_FAMILIES,
+    TUNED_CHOICES,
+    fig5,
+    oracle,
+    table4,
+    table_four,
+)
+from wbc.sim.studies.paper.optimization import FIRST_DESIGN, check_journal
+from wbc.sim.studies.paper.optimum import TABLE_II, table_two
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset
-from wbc.sim.studies.study import Study, merged
+from wbc.sim.studies.study import Study, ground_of, merged
 from wbc.sim.studies.study_table import study_table
+from wbc.sim.studies.sweep import SweepSummary
 
-STUDY_PARTS = ("authority", "oracle", "fig5", "fig5_legacy", "table4", "table4_legacy")
-"""Parts that are studies of the catalog."""
+PARTS = (
+    "authority",
+    "damping",
+    "oracle",
+    "tuned_fixed",
+    "table4",
+    "fig5",
+    "optimize",
+    "dataset",
+    "table4_legacy",
+    "fig5_legacy",
+    "optimize_legacy",
+)
+"""All parts, those that tell most first: studies, optimisations (wide bounds on eleven grounds, the paper's bounds and
+law on four), data set."""
 
-PARTS = (*STUDY_PARTS, "optimize", "optimize_legacy", "dataset")
-"""All parts: studies, optimisations (wide bounds on eleven grounds, the paper's bounds and law on four), data set."""
+JOURNALS = {"damping": "authority"}
+"""Part → part whose journal it shares, and with it walks."""
 
 LEGACY_GROUNDS = ("flat", "stones", "cylinder_obstacles", "roof_tiles")
 """Grounds of the optimisation with the paper's law and bounds."""
 
-BUDGET, WALKS_OF_DATASET = 400, 6000
-"""Walks of an optimisation on one ground and of the data set at full scale; the paper's."""
+BUDGET, VALIDATIONS = 400, 20
+"""Walks of an optimisation on one ground, and seeds of its validation, at full scale."""
 
 MARGIN = 0.5
 """Difference that counts as none in the tables, steps."""
@@ -49,8 +76,8 @@ class PaperOptions:
     Attributes:
         folder: Folder for journals, tables, figures and the report.
         scale: Share of the walks, of each experiment at least one seed; 0.05 takes about half an hour on two cores.
-        only: Only these parts: authority, oracle, fig5, fig5_legacy, table4, table4_legacy, optimize, optimize_legacy,
-            dataset.
+        only: Only these parts: authority, damping, oracle, tuned_fixed, table4, fig5, optimize, dataset, table4_legacy,
+            fig5_legacy, optimize_legacy.
         cells: Only the first so many cells of each study and grounds of each optimisation, to see it work.
         distance: Length of each walk, m; the studies' own when not given.
         workers: Number of processes on this machine.
@@ -71,9 +98,24 @@ class PaperOptions:
         for name in self.only:
             choose("part of the paper's experiments", name, PARTS)
 
+    def journal(self, part: str) -> Path:
+        """Return the journal of a part."""
+        return self.folder / f"{JOURNALS.get(part, part)}.jsonl"
+
     def run(self, part: str) -> RunOptions:
         """Return the options of the sweep of a part."""
-        return RunOptions(journal=self.folder / f"{part}.jsonl", workers=self.workers, cluster=self.cluster)
+        return RunOptions(journal=self.journal(part), workers=self.workers, cluster=self.cluster)
+
+    def study(self, part: str) -> Study:
+        """Return the study of a part at full scale; stiffnesses that an earlier part has found are its arms."""
+        if part == "oracle":
+            found = self._found("authority", AUTHORITY_STIFFNESSES)
+            best = {ground_of(cell): k for cell, k in found.items()}
+            return oracle(best=best if set(FIRST_FAMILIES) <= set(best) else None)
+        if part in ("fig5", "table4"):
+            tuned = self._found("tuned_fixed", TUNED_CHOICES)
+            return (fig5 if part == "fig5" else table4)(tuned=tuned)
+        return study_by_name(part)
 
     def sized(self, study: Study) -> Study:
         """Return a study at this scale."""
@@ -81,6 +123,15 @@ class PaperOptions:
         if self.distance is not None:
             small = replace(small, base=merged(small.base, {"plan": {"distance": self.distance}}))
         return small.narrowed([cell.name for cell in small.cells[: self.cells]])
+
+    def _found(self, part: str, tried: tuple[float, ...]) -> dict[str, float]:
+        """Return the best stiffness of each cell of a part that was walked: the one of those tried nearest to it."""
+        entries = read_journal(self.journal(part))
+        found = labels(self.sized(study_by_name(part)), entries, any_code=self.any_code) if entries else {}
+        return {
+            cell: min(tried, key=lambda k, best=label.stiffness: abs(np.log(k / best)))  # type: ignore[misc]
+            for cell, label in found.items()
+        }
 
 
 @reports
@@ -91,80 +142,110 @@ def paper(*, options: Flat[PaperOptions], output: OutputOptions = Output()) -> R
     """
     if options.folder.exists() and not options.folder.is_dir():
         raise InputError(f"{options.folder} is no folder")
-    parts = options.only or PARTS
+    parts = [part for part in PARTS if part in (options.only or PARTS)]
     for part in parts:
-        journal = options.folder / f"{part}.jsonl"
-        check_journal(read_journal(journal), lambda spec: True, part, any_code=options.any_code)
+        entries = read_journal(options.journal(part))
+        check_journal(entries, lambda spec: True, part, any_code=options.any_code)
     options.folder.mkdir(parents=True, exist_ok=True)
     texts = []
     for part in parts:
         if part == "dataset":
             text = _dataset(options)
-        elif part in STUDY_PARTS:
-            text = _study(part, options)
-        else:
+        elif part.startswith("optimize"):
             text = _optimisation(part, options)
+        else:
+            text = _study(part, options)
         write_text(options.folder / f"{part}.md", text + "\n")
         texts.append(f"## {part}\n\n{text}")
     title = f"# Experiments of the paper, scale {options.scale:g}, code `{code_version()}`"
     report = options.folder / "report.md"
     write_text(report, "\n\n".join([title, *texts]) + "\n")
-    return output.report({"report": str(report), "parts": list(parts)}, str(report))
+    return output.report({"report": str(report), "parts": parts}, str(report))
 
 
 def _study(part: str, options: PaperOptions) -> str:
-    study = options.sized(study_by_name(part))
+    whole = options.study(part)
+    study = options.sized(whole)
     summary = run_trials(study, options.run(part), any_code=options.any_code)
-    entries = read_journal(options.folder / f"{part}.jsonl")
+    entries = read_journal(options.journal(part))
     table = study_table(study, entries, margin=MARGIN, any_code=options.any_code)
-    texts = [f"{study.about}; {summary.total} walks", table.markdown()]
+    texts = [f"{study.about}; {_share(summary, whole.size)}", *_choice(part, study, entries, options)]
     if part.startswith("table4"):
-        texts.insert(1, table_four(table))
-    picture = options.folder / f"{part}.png"
-    save_figure(steps_figure(table), picture, dpi=110.0)
-    return "\n\n".join([*texts, f"![Steps of each arm.]({picture.name})"])
+        texts.append(table_four(table))
+    texts.append(table.markdown())
+    figures = {"steps": steps_figure(table), "differences": differences_figure(table)}
+    for name, figure in figures.items():
+        picture = options.folder / f"{part}_{name}.png"
+        save_figure(figure, picture, dpi=110.0)
+        texts.append(f"![{name.capitalize()} of the arms.]({picture.name})")
+    return "\n\n".join(texts)
+
+
+def _share(summary: SweepSummary, whole: int) -> str:
+    """Return how many walks there are, and of how many at full scale."""
+    done = summary.counts.get("done", 0)
+    return f"{done:,} walks" if done == whole else f"{done:,} of the {whole:,} walks of the full scale"
+
+
+def _choice(part: str, study: Study, entries: Mapping[str, Entry], options: PaperOptions) -> list[str]:
+    """Return the text on which stiffness is best where; nothing before there are two layouts."""
+    if part != "authority":
+        return []
+    try:
+        return [choice(study, entries, margin=MARGIN, any_code=options.any_code).markdown()]
+    except InputError as error:
+        return [str(error)]
 
 
 def _optimisation(part: str, options: PaperOptions) -> str:
     legacy = part == "optimize_legacy"
     grounds = (LEGACY_GROUNDS if legacy else tuple(TABLE_II))[: options.cells]
     run = OptimizeOptions(
-        journal=options.folder / f"{part}.jsonl",
+        journal=options.journal(part),
         workers=options.workers,
         cluster=options.cluster,
         budget=max(round(options.scale * BUDGET), FIRST_DESIGN + 1),
-        validate=max(round(20 * options.scale), 1),
+        validate=max(round(options.scale * VALIDATIONS), 1),
         bounds="paper" if legacy else "wide",
         law="legacy" if legacy else "default",
         distance=options.distance or 3.0,
         any_code=options.any_code,
     )
     found, _, judged = run_optimisation(grounds, run)
-    return "\n\n".join([table_two(found), *(f"{name}\n\n{t.markdown()}" for name, t in judged.items())])
+    budget = f"{run.budget} walks on each of {len(grounds)} grounds; {BUDGET} at full scale"
+    return "\n\n".join(
+        [budget, table_two(found), *(f"{name}\n\n{t.markdown()}" for name, t in judged.items())]
+    )
 
 
 def _dataset(options: PaperOptions) -> str:
-    """Run the walks of the data set, write its table, and judge models on it by all folds."""
+    """Run the walks of the data set, write its tables, and judge the paper's model on them by all folds."""
     evaluations = max(round(50 * options.scale), 4)
     size = DatasetSize(seeds=2, amplitudes=5, evaluations=evaluations, distance=options.distance or 3.0)
     study = dataset(size)
+    whole = dataset(replace(size, evaluations=50)).size
     study = study.narrowed([cell.name for cell in study.cells[: options.cells]])
     summary = run_trials(study, options.run("dataset"), any_code=options.any_code)
-    with Journal(options.folder / "dataset.jsonl") as journal:
-        entries = journal.entries
-    found = labels(study, entries, any_code=options.any_code)
+    found = labels(study, read_journal(options.journal("dataset")), any_code=options.any_code)
     if not found:
-        return f"{summary.total} walks, too few for a label"
+        return f"{_share(summary, whole)}, too few for a label"
     made = {"command": f"wbc study paper --only dataset --scale {options.scale:g}", "code": code_version()}
-    table = stiffness_table(study, found, windows=3, made=made)
-    target = options.folder / "dataset.csv"
-    table.save(target)
-    texts = [
-        f"{summary.total} walks, {len(table)} rows in {target.name}",
-        f"```text\n{label_table(found)}\n```",
-    ]
-    try:
-        texts.append(comparison_table(compare(table, candidates()[:1], folds=2 if options.cells else 10)))
-    except InputError as error:
-        texts.append(f"no model: {error}")
+    tables = {
+        "dataset.csv": stiffness_table(study, found, windows=3, made=made),
+        "dataset_tracks.csv": stiffness_table(
+            study, found, windows=TRAJECTORIES // size.seeds, recipe=RECIPE, made=made
+        ),
+    }
+    texts = [_share(summary, whole), f"```text\n{label_table(found)}\n```"]
+    for name, table in tables.items():
+        table.save(options.folder / name)
+        texts.append(f"{len(table)} rows in {name}")
+        try:
+            judged = compare(table, candidates()[:1], folds=2 if options.cells else 10)
+            texts.append(comparison_table(judged))
+        except InputError as error:
+            texts.append(f"no model: {error}")
+    if options.cells is None:
+        write_authors(tables["dataset_tracks.csv"], options.folder / "dataset_authors.csv")
+        texts.append("The tracks in the columns of the authors' file: dataset_authors.csv")
     return "\n\n".join(texts)

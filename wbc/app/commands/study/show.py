@@ -30,6 +30,27 @@ StudyName = Annotated[
 
 
 @settings(kw_only=True)
+class JournalOptions:
+    """Journal that a result is made from.
+
+    Attributes:
+        journal: File that `wbc study run` has written.
+    """
+
+    journal: Path
+
+    def entries(self) -> Mapping[str, Entry]:
+        """Return the entries of the journal.
+
+        Raises:
+            InputError: There is no journal.
+        """
+        if not self.journal.exists():
+            raise InputError(f"there is no journal {self.journal}; `wbc study run` writes it")
+        return read_journal(self.journal)
+
+
+@settings(kw_only=True)
 class PartOptions:
     """Part of a study.
 
@@ -51,26 +72,10 @@ class PartOptions:
         """Return this part of a study."""
         return read_study(study).narrowed(self.cell, self.arm, self.seeds).scaled(self.scale)
 
-
-@settings(kw_only=True)
-class JournalOptions:
-    """Journal that a result is made from.
-
-    Attributes:
-        journal: File that `wbc study run` has written.
-    """
-
-    journal: Path
-
-    def entries(self) -> Mapping[str, Entry]:
-        """Return the entries of the journal.
-
-        Raises:
-            InputError: There is no journal.
-        """
-        if not self.journal.exists():
-            raise InputError(f"there is no journal {self.journal}; `wbc study run` writes it")
-        return read_journal(self.journal)
+    def read(self, study: str, options: JournalOptions) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
+        """Return this part of a study, the entries of a journal, and the numbers of those left out, with a warning."""
+        chosen, entries = self.part(study), options.entries()
+        return chosen, entries, note_left_out(chosen, entries, any_code=self.any_code)
 
 
 @settings(kw_only=True)
@@ -165,8 +170,7 @@ def table(
     output: OutputOptions = Output(),
 ) -> Report:
     """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
-    chosen, entries = part.part(study), options.entries()
-    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    chosen, entries, unused = part.read(study, options)
     made = options.table(chosen, entries, any_code=part.any_code)
     return output.report(made.to_json() | unused, made.markdown())
 
@@ -185,8 +189,7 @@ def plot(
     from wbc.app.plot.study import study_figure  # noqa: PLC0415
 
     target = check_output(options.out, [options.journal, study])
-    chosen, entries = part.part(study), options.entries()
-    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    chosen, entries, unused = part.read(study, options)
     made = options.table(chosen, entries, any_code=part.any_code)
     save({made.study.name: study_figure(made)}, target)
     return output.report({"figure": str(target), **made.to_json(), **unused}, str(target))
@@ -203,8 +206,7 @@ def export(
 ) -> Report:
     """Write all results of a study to a table, for a spreadsheet or a data frame."""
     target = check_target("a table", options.out, (".csv",), [options.journal, study])
-    chosen, entries = part.part(study), options.entries()
-    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    chosen, entries, unused = part.read(study, options)
     columns, rows = study_rows(chosen, entries, any_code=part.any_code)
     with replacing(target) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -224,8 +226,7 @@ def swings(
     output: OutputOptions = Output(),
 ) -> Report:
     """Sum up the swings of soles of variable stiffness: reached in time, error of the scan, time before touch-down."""
-    chosen, entries = part.part(study), options.entries()
-    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    chosen, entries, unused = part.read(study, options)
     summaries = swing_summaries(chosen, entries, any_code=part.any_code)
     if not summaries:
         raise InputError(f"{options.journal} has no walk of '{chosen.name}' on soles of variable stiffness")

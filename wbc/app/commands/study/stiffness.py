@@ -1,4 +1,4 @@
-"""`wbc study best`, `heights` and `dataset`: from walks to the best stiffness and to the table of a stiffness model."""
+"""`wbc study best`, `choice`, `heights`, `dataset`: from walks to the best stiffness and the table of a model."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
+from cyclopts import Parameter
 from pydantic import Field
 
 from wbc.app.commands.study.run import RunOptions, run_trials, summary_text
@@ -21,9 +22,12 @@ from wbc.app.commands.study.show import (
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
-from wbc.core.settings import settings, to_json
+from wbc.core.files import write_text
+from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
 from wbc.sim.studies.journal import Entry, read_journal
+from wbc.sim.studies.paper.choice import DEFAULT_MARGIN
+from wbc.sim.studies.paper.choice import choice as make_choice
 from wbc.sim.studies.stiffness_studies import DatasetSize, half_heights
 from wbc.sim.studies.stiffness_studies import dataset as dataset_study
 from wbc.sim.studies.study import Study, study_entries
@@ -37,10 +41,25 @@ class BestOptions(JournalOptions):
         separate: Find the best stiffness of each cell from its own walks alone; otherwise the curve of the other cells
             is the prior.
         any_code: Take walks of other versions of the code, too.
+        out: File to write the result to as JSON (.json), as studies of the library that rest on it read it.
     """
 
     separate: bool = False
     any_code: bool = False
+    out: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None
+
+
+@settings(kw_only=True)
+class ChoiceOptions(JournalOptions):
+    """Walks that a choice comes from.
+
+    Attributes:
+        metric: Part of the results, such as steps_done; more is better. That of the study when not given.
+        margin: Gain that counts as none, in the unit of the metric.
+    """
+
+    metric: str | None = None
+    margin: Positive = DEFAULT_MARGIN
 
 
 @settings(kw_only=True)
@@ -105,6 +124,9 @@ def best(
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
+    target = None
+    if options.out is not None:
+        target = check_target("a result", options.out, (".json",), [options.journal])
     chosen, entries = read_study(study), options.entries()
     unused = note_left_out(chosen, entries, any_code=options.any_code)
     found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
@@ -117,9 +139,36 @@ def best(
         "separate": options.separate,
         **origin(chosen, entries, any_code=options.any_code),
         "labels": to_json(found),
-        **unused,
     }
-    return output.report(data, label_table(found))
+    if target is not None:
+        write_text(target, json.dumps(data, indent=1) + "\n")
+    return output.report(data | unused, label_table(found))
+
+
+@reports
+def choice(
+    study: StudyName,
+    /,
+    *,
+    options: Flat[ChoiceOptions],
+    part: Flat[PartOptions] = PartOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Find the best arm of each ground, and what choosing it there is worth over the best single one.
+
+    Of the arms with a stiffness, or of those that --arm names. The worth is judged on layouts that nothing was chosen
+    on.
+    """
+    chosen, entries, unused = part.read(study, options)
+    made = make_choice(
+        chosen,
+        entries,
+        part.arm,
+        metric=options.metric,
+        margin=options.margin,
+        any_code=part.any_code,
+    )
+    return output.report(made.to_json() | unused, made.markdown())
 
 
 @reports
@@ -132,8 +181,7 @@ def heights(
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the height of each ground at which half of the walks are completed, from a journal."""
-    chosen, entries = part.part(study), options.entries()
-    unused = note_left_out(chosen, entries, any_code=part.any_code)
+    chosen, entries, unused = part.read(study, options)
     found = half_heights(chosen, entries, any_code=part.any_code)
     if not found:
         raise InputError(f"{options.journal} has no walks of '{chosen.name}'; run the study")
