@@ -1,60 +1,157 @@
-"""Rebuild the tables of the pages from the journals in docs/journals: `python docs/tables.py [--check | --stale]`.
+"""Rebuild tables and figures of the pages from the journals in docs/journals: `python docs/tables.py [--check]`.
 
 A page marks the place of a table, and this program writes what stands between the two comments:
 
     <!-- table fig5 from fig5.jsonl.xz --by amplitude --margin 0.5 -->
     <!-- end of table -->
 
-The words are the name of a study, its journal (JSON lines, plain or compressed by xz) and options of `wbc study table`.
-Under each table stands the hash of the code that walked it; `--stale` names the tables of another code than today's.
+The words are the name of a study, its journal (JSON lines, plain or compressed by xz) and options: `--metric`, `--by`,
+`--margin`, `--seeds`, `--cell` and `--arm` of `wbc study table`, and `--as` for another kind of table:
+
+    choice      `wbc study choice`: which arm is best on which ground, and what choosing it there is worth
+    table4      the study 'table4' beside the paper's table
+    optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II
+
+A figure is drawn anew by `--figures`; it stands under `<!-- figure fig5 from fig5.jsonl.xz --as steps --to
+images/fig5_steps.svg -->`, with `--as steps` or `--as differences`.
+
+Under each table stands the hash of the code that walked it, and how many of its walks there are; `--stale` names the
+tables of another code than today's. `--pack FOLDER` compresses the journals of a folder into docs/journals.
 """
 
 from __future__ import annotations
 
+import lzma
 import re
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from wbc.sim.studies.catalog import study_by_name
-from wbc.sim.studies.journal import read_journal
+from wbc.sim.studies.journal import Entry, read_journal
+from wbc.sim.studies.paper.choice import choice
+from wbc.sim.studies.paper.experiments import table_four
+from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
+from wbc.sim.studies.paper.optimum import optimum, table_two, walked_points
 from wbc.sim.studies.provenance import code_version
-from wbc.sim.studies.study import study_entries
-from wbc.sim.studies.study_table import study_table
+from wbc.sim.studies.study import Study, study_entries
+from wbc.sim.studies.study_table import StudyTable, study_table
 
 DOCS = Path(__file__).parent
 PLACE = re.compile(r"<!-- table (.+?) -->\n(.*?)<!-- end of table -->\n", re.DOTALL)
+FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
+OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--cell", "--arm", "--as", "--to")
+FULL_BUDGET = 400
+
+
+class Mark:
+    """Words of a mark: study, journal and options."""
+
+    def __init__(self, words: str, journals: Path) -> None:
+        self.words = words
+        self.name, _, file, *rest = shlex.split(words)
+        self.options: dict[str, list[str]] = {}
+        for option, value in zip(rest[::2], rest[1::2], strict=True):
+            if option not in OPTIONS:
+                raise SystemExit(f"table {words}: no option {option}")
+            self.options.setdefault(option, []).append(value)
+        path = journals / file
+        if not path.is_file():
+            raise SystemExit(f"table {words}: no journal {path}")
+        self.entries = read_journal(path)
+
+    def option(self, name: str) -> str | None:
+        """Return the last value of an option; None if it is not given."""
+        return self.options.get(name, [None])[-1]  # type: ignore[list-item]
+
+    @property
+    def whole(self) -> Study:
+        """The study with all its layouts."""
+        return study_by_name(self.name).narrowed(
+            self.options.get("--cell", ()), self.options.get("--arm", ())
+        )
+
+    @property
+    def study(self) -> Study:
+        """The part of the study that the table is about: grounds with walks."""
+        seeds = self.option("--seeds")
+        part = self.whole.narrowed(seeds=None if seeds is None else int(seeds))
+        walked = {trial.cell for trial, entry in study_entries(part, self.entries, any_code=True) if entry}
+        return replace(part, cells=tuple(cell for cell in part.cells if cell.name in walked) or part.cells)
+
+    def table(self) -> StudyTable:
+        """Return the table of the study."""
+        margin = self.option("--margin")
+        return study_table(
+            self.study,
+            self.entries,
+            metric=self.option("--metric"),
+            by=self.options.get("--by", []),
+            margin=None if margin is None else float(margin),
+            any_code=True,
+        )
+
+    def code(self, used: list[Entry]) -> str:
+        """Return the code of some entries, which must be one."""
+        codes = sorted({entry.version["code"] for entry in used})
+        if len(codes) != 1:
+            raise SystemExit(f"table {self.words}: its walks must be of one code, got {codes or 'none'}")
+        return str(codes[0])
 
 
 def made(words: str, journals: Path) -> str:
     """Return the table of a mark, with its caption."""
-    name, _, file, *rest = shlex.split(words)
-    options = dict(zip(rest[::2], rest[1::2], strict=True))
-    unknown = set(options) - {"--metric", "--by", "--margin", "--seeds"}
-    if unknown:
-        raise SystemExit(f"table {words}: no option {', '.join(unknown)}")
-    seeds = options.get("--seeds")
-    study = study_by_name(name).narrowed(seeds=None if seeds is None else int(seeds))
-    path = journals / file
-    if not path.is_file():
-        raise SystemExit(f"table {words}: no journal {path}")
-    entries = read_journal(path)
-    used = [entry for _, entry in study_entries(study, entries, any_code=True) if entry is not None]
-    codes = sorted({entry.version["code"] for entry in used})
-    if len(codes) != 1:
-        raise SystemExit(f"table {words}: its walks must be of one code, got {codes or 'none'}")
-    table = study_table(
-        study,
-        entries,
-        metric=options.get("--metric"),
-        by=[options["--by"]] if "--by" in options else [],
-        margin=float(options["--margin"]) if "--margin" in options else None,
-        any_code=True,
-    )
-    caption = f"*{len(used)} trials of `{name}`, with the code `{codes[0]}`. (`python docs/tables.py`)*"
-    return f"\n{table.markdown()}\n\n{caption}\n\n"
+    mark = Mark(words, journals)
+    kind = mark.option("--as") or "table"
+    if kind == "optimum":
+        return _optima(mark)
+    used = [entry for _, entry in study_entries(mark.study, mark.entries, any_code=True) if entry is not None]
+    if kind == "choice":
+        text = choice(mark.study, mark.entries, mark.options.get("--arm", ()), any_code=True).markdown()
+    elif kind == "table4":
+        text = table_four(mark.table())
+    elif kind == "table":
+        text = mark.table().markdown()
+    else:
+        raise SystemExit(f"table {words}: no kind of table {kind}")
+    whole = mark.whole.size
+    count = f"{len(used)} walks" if len(used) == whole else f"Partial: {len(used)} of {whole:,} walks"
+    return f"\n{text}\n\n*{count} of `{mark.name}`, {_code(mark.code(used))}*\n\n"
+
+
+def _code(code: str) -> str:
+    return f"with the code `{code}`. (`python docs/tables.py`)"
+
+
+def _optima(mark: Mark) -> str:
+    """Return the optima of some grounds beside the paper's Table II."""
+    found = {}
+    for ground in mark.name.split("+"):
+        spec = OptimisationSpec(ground=ground, bounds=BOUNDS["wide"])
+        known = walked_points(spec, mark.entries, any_code=True)
+        found[ground] = optimum(known, spec.bounds)
+    used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in found]
+    walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in found.items())
+    partial = "Partial: " if any(each.walks < FULL_BUDGET for each in found.values()) else ""
+    caption = f"*{partial}{walks} of {FULL_BUDGET} walks a ground, {_code(mark.code(used))}*"
+    return f"\n{table_two(found)}\n\n{caption}\n\n"
+
+
+def draw(words: str, folder: Path) -> Path:
+    """Draw the figure of a mark."""
+    from wbc.app.plot.experiments import differences_figure, steps_figure  # noqa: PLC0415 - slow to import
+    from wbc.core.files import save_figure  # noqa: PLC0415
+
+    mark = Mark(words, folder / "journals")
+    kinds = {"steps": steps_figure, "differences": differences_figure}
+    kind, to = mark.option("--as"), mark.option("--to")
+    if kind not in kinds or to is None:
+        raise SystemExit(f"figure {words}: needs --as steps or differences, and --to")
+    save_figure(kinds[kind](mark.table()), folder / to, dpi=110.0)
+    return folder / to
 
 
 def rebuilt(text: str, journals: Path) -> str:
@@ -77,15 +174,36 @@ def pages(folder: Path = DOCS) -> Iterator[Path]:
     )
 
 
+def pack(source: Path, folder: Path = DOCS) -> list[Path]:
+    """Compress the journals of a folder, without the wall-clock timings and one line a trial."""
+    packed = []
+    (folder / "journals").mkdir(exist_ok=True)
+    for path in sorted(source.glob("*.jsonl")):
+        entries: Mapping[str, Entry] = read_journal(path)
+        lines = [replace(entry, clock=None).line() for entry in entries.values()]
+        target = folder / "journals" / f"{path.name}.xz"
+        target.write_bytes(lzma.compress(b"".join(lines), preset=9 | lzma.PRESET_EXTREME))
+        packed.append(target)
+    return packed
+
+
 def main(words: list[str], folder: Path = DOCS) -> int:
-    """Rebuild, check or list; return 1 if a page differs from its journals or a table is stale."""
+    """Rebuild, check, list, draw or pack; return 1 if a page differs from its journals or a table is stale."""
     bad = 0
+    if words[:1] == ["--pack"]:
+        for path in pack(Path(words[1]), folder):
+            print(f"{path.name}: {path.stat().st_size / 1024:.0f} KiB")
+        return 0
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")
         if "--stale" in words:
             for table in stale(text):
                 print(f"{page.name}: {table} is stale")
                 bad = 1
+            continue
+        if "--figures" in words:
+            for mark in FIGURE.finditer(text):
+                print(draw(mark[1].replace("\n", " "), folder))
             continue
         new = rebuilt(text, folder / "journals")
         if new != text and "--check" in words:

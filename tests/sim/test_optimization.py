@@ -23,7 +23,7 @@ from wbc.sim.studies.paper.optimization import (
     optimise,
     parameters,
 )
-from wbc.sim.studies.paper.optimum import TABLE_II, optimum, table_two, validation
+from wbc.sim.studies.paper.optimum import TABLE_II, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.walks import WalkSpec
 
@@ -149,6 +149,17 @@ def test_a_journal_of_something_else_or_of_other_code_is_refused() -> None:
         return walks.entries
 
     assert len(optimise(SPEC, 3, find, any_code=True)) == 3 and walks.run == before
+
+
+def test_a_journal_gives_the_points_in_the_order_of_asking() -> None:
+    walks = MadeUpWalks()
+    known = optimise(SPEC, 15, walks)
+    other = OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3)
+    optimise(other, 3, walks)
+    again = walked_points(SPEC, dict(reversed(walks.entries.items())))
+    assert [each.J for each in again] == [each.J for each in known]
+    np.testing.assert_allclose([w.unit for w in again], [w.unit for w in known], atol=1e-5)
+    assert len(walked_points(other, walks.entries)) == 3
 
 
 def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_papers() -> None:

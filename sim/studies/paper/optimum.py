@@ -11,14 +11,18 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.feet.soles.actuator import PAPER_STIFFEST
+from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.paper.optimization import (
     FIRST_DESIGN,
     NAMES,
+    OPTIMISATION_SEED,
     Bounds,
     OptimisationSpec,
     Walked,
     fitted,
+    parameters,
 )
+from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study
 
 GRID = 201
@@ -72,6 +76,26 @@ class Optimum:
     def whole(self) -> bool:
         """True if no k of the bounds can be told from the best."""
         return len(self.same) == 1 and self.same[0] == (float(self.k[0]), float(self.k[-1]))
+
+
+def walked_points(
+    spec: OptimisationSpec, entries: Mapping[str, Entry], *, any_code: bool = False
+) -> list[Walked]:
+    """Return the points of an optimisation that a journal has, in the order in which they were asked for.
+
+    Args:
+        spec: The optimisation.
+        entries: Entries of the journal, by key.
+        any_code: Take walks of other versions of the code, too.
+    """
+    found = {}
+    for entry in entries.values():
+        if entry.status != "done" or entry.result is None or not (any_code or entry.version == provenance()):
+            continue
+        if entry.spec.get("seed", 0) >= OPTIMISATION_SEED and spec.owns(entry.spec):
+            point = tuple(spec.bounds.unit(parameters(entry.spec)))
+            found[entry.spec["seed"]] = Walked(point, float(entry.result["J"]), entry.result)
+    return [found[seed] for seed in sorted(found)]
 
 
 @checked

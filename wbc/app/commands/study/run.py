@@ -27,7 +27,7 @@ from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
 from wbc.sim.studies.journal import Entry, Journal, Sync, canonical, check_journal_path, read_journal
 from wbc.sim.studies.provenance import differences
-from wbc.sim.studies.study import Study, study_entries
+from wbc.sim.studies.study import Study, left_out, study_entries
 from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.trials import run_trial, trial_from_json
 
@@ -191,10 +191,20 @@ def run(
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
-    """Run the trials that a study's journal does not have, with a progress bar."""
+    """Run the trials that a study's journal does not have, with a progress bar.
+
+    Raises:
+        InputError: The journal has trials of the study by another version of the code, without `any_code`.
+    """
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(options.journal, sync=options.sync))
+        older = 0 if any_code else left_out(study, journal.entries).other_code
+        if older:
+            raise InputError(
+                f"{options.journal} has {older} trials of '{study.name}' by another version of the code: --any-code "
+                f"takes them, or begin another journal"
+            )
         executor = None
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
