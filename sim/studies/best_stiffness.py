@@ -374,7 +374,7 @@ def seen_roughness(spec: WalkSpec, windows: int, recipe: ProfileRecipe) -> Array
     if spec.plan.distance is not None:
         end = min(end, spec.start[0] + spec.plan.distance + 0.5 * robot.soles[0].length)
     toes = [float(robot.placement(sole.frame).translation[1]) for sole in robot.soles]
-    length = end - ground.start if recipe.window is None else recipe.window
+    length = ground.length if recipe.window is None else recipe.window
     place = recipe.step * np.arange(round(length / recipe.step) + 1)
     if recipe.window is None:
         starts, lines = np.full(windows, ground.start), np.linspace(min(toes), max(toes), windows)
