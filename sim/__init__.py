@@ -32,6 +32,7 @@ from wbc.sim.plant import (
     with_feet,
 )
 from wbc.sim.rig import FootTest, PitchResult, PressResult, SlideResult, drop, pitch, press, slide
+from wbc.sim.scenes import Scene, make_scene, scene_kind, scene_kinds
 from wbc.sim.studies import (
     Cell,
     Journal,
@@ -148,6 +149,11 @@ __all__ = [
     "dome",
     "plate",
     "stone",
+    # Scenes: things before the robot, and scenes of your own
+    "Scene",
+    "make_scene",
+    "scene_kind",
+    "scene_kinds",
     # Rig: tests of one foot
     "FootTest",
     "press",

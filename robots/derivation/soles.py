@@ -70,9 +70,9 @@ def _points(
     geometry = element.find("geometry")
     if geometry is None or not len(geometry):
         return
-    shape, origin = geometry[0], _origin(element)
+    shape, origin = geometry[0], origin_of(element)
     if shape.tag == "box":
-        half = 0.5 * _numbers(shape.get("size", "0 0 0"))
+        half = 0.5 * numbers(shape.get("size", "0 0 0"))
         yield _move(origin, half * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
     elif shape.tag == "sphere":
         down = (placement * origin).rotation[2]
@@ -88,14 +88,14 @@ def _points(
         rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(32, half_length)], axis=1)
         yield _move(origin, np.concatenate([rim, rim * [1.0, 1.0, -1.0]]))
     elif shape.tag == "mesh":
-        path = _resolve(shape.get("filename", ""), package_dirs, base)
+        path = resolve(shape.get("filename", ""), package_dirs, base)
         if path is not None:
-            vertices = _mesh_vertices(path)
+            vertices = mesh_vertices(path)
             if vertices is not None:
-                yield _move(origin, vertices * _numbers(shape.get("scale", "1 1 1")))
+                yield _move(origin, vertices * numbers(shape.get("scale", "1 1 1")))
 
 
-def _mesh_vertices(path: Path) -> Array | None:
+def mesh_vertices(path: Path) -> Array | None:
     """Return the vertices of a mesh, or None when it cannot be read: geometry is optional."""
     try:
         return np.array(coal.MeshLoader().load(str(path)).vertices())
@@ -103,7 +103,8 @@ def _mesh_vertices(path: Path) -> Array | None:
         return None
 
 
-def _resolve(filename: str, package_dirs: tuple[str, ...], base: Path | None) -> Path | None:
+def resolve(filename: str, package_dirs: tuple[str, ...], base: Path | None) -> Path | None:
+    """Return the file of a mesh; None where there is none."""
     name = filename.removeprefix("file://")
     candidates = [Path(name)]
     if filename.startswith("package://"):
@@ -115,17 +116,19 @@ def _resolve(filename: str, package_dirs: tuple[str, ...], base: Path | None) ->
     return next((path for path in candidates if path.is_file()), None)
 
 
-def _origin(element: Element) -> pin.SE3:
+def origin_of(element: Element) -> pin.SE3:
+    """Return the placement of a geometry in its link."""
     origin = element.find("origin")
     if origin is None:
         return pin.SE3.Identity()
-    rpy = _numbers(origin.get("rpy", "0 0 0"))
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), _numbers(origin.get("xyz", "0 0 0")))
+    rpy = numbers(origin.get("rpy", "0 0 0"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), numbers(origin.get("xyz", "0 0 0")))
 
 
 def _move(placement: pin.SE3, points: Array) -> Array:
     return np.asarray(points @ placement.rotation.T + placement.translation)
 
 
-def _numbers(text: str) -> Array:
+def numbers(text: str) -> Array:
+    """Return the numbers of an attribute."""
     return np.array([float(part) for part in text.split()])

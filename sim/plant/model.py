@@ -17,7 +17,10 @@ from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, SoleGeometry
 from wbc.feet.soles.sole import SIDES
 from wbc.robots.description import RobotDescription
+from wbc.sim.plant.body_shapes import add_body_shapes
+from wbc.sim.plant.hands import HandSensor, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.scenes import Scene, make_scene
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.render import AddedTerrain, add_to_spec
 
@@ -53,6 +56,7 @@ class PlantModel:
         sole_sites: Site at each sole centre, left first.
         imu: First places in `sensordata` of the gyroscope and the accelerometer.
         furnished: True if other things than robot and ground may touch.
+        hands: Force sensors at the wrists, in the order of `Robot.frames`; none without such sensors.
     """
 
     model: mujoco.MjModel
@@ -67,6 +71,7 @@ class PlantModel:
     sole_sites: tuple[int, ...]
     imu: tuple[int, int]
     furnished: bool
+    hands: tuple[HandSensor, ...]
 
     def body(self, name: str, robot: Robot) -> tuple[int, pin.SE3]:
         """Return the body that carries a frame, and the frame's placement in it.
@@ -182,32 +187,44 @@ def build_model(
     _add_imu(spec, robot, base)
     if machine is not None:
         _add_flaws(spec, robot, machine)
+    sensors = scene is not None or (machine is not None and machine.hand_sensors)
+    if sensors:
+        add_hand_sensors(spec, robot)
     if scene is not None:
+        add_body_shapes(spec, description, robot)
         spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
+        add_grips(spec, robot, SCENE_PREFIX)
     try:
         model = spec.compile()
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot compile the model of '{robot.name}': {error}") from error
     if (
         physics.few_contacts
+        and scene is None
         and (model.geom_type[model.geom_contype != 0] == mujoco.mjtGeom.mjGEOM_PLANE).all()
     ):
         _thin_flat_soles(model)
     if _max_pairs(model) <= MAX_PAIRS:  # the contacts are the same, and in the same order
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-    return _plant_model(model, robot, feet, ground, base.name, furnished=scene is not None)
+    hands = list(robot.frames) if sensors else []
+    return _plant_model(model, robot, feet, ground, base.name, furnished=scene is not None, hands=hands)
 
 
-def furniture(source: str | Path | mujoco.MjSpec) -> mujoco.MjSpec:
+def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
     """Return the furniture of a scene, as a copy.
 
     Args:
-        source: MJCF: a path, the XML itself, or a specification under construction.
+        source: A scene, the name of one, or MJCF: a path, the XML itself, or a specification under construction.
 
     Raises:
+        UnknownNameError: No scene of that name.
         InputError: A file that cannot be read, or a scene with drives of its own.
     """
+    if isinstance(source, str) and source.replace("_", "").isalnum():
+        source = make_scene(source)
     try:
+        if isinstance(source, Scene):
+            return source.spec()
         if isinstance(source, mujoco.MjSpec):
             scene = source.copy()
         elif isinstance(source, str) and source.lstrip().startswith("<"):
@@ -319,6 +336,7 @@ def _plant_model(
     base: str,
     *,
     furnished: bool,
+    hands: Sequence[str],
 ) -> PlantModel:
     def find(kind: mujoco.mjtObj, name: str) -> int:
         index = mujoco.mj_name2id(model, kind, name)
@@ -338,9 +356,10 @@ def _plant_model(
     for body in range(1, model.nbody):  # a parent's number is below its children's
         if body_sole[body] < 0:
             body_sole[body] = body_sole[model.body_parentid[body]]
-    sensor = [
-        int(model.sensor_adr[find(kinds.mjOBJ_SENSOR, name)]) for name in ("gyroscope", "accelerometer")
-    ]
+
+    def reading(name: str) -> int:
+        return int(model.sensor_adr[find(kinds.mjOBJ_SENSOR, name)])
+
     return PlantModel(
         model=model,
         feet=tuple(feet),
@@ -352,6 +371,7 @@ def _plant_model(
         geom_robot=model.body_rootid[model.geom_bodyid] == model.body_rootid[base_id],
         body_robot=model.body_rootid == model.body_rootid[base_id],
         sole_sites=tuple(find(kinds.mjOBJ_SITE, foot.wrench_site) for foot in feet),
-        imu=(sensor[0], sensor[1]),
+        imu=(reading("gyroscope"), reading("accelerometer")),
         furnished=furnished,
+        hands=tuple(HandSensor.of(model, role) for role in hands),
     )

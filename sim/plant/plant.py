@@ -39,12 +39,14 @@ from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.drives import Drives, Interpolation
 from wbc.sim.plant.foot_devices import FootDevices
-from wbc.sim.plant.model import build_model, furniture
+from wbc.sim.plant.hands import Grips, check_clear
+from wbc.sim.plant.model import SCENE_PREFIX, build_model, furniture
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import TrueSignals
 from wbc.sim.plant.truth import GroundTruth, TruthReader
+from wbc.sim.scenes import Scene
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 
@@ -121,7 +123,7 @@ class Plant:
         range_sensor: RangeSensor | None = None,
         physics: PhysicsSettings | None = None,
         machine: Machine | None = None,
-        scene: str | Path | mujoco.MjSpec | None = None,
+        scene: str | Path | mujoco.MjSpec | Scene | None = None,
     ) -> None:
         """Build the model and put the robot on the ground.
 
@@ -139,13 +141,13 @@ class Plant:
             range_sensor: Range sensor under each toe; none when None.
             physics: Further settings of the physics; `timestep` is put in place of theirs.
             machine: Delays, friction, payload and which sensors there are.
-            scene: Furniture: MJCF, as a path, as XML or as a specification, with bodies that stand or lie about. Of
-                the robot only the feet touch it.
+            scene: What stands or lies about: a scene, the name of one, or MJCF, as a path, as XML or as a
+                specification. All of the robot touches it, and the ground; without a scene only the feet touch.
 
         Raises:
-            UnknownNameError: No such foot, terrain, noise preset or interpolation.
+            UnknownNameError: No such foot, terrain, scene, noise preset or interpolation.
             InputError: A value out of range, a control period that is no multiple of the physics step, a foot that does
-                not fit.
+                not fit, a scene that goes through the robot.
             ModelError: A robot that cannot be simulated.
         """
         choose("interpolation", interpolation, get_args(Interpolation))
@@ -180,6 +182,7 @@ class Plant:
         self._na = self.robot.na
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
+        self._grips = None if things is None else Grips(self.model, self.robot, SCENE_PREFIX)
         self._devices = FootDevices(self._plant, self.foot, range_sensor)
         self._drives = Drives(
             self.model, description, interpolation, whole_steps(self.machine.command_delay, self.timestep)
@@ -199,6 +202,7 @@ class Plant:
             self.steps,
             delay=self.machine.measurement_delay,
             torques=torques,
+            hands=len(self._plant.hands),
         )
         self.joint_torque = np.zeros(self._na)
         self._initial = initial_configuration
@@ -254,6 +258,8 @@ class Plant:
         self._drives.reset(q[7:])
         data.ctrl[:] = self._drives.target
         mujoco.mj_forward(self.model, data)
+        if self._grips is not None:
+            check_clear(self.model, data, self._plant.geom_robot)
         self._truth_reader.capture(data)
         self._signals.window[:] = data.sensordata.take(self._signals.force_places)
         self.ticks = 0
@@ -400,6 +406,33 @@ class Plant:
                 positive("duration of the push (s)", duration),
             )
         )
+
+    def grip(self, hand: str, handle: str) -> None:
+        """Close a hand around a handle of the scene: it holds the point where it is now, and turns freely about it.
+
+        Args:
+            hand: Role of the hand, such as "left_hand".
+            handle: Name of the handle's site in the scene, such as "left handle".
+
+        Raises:
+            UnknownNameError: No such hand or handle.
+            InputError: No scene, or the handle is out of the hand's reach.
+        """
+        self._hands_of_scene().close(self.data, hand, handle)
+
+    def let_go(self, hand: str) -> None:
+        """Open a hand.
+
+        Raises:
+            UnknownNameError: No such hand.
+            InputError: No scene.
+        """
+        self._hands_of_scene().open(self.data, hand)
+
+    def _hands_of_scene(self) -> Grips:
+        if self._grips is None:
+            raise InputError("a plant without a scene has nothing to grip; give scene=")
+        return self._grips
 
     def _after_step(self) -> None:
         data = self.data

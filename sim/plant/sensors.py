@@ -48,6 +48,8 @@ class SensorNoise:
         sole_force: Forces under the ankles, N.
         sole_moment: Moments about the sole centres, Nm.
         joint_torque: Torques of the drives, of a plant whose drives report them, Nm (or N).
+        hand_force: Forces at the wrists, of a plant with sensors there, N.
+        hand_moment: Moments at the wrists, Nm.
     """
 
     joint_position: SignalNoise = field(default_factory=SignalNoise)
@@ -57,6 +59,8 @@ class SensorNoise:
     sole_force: SignalNoise = field(default_factory=SignalNoise)
     sole_moment: SignalNoise = field(default_factory=SignalNoise)
     joint_torque: SignalNoise = field(default_factory=SignalNoise)
+    hand_force: SignalNoise = field(default_factory=SignalNoise)
+    hand_moment: SignalNoise = field(default_factory=SignalNoise)
 
 
 NO_NOISE = SensorNoise()
@@ -69,8 +73,12 @@ _ACCELEROMETER = SignalNoise(std=0.04, bias_std=0.05, latency=0.001)
 _FORCE = SignalNoise(std=1.0, bias_std=2.0, latency=0.001)
 _MOMENT = SignalNoise(std=0.05, bias_std=0.1, latency=0.001)
 _TORQUE = SignalNoise(std=0.2, bias_std=0.2, latency=0.001)
+_HAND_FORCE = SignalNoise(std=0.3, bias_std=0.5, latency=0.001)
+_HAND_MOMENT = SignalNoise(std=0.01, bias_std=0.02, latency=0.001)
 
-REALISTIC = SensorNoise(_ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _MOMENT, _TORQUE)
+REALISTIC = SensorNoise(
+    _ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _MOMENT, _TORQUE, _HAND_FORCE, _HAND_MOMENT
+)
 """Sensors of a good research humanoid.
 
 - Encoders: 18 bits and 2e-4 rad of noise, the joint encoders of Cassie (model by its maker, mujoco_menagerie). Zeroing
@@ -85,6 +93,8 @@ REALISTIC = SensorNoise(_ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _M
 - Forces and moments: 1 N and 0.05 Nm of noise, 2 N and 0.1 Nm of offset: chosen, about 1 and 2 parts in a thousand of
   a sensor for 1 kN. With half of 39 kg on a foot, its centre of pressure has 0.3 mm of noise and is 0.5 mm off.
 - Torques of drives: from currents, 0.2 Nm of noise and 0.2 Nm of offset: chosen.
+- Forces and moments at the wrists: 0.3 N and 0.01 Nm of noise, 0.5 N and 0.02 Nm of offset: chosen, about 2 parts in a
+  thousand of a sensor for 200 N.
 - Latency: 1 ms, one cycle of a 1 kHz field bus: chosen.
 
 Servos do not see any of it: they close their loops on their own encoders inside the drive.
@@ -97,8 +107,8 @@ NOISE_PRESETS: Registry[SensorNoise] = Registry("sensor noise", {"none": NO_NOIS
 class SensorChain:
     """The errors of `SensorNoise`, applied to a flat vector of all signals.
 
-    The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole], and the
-    torques of the joints behind it where drives report them.
+    The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole], behind
+    it the torques of the joints where drives report them, and force and moment of each hand where wrists have sensors.
 
     Attributes:
         oldest: Latency of the slowest signal, physics steps; 0 needs no history.
@@ -115,6 +125,7 @@ class SensorChain:
         *,
         delay: float = 0.0,
         torques: bool = False,
+        hands: int = 0,
     ) -> None:
         """Lay the errors out over the vector.
 
@@ -126,6 +137,7 @@ class SensorChain:
             steps: Physics steps from one reading to the next.
             delay: Age of every reading on top of its latency, s.
             torques: True if drives report their torques.
+            hands: Number of force sensors at the wrists.
         """
         wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
         channels = (
@@ -135,6 +147,7 @@ class SensorChain:
             + [noise.specific_force] * 3
             + wrench * soles
             + [noise.joint_torque] * (joints if torques else 0)
+            + ([noise.hand_force] * 3 + [noise.hand_moment] * 3) * hands
         )
         self.size = len(channels)
         self._std = np.array([c.std for c in channels])

@@ -76,6 +76,8 @@ class Machine:
         command_delay: Time from a command to its effect, s; rounded up to whole physics steps.
         force_sensors: False for feet without force sensors: `Measurement.sole_wrench` is None.
         torque_sensors: True for drives that report their torque: `Measurement.joint_torque`.
+        hand_sensors: True for force sensors at the wrists: `Measurement.hand_wrenches`; a plant with a scene always has
+            them.
         friction: Dry friction of every joint, Nm (or N).
         payload: Mass at the centre of mass of the torso's link which the description does not have, kg.
     """
@@ -84,6 +86,7 @@ class Machine:
     command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
     force_sensors: bool = True
     torque_sensors: bool = False
+    hand_sensors: bool = False
     friction: Annotated[NonNegative, "Nm"] = 0.0
     payload: Annotated[NonNegative, "kg"] = 0.0
 

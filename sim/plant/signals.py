@@ -11,14 +11,15 @@ from wbc.sim.plant.model import PlantModel
 
 
 class TrueSignals:
-    """Joint positions, joint velocities, gyroscope, accelerometer, force and moment of each sole, torques of drives.
+    """Joint positions and velocities, gyroscope, accelerometer, wrenches of soles, torques, wrenches of hands.
 
     All but encoders and gyroscope measure forces that exist only during a physics step; they are the mean over the
     rows of `window`, one a step.
 
     Attributes:
-        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), and na more with torques.
-        window: Forces in the last physics steps, shape (number of averaged steps, 3 + 6 × number of soles).
+        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), na more with torques, and 6 more
+            for each hand with a sensor.
+        window: Forces in the last physics steps, shape (number of averaged steps, 3 + 6 × number of soles and hands).
         force_places: Places of these forces in `sensordata`.
     """
 
@@ -36,24 +37,30 @@ class TrueSignals:
         self._plant = plant
         na, model = len(plant.joint_qpos), plant.model
         gyro, accelerometer = plant.imu
+        hands = len(plant.hands)
         places = [*range(accelerometer, accelerometer + 3)]
         for foot in plant.feet:
             for name in (foot.force_sensor, foot.torque_sensor):
                 first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
                 places += range(first, first + 3)
+        for hand in plant.hands:
+            places += [*range(hand.force, hand.force + 3), *range(hand.torque, hand.torque + 3)]
         self._gyro_places = np.arange(gyro, gyro + 3, dtype=np.intp)
         self.force_places = np.array(places, dtype=np.intp)
         self.window = np.zeros((averaged_steps, len(places)))
         self._samples = scalar(averaged_steps)
         self._na = na
-        soles = 2 * na + 3 + len(places)
-        self.values = np.empty(soles + (na if torques else 0))
+        soles = 2 * na + 3 + len(places) - 6 * hands
+        self.values = np.empty(soles + (na if torques else 0) + 6 * hands)
         self._positions, self._velocities = self.values[:na], self.values[na : 2 * na]
         self._rates = self.values[2 * na : 2 * na + 3]
         self._forces = self.values[2 * na + 3 : soles]
         self._wrenches = self.values[2 * na + 6 : soles]
-        self._torques = self.values[soles:] if torques else None
+        self._torque_part = slice(soles, soles + na) if torques else None
+        self._torques = None if self._torque_part is None else self.values[self._torque_part]
         self._soles = slice(2 * na + 6, soles) if forces else None
+        self._hand_part = slice(self.values.size - 6 * hands, self.values.size) if hands else None
+        self._mean = np.empty(len(places)) if hands else self._forces
 
     def sample(self, data: mujoco.MjData) -> None:
         """Write the present signals into `values`.
@@ -65,12 +72,28 @@ class TrueSignals:
         data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
         data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
         data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
-        np.add.reduce(self.window, axis=0, out=self._forces)  # the mean, without the overhead of np.mean
-        np.divide(self._forces, self._samples, out=self._forces)
+        mean = self._mean
+        np.add.reduce(self.window, axis=0, out=mean)  # the mean, without the overhead of np.mean
+        np.divide(mean, self._samples, out=mean)
+        if self._hand_part is not None:
+            self._forces[:] = mean[: self._forces.size]
+            self._sample_hands(data, mean[self._forces.size :].reshape(-1, 6))
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
         np.negative(self._wrenches, out=self._wrenches)
         if self._torques is not None:
             data.qfrc_actuator.take(self._plant.joint_dof, out=self._torques, mode="clip")
+
+    def _sample_hands(self, data: mujoco.MjData, reactions: Array) -> None:
+        """Write the wrenches on the hands: what the wrists feel, less the weight of the hands."""
+        model = self._plant.model
+        wrenches = self.values[self._hand_part].reshape(-1, 6)
+        np.negative(reactions, out=wrenches)
+        for hand, wrench in zip(self._plant.hands, wrenches, strict=True):
+            rotation = data.site_xmat[hand.site].reshape(3, 3)
+            weight = (model.body_subtreemass[hand.body] * model.opt.gravity) @ rotation
+            lever = (data.subtree_com[hand.body] - data.site_xpos[hand.site]) @ rotation
+            wrench[:3] -= weight
+            wrench[3:] -= np.cross(lever, weight)
 
     def measurement(self, reading: Array, time: float, ranges: Array, stiffness: Array) -> Measurement:
         """Return a reading of the sensors as a measurement.
@@ -91,5 +114,6 @@ class TrueSignals:
             None if self._soles is None else reading[self._soles].reshape(-1, 6),
             ranges,
             stiffness,
-            None if self._torques is None else reading[-na:],
+            None if self._torque_part is None else reading[self._torque_part],
+            hand_wrenches=None if self._hand_part is None else reading[self._hand_part].reshape(-1, 6),
         )

@@ -21,6 +21,7 @@ from wbc.sim.balance.standing import CONTROL_PERIOD, chosen_mode
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.scenes import Scene, make_scene
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.walks.plans import WalkPlan
@@ -63,6 +64,8 @@ class WalkSpec:
         terrain: Family of grounds, one of those that `wbc terrains` lists.
         amplitude: Highest minus lowest point of the ground, m; the family's own when None.
         terrain_params: Parameters of the family, and of the track: length, width, start, strip, rendering.
+        scene: What stands on the ground, one of those that `wbc scenes` lists; nothing when None.
+        scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
@@ -93,6 +96,8 @@ class WalkSpec:
     terrain: str = "flat"
     amplitude: Annotated[NonNegative, "m"] | None = None
     terrain_params: NamedValues = ()
+    scene: str | None = None
+    scene_params: NamedValues = ()
     seed: Seed = 0
     noise: str = "realistic"
     noise_seed: Seed | None = None
@@ -121,6 +126,9 @@ class WalkSpec:
         ground = self.ground()
         store("amplitude", ground.amplitude)
         store("terrain_params", _as_used(ground, self.terrain_params))
+        if self.scene is None and self.scene_params:
+            raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
+        self.things()
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
         store("changes", checked_changes(self.gains, self.changes))
@@ -162,6 +170,15 @@ class WalkSpec:
             if name in params:
                 raise InputError(f"{name} of a terrain is an option of its own, not one of its parameters")
         return terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
+
+    def things(self) -> Scene | None:
+        """Return what stands on the ground.
+
+        Raises:
+            UnknownNameError: No such scene or parameter.
+            InputError: A value out of range.
+        """
+        return None if self.scene is None else make_scene(self.scene, **dict(self.scene_params))
 
     @property
     def extent(self) -> tuple[float, float, float, float] | None:
@@ -213,11 +230,13 @@ class WalkSpec:
             del data["machine"]
         if not self.servo:
             del data["servo"]
-        for name in ("foot_changes", "policy_params", "terrain_params", "changes"):
+        for name in ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes"):
             data[name] = dict(data[name])
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}
         if self.policy is None:
             del data["policy"], data["policy_params"]
+        if self.scene is None:
+            del data["scene"], data["scene_params"]
         return {"kind": self.kind, **data}
 
     @staticmethod

@@ -313,6 +313,7 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
         seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
         physics=prepared.settings.physics,
         machine=spec.machine,
+        scene=spec.things(),
     )
     # The soles of the walk's feet may lie elsewhere under the ankles than the robot's own.
     plant_q, controller_q = plant.robot.half_sitting, robot.half_sitting

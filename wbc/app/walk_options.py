@@ -50,6 +50,8 @@ class WalkOptions:
         amplitude: Highest minus lowest point of the ground, m; the family's own when not given, 20 mm if no ground is
             named either.
         param: Parameters of the ground, each as name=value; also length, width, start, strip, resolution, rendering.
+        scene: What stands on the ground, one of those that `wbc scenes` lists.
+        scene_param: Parameters of the scene, each as name=value, such as distance=0.6.
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
@@ -93,6 +95,8 @@ class WalkOptions:
     terrain: str | None = None
     amplitude: float | None = None
     param: tuple[str, ...] = ()
+    scene: str | None = None
+    scene_param: tuple[str, ...] = ()
     seed: int = WalkSpec.seed
     noise: str = WalkSpec.noise
     noise_seed: int | None = None
@@ -139,6 +143,8 @@ class WalkOptions:
             terrain=terrain,
             amplitude=STONES_AMPLITUDE if self.terrain is None and self.amplitude is None else self.amplitude,
             terrain_params=tuple(read_changes(self.param).items()),
+            scene=self.scene,
+            scene_params=tuple(read_changes(self.scene_param).items()),
             seed=self.seed,
             noise=self.noise,
             noise_seed=self.noise_seed,

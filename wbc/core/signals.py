@@ -43,6 +43,9 @@ class Measurement:
         joint_torque: Torque that each drive applies to its joint as measured or computed from its current, shape
             (na,), Nm (or N); positive accelerates the joint in the direction of its positive velocity. None: not
             measured.
+        hand_wrenches: Wrench of the surroundings on each hand, [force; moment] in the hand's frame at its origin, in
+            the order of `Robot.frames`, shape (number of hands, 6), N and Nm; a load that is held counts, the hand's
+            own weight does not. None: no force sensors at the wrists.
         wrench_source: Origin of `sole_wrench`: "sensor", or "measured torques" or "commanded torques" where a control
             has estimated it.
     """
@@ -57,6 +60,7 @@ class Measurement:
     sole_stiffness: Array = field(default_factory=lambda: np.full(2, np.nan))
     joint_torque: Array | None = None
     wrench_source: WrenchSource = "sensor"
+    hand_wrenches: Array | None = None
 
     @property
     def wrenches(self) -> Array:

@@ -38,6 +38,7 @@ COMMANDS = {
     "foot stability": "wbc.app.commands.foot.study:stability",
     "terrain": "wbc.app.commands.terrain:terrain",
     "terrains": "wbc.app.commands.terrain:terrains",
+    "scenes": "wbc.app.commands.terrain:scenes",
     "study list": "wbc.app.commands.study.show:list_studies",
     "study show": "wbc.app.commands.study.show:show",
     "study run": "wbc.app.commands.study.run:run",

@@ -1,4 +1,4 @@
-"""`wbc terrain` and `wbc terrains`: grounds to walk on."""
+"""`wbc terrain`, `wbc terrains` and `wbc scenes`: grounds to walk on, and what may stand on them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import read_changes
 from wbc.core.settings import settings, unit_and_choices
 from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
+from wbc.sim.scenes import scene_kinds
 from wbc.sim.terrain import Rendering, Terrain, check_clearance, terrain_families
 from wbc.sim.terrain import terrain as make_terrain
 from wbc.sim.terrain.families.base import make_family
@@ -101,6 +102,17 @@ def terrains(
     return output.report(facts, "\n".join(_cost_table(families) if options.cost else _listing(families)))
 
 
+@reports
+def scenes(*, output: OutputOptions = Output()) -> Report:
+    """List the scenes that `wbc walk --scene` and `Plant(scene=…)` take, with their parameters."""
+    kinds = [
+        {"name": name, "summary": kind.summary(), "parameters": _parameters(kind)}
+        for name, kind in scene_kinds().items()
+    ]
+    lines = [line for kind in kinds for line in (f"{kind['name']:<8} {kind['summary']}", *_rows(kind))]
+    return output.report({"scenes": kinds}, "\n".join(lines))
+
+
 def describe_terrain(options: TerrainOptions) -> dict[str, Any]:
     """Return the facts about a terrain; draw it and measure its cost if asked to. Everything is checked first.
 
@@ -141,24 +153,12 @@ def list_terrains(options: TerrainListOptions) -> list[dict[str, Any]]:
     target = check_picture(options.plot)
     families: list[dict[str, Any]] = []
     for name, family in terrain_families().items():
-        parameters = []
-        for field in fields(family):
-            unit, choices = unit_and_choices(family, field.name)
-            parameters.append(
-                {
-                    "name": field.name,
-                    "default": field.default,
-                    "unit": unit or "1",
-                    "about": field.metadata["about"],
-                    "choices": choices,
-                }
-            )
         families.append(
             {
                 "name": name,
                 "summary": family.summary(),
                 "amplitude_m": family.default_amplitude,
-                "parameters": parameters,
+                "parameters": _parameters(family),
             }
         )
     if target is not None:
@@ -171,6 +171,23 @@ def list_terrains(options: TerrainListOptions) -> list[dict[str, Any]]:
     return families
 
 
+def _parameters(kind: type) -> list[dict[str, Any]]:
+    """Return the parameters of a family of grounds or a scene: name, default, unit, meaning, choices."""
+    found = []
+    for field in fields(kind):
+        unit, choices = unit_and_choices(kind, field.name)
+        found.append(
+            {
+                "name": field.name,
+                "default": field.default,
+                "unit": unit or "1",
+                "about": field.metadata["about"],
+                "choices": choices,
+            }
+        )
+    return found
+
+
 def _named_roughness(ground: Terrain) -> dict[str, float]:
     """Return the roughness parameters along y = 0 by name, with their units in the names."""
     names = [f"{name}_{unit}" if unit else name for name, unit in zip(PARAMETERS, UNITS, strict=True)]
@@ -181,9 +198,16 @@ def _listing(families: list[dict[str, Any]]) -> list[str]:
     lines = []
     for family in families:
         lines.append(f"{family['name']:<18} {family['summary']} (amplitude {family['amplitude_m']:g} m)")
-        for parameter in family["parameters"]:
-            unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
-            lines.append(f"    {parameter['name']} = {parameter['default']}{unit}  {parameter['about']}")
+        lines += _rows(family)
+    return lines
+
+
+def _rows(family: dict[str, Any]) -> list[str]:
+    lines = []
+    for parameter in family["parameters"]:
+        unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+        choices = f" ({', '.join(parameter['choices'])})" if parameter["choices"] else ""
+        lines.append(f"    {parameter['name']} = {parameter['default']}{unit}  {parameter['about']}{choices}")
     return lines
 
 

@@ -1,0 +1,97 @@
+"""Simple shapes of a robot's links, from the geometry in its URDF."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.robots import urdf
+from wbc.robots.derivation.soles import mesh_vertices, numbers, origin_of, resolve
+
+if TYPE_CHECKING:
+    from wbc.robots.description import RobotDescription
+
+SMALLEST = 0.002
+"""Least half size of a shape, m."""
+
+
+class LinkShape(NamedTuple):
+    """A shape of a link.
+
+    Attributes:
+        link: Name of the link.
+        kind: A mesh is the box around it.
+        size: Half sizes of a box; radius; radius and half length, m.
+        placement: In the link.
+    """
+
+    link: str
+    kind: Literal["box", "sphere", "cylinder", "capsule"]
+    size: tuple[float, ...]
+    placement: pin.SE3
+
+
+def link_shapes(description: RobotDescription) -> list[LinkShape]:
+    """Return the shapes of all links: collision geometry where a link has any, visual geometry otherwise.
+
+    A mesh becomes the least box about its principal axes. What cannot be read is left out.
+
+    Args:
+        description: The robot.
+    """
+    return list(_link_shapes(description.urdf, description.package_dirs))
+
+
+@lru_cache(maxsize=16)
+def _link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
+    shapes: list[LinkShape] = []
+    for link in urdf.read(text).findall("link"):
+        for tag in ("collision", "visual"):
+            found = [_shape(str(link.get("name")), each, package_dirs) for each in link.findall(tag)]
+            known = [shape for shape in found if shape is not None]
+            if known:
+                shapes += known
+                break
+    return tuple(shapes)
+
+
+def _shape(link: str, element: urdf.Element, package_dirs: tuple[str, ...]) -> LinkShape | None:
+    geometry = element.find("geometry")
+    if geometry is None or not len(geometry):
+        return None
+    shape, place = geometry[0], origin_of(element)
+    if shape.tag == "box":
+        return LinkShape(link, "box", _sizes(0.5 * numbers(shape.get("size", "0 0 0"))), place)
+    if shape.tag == "sphere":
+        return LinkShape(link, "sphere", _sizes(numbers(shape.get("radius", "0"))), place)
+    if shape.tag in ("cylinder", "capsule"):
+        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
+        return LinkShape(link, "cylinder" if shape.tag == "cylinder" else "capsule", _sizes(size), place)
+    if shape.tag == "mesh":
+        path = resolve(shape.get("filename", ""), package_dirs, None)
+        return None if path is None else _box(link, path, numbers(shape.get("scale", "1 1 1")), place)
+    return None
+
+
+def _box(link: str, path: Path, scale: Array, place: pin.SE3) -> LinkShape | None:
+    vertices = mesh_vertices(path)
+    if vertices is None or not len(vertices):
+        return None
+    points = vertices * scale
+    centre = points.mean(axis=0)
+    axes = np.linalg.svd(points - centre, full_matrices=False)[2].T
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 2] *= -1.0
+    local = (points - centre) @ axes
+    low, high = local.min(axis=0), local.max(axis=0)
+    middle = pin.SE3(axes, centre + axes @ (0.5 * (low + high)))
+    return LinkShape(link, "box", _sizes(0.5 * (high - low)), place * middle)
+
+
+def _sizes(values: Array) -> tuple[float, ...]:
+    return tuple(np.maximum(values, SMALLEST).tolist())

@@ -1,0 +1,181 @@
+"""Hands of the plant: force sensors at the wrists, and grips that hold a handle of a scene."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, choose
+from wbc.core.robot import Robot
+
+REACH = 0.12
+"""Greatest distance between the frame of a hand and a handle that it grips, m: the length of a palm."""
+
+
+DEEPEST = 0.005
+"""Depth of a link in a thing from which the thing goes through the robot, m."""
+
+
+class HandSensor(NamedTuple):
+    """The force sensor of a wrist.
+
+    Attributes:
+        body: Body that carries the hand's frame; all that hangs on it is the hand.
+        site: Site at the frame.
+        force: First place in `sensordata` of the force.
+        torque: First place in `sensordata` of the torque.
+    """
+
+    body: int
+    site: int
+    force: int
+    torque: int
+
+    @staticmethod
+    def of(model: mujoco.MjModel, role: str) -> HandSensor:
+        """Find the sensor of a hand that `add_hand_sensors` has made."""
+        site = int(model.site(f"{role} site").id)
+        force, torque = (int(model.sensor(f"{role} {what}").adr[0]) for what in ("force", "torque"))
+        return HandSensor(int(model.site_bodyid[site]), site, force, torque)
+
+
+def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Add a site and a force sensor at the frame of each hand.
+
+    Args:
+        spec: Model under construction that holds the robot.
+        robot: The robot.
+    """
+    kinds = {"force": mujoco.mjtSensor.mjSENS_FORCE, "torque": mujoco.mjtSensor.mjSENS_TORQUE}
+    for role, frame in robot.frames.items():
+        body, place = _carrier(spec, robot, frame)
+        x, y, z, w = pin.Quaternion(place.rotation).normalized().coeffs()
+        name = f"{role} site"
+        body.add_site(name=name, pos=place.translation, quat=[w, x, y, z], size=[0.005] * 3)
+        for what, kind in kinds.items():
+            spec.add_sensor(name=f"{role} {what}", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
+
+
+def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str) -> None:
+    """Add a grip for each hand and each handle, open at the start.
+
+    A handle is a site of the scene whose name ends with "handle". A closed grip holds the origin of the hand's frame
+    where it was on the body of the handle, and leaves the hand free to turn.
+
+    Args:
+        spec: Model under construction that holds robot and scene.
+        robot: The robot.
+        prefix: Beginning of the names of the scene.
+    """
+    handles = [site for site in spec.sites if site.name.startswith(prefix) and site.name.endswith("handle")]
+    for role in robot.frames:
+        for handle in handles:
+            spec.add_equality(
+                name=f"{role} on {handle.name.removeprefix(prefix)}",
+                type=mujoco.mjtEq.mjEQ_CONNECT,
+                objtype=mujoco.mjtObj.mjOBJ_BODY,
+                name1=spec.site(f"{role} site").parent.name,
+                name2=handle.parent.name,
+                active=False,
+            )
+
+
+class Grips:
+    """Grips of a plant that holds a scene.
+
+    Attributes:
+        handles: Handle → site.
+    """
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot, prefix: str) -> None:
+        """Find the handles.
+
+        Args:
+            model: The compiled model.
+            robot: The robot.
+            prefix: Beginning of the names of the scene.
+        """
+        self._model, self._hands = model, tuple(robot.frames)
+        names = [model.site(i).name for i in range(model.nsite)]
+        self.handles = {
+            name.removeprefix(prefix): i
+            for i, name in enumerate(names)
+            if name.startswith(prefix) and name.endswith("handle")
+        }
+
+    def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
+        """Hold a handle where the hand is now.
+
+        Args:
+            data: The simulation, positions up to date.
+            hand: Role of the hand.
+            handle: Name of the handle.
+
+        Raises:
+            UnknownNameError: No such hand or handle.
+            InputError: The handle is out of the hand's reach.
+        """
+        choose("hand", hand, self._hands)
+        choose("handle", handle, self.handles)
+        model = self._model
+        site = int(model.site(f"{hand} site").id)
+        point: Array = data.site_xpos[site]
+        far = float(np.linalg.norm(point - data.site_xpos[self.handles[handle]]))
+        if far > REACH:
+            raise InputError(
+                f"{hand} must be within {REACH:g} m of {handle} to grip it, it is {far:.3f} m away"
+            )
+        grip = int(model.equality(f"{hand} on {handle}").id)
+        for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
+            rotation = data.xmat[body].reshape(3, 3)
+            model.eq_data[grip, place : place + 3] = (point - data.xpos[body]) @ rotation
+        data.eq_active[grip] = 1
+
+    def open(self, data: mujoco.MjData, hand: str) -> None:
+        """Let go of whatever a hand holds.
+
+        Raises:
+            UnknownNameError: No such hand.
+        """
+        choose("hand", hand, self._hands)
+        for handle in self.handles:
+            data.eq_active[int(self._model.equality(f"{hand} on {handle}").id)] = 0
+
+
+def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray[Any, Any]) -> None:
+    """Check that nothing goes through the robot at the start.
+
+    Args:
+        model: The compiled model.
+        data: The simulation, contacts up to date.
+        of_robot: True for geoms of the robot, shape (ngeom,).
+
+    Raises:
+        InputError: A link of the robot is inside a thing or the ground.
+    """
+    deepest, where = DEEPEST, None
+    for contact in data.contact:
+        first, second = contact.geom.tolist()
+        if -contact.dist > deepest and of_robot[first] != of_robot[second]:
+            deepest, where = -float(contact.dist), (first, second) if of_robot[first] else (second, first)
+    if where is not None:
+        link, thing = (model.body(int(model.geom_bodyid[geom])).name for geom in where)
+        thing = "the ground" if thing == "world" else f"'{thing.removeprefix('scene/')}'"
+        raise InputError(
+            f"the robot must stand clear of its surroundings; '{link}' is {1e3 * deepest:.0f} mm inside {thing}: "
+            "place the scene elsewhere"
+        )
+
+
+def _carrier(spec: mujoco.MjSpec, robot: Robot, frame: str) -> tuple[mujoco.MjsBody, pin.SE3]:
+    """Return the body of a model under construction that carries a frame, and the frame's place in it."""
+    body = spec.body(frame)
+    if body is not None:
+        return body, pin.SE3.Identity()
+    found = robot.model.frames[robot.frame_id(frame)]
+    if found.parentJoint < 2:
+        return spec.worldbody.first_body(), found.placement
+    return spec.joint(str(robot.model.names[found.parentJoint])).parent, found.placement

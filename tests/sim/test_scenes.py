@@ -1,0 +1,128 @@
+"""Scenes: things by name, which all of the robot touches, and force sensors at the wrists."""
+
+from __future__ import annotations
+
+import re
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.robots import load
+from wbc.sim import Plant, TrueFallDetector, make_scene, scene_kinds
+from wbc.sim.plant.settings import Machine
+
+
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_every_robot_stands_clear_of_every_scene(robot: str) -> None:
+    for kind in scene_kinds():
+        plant = Plant(load(robot), scene=kind)
+        start = plant.data.qpos.copy()
+        for _ in range(20):
+            plant.step(plant.hold())
+        assert plant.diverged is None
+        wrenches = plant.measure().hand_wrenches
+        assert wrenches is not None and np.abs(wrenches[:, :3]).max() < 1.0, "nothing touches the hands"
+        things = [j for j in range(plant.model.njnt) if plant.model.joint(j).name.startswith("scene/")]
+        for joint in things:  # and nothing moves by itself
+            address = plant.model.jnt_qposadr[joint]
+            assert np.abs(plant.data.qpos[address : address + 3] - start[address : address + 3]).max() < 2e-3
+
+
+def test_a_plant_without_a_scene_has_neither_shapes_nor_wrist_sensors() -> None:
+    plant = Plant(load("hrp4_class"))
+    assert plant.measure().hand_wrenches is None
+    names = [plant.model.body(body).name for body in plant.model.geom_bodyid]
+    touching = {name for name, on in zip(names, plant.model.geom_conaffinity, strict=True) if on}
+    assert touching == {"world", "left/foot", "right/foot"}
+
+
+def test_wrist_sensors_feel_a_force_on_the_hand_and_not_its_weight() -> None:
+    plant = Plant(load("hrp4_class"), machine=Machine(hand_sensors=True))
+    robot = plant.robot
+    force = np.array([-6.0, 3.0, 8.0])
+    plant.push("left_hand", force, 1.0, at=(0.0, 0.0, 0.05))
+    for _ in range(150):
+        plant.step(plant.hold())
+    measured = plant.measure().hand_wrenches
+    assert measured is not None
+    truth = plant.truth()
+    robot.update(truth.q, truth.v)
+    place = robot.placement(robot.frames["left_hand"])
+    expected = pin.Force(
+        place.rotation.T @ force, np.cross([0.0, 0.0, 0.05], place.rotation.T @ force)
+    ).vector
+    assert measured[0] == pytest.approx(expected, abs=0.15)
+    assert measured[1] == pytest.approx(np.zeros(6), abs=0.15)
+
+
+def test_a_fall_is_felt() -> None:
+    plant = Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0))
+    plant.push("torso", (0.0, 250.0, 0.0), 0.3)
+    lowest = np.inf
+    while plant.time < 3.0:
+        plant.step(plant.hold())
+        lowest = min(lowest, float(plant.data.qpos[2]))
+    truth = plant.truth()
+    assert TrueFallDetector(plant.robot).fallen(truth.q)
+    assert lowest > 0.02, "the trunk does not sink into the ground"
+    other = truth.contact_force[truth.contact_sole < 0]
+    assert other[:, 2].sum() > 0.3 * plant.robot.mass * 9.81, "more than feet carries the weight"
+
+
+def test_a_hand_that_grips_a_cart_pulls_it() -> None:
+    d = load("hrp4_class")
+    plant = Plant(d, scene=make_scene("cart", distance=0.13, handle=0.78, resistance=5.0))
+    cart = plant.model.body("scene/cart").id
+    with pytest.raises(InputError, match="within 0.12 m of left handle"):
+        Plant(d, scene="cart").grip("left_hand", "left handle")
+    plant.grip("left_hand", "left handle")
+    plant.grip("right_hand", "right handle")
+    before = plant.data.xpos[cart].copy()
+    back = plant.hold()
+    for i in range(60):  # both elbows bend
+        q = back.joint_position.copy()
+        for side in ("left", "right"):
+            q[plant.robot.joint_index(f"{side}_elbow_pitch")] -= 0.006 * i
+        plant.step(wbc.Command(back.joint_torque, q, back.joint_velocity))
+    assert np.linalg.norm(plant.data.xpos[cart] - before) > 0.01
+    plant.let_go("left_hand")
+    plant.let_go("right_hand")
+    assert not plant.data.eq_active.any()
+
+
+def test_the_cart_moves_above_its_resistance_and_not_below() -> None:
+    plant = Plant(load("hrp4_class"), scene=make_scene("cart", distance=1.0, resistance=15.0))
+    cart = plant.model.body("scene/cart").id
+    moved = []
+    for force in (12.0, 20.0):
+        plant.reset()
+        for _ in range(200):
+            plant.data.xfrc_applied[cart, 0] = force
+            mujoco.mj_step(plant.model, plant.data)
+        moved.append(float(plant.data.qvel[plant.model.body_dofadr[cart]]))
+    assert abs(moved[0]) < 0.005
+    assert moved[1] == pytest.approx((20.0 - 15.0) / 10.0 * 0.2, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Plant(load("g1"), scene="wal"), "no scene 'wal'; did you mean 'wall'"),
+        (lambda: make_scene("wall", distence=1.0), "distence"),
+        (lambda: make_scene("cart", mass=-1.0), "mass"),
+        (lambda: Plant(load("g1"), scene=make_scene("wall", distance=0.05)), "mm inside 'wall'"),
+        (lambda: Plant(load("g1")).grip("left_hand", "left handle"), "without a scene"),
+        (lambda: Plant(load("g1"), scene="rail").grip("left_hnd", "left handle"), "left_hand"),
+        (lambda: Plant(load("g1"), scene="rail").grip("left_hand", "lft handle"), "left handle"),
+        (lambda: wbc.WalkSpec(scene_params={"distance": 1.0}), "need a scene"),
+        (lambda: wbc.WalkSpec(scene="rale"), "no scene 'rale'"),
+    ],
+)
+def test_bad_scenes_are_refused(make: object, message: str) -> None:
+    assert callable(make)
+    with pytest.raises((InputError, UnknownNameError), match=re.escape(message)):
+        make()
