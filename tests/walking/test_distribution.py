@@ -119,12 +119,32 @@ def test_a_wrench_within_reach_is_met() -> None:
         assert np.abs(result.shortfall).max() < 0.2
 
 
-def test_the_qp_is_solved_as_another_solver_solves_it() -> None:
+def test_the_qp_is_solved_as_another_solver_solves_it(monkeypatch: pytest.MonkeyPatch) -> None:
     distribution = WrenchDistribution(SIZES)
+    monkeypatch.setattr(distribution, "_on_one_foot", lambda *_: None)  # the QP for one foot, too
     for case in random_cases(40, seed=2):
         result = distribution.solve(*case)
         other = qpsolvers.solve_problem(standard_form(distribution._problem), solver="daqp")
         np.testing.assert_allclose(result.wrenches.ravel(), other.x[:12], atol=2e-2)
+
+
+def test_one_foot_alone_gets_what_the_qp_gives_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    direct, by_qp = WrenchDistribution(SIZES), WrenchDistribution(SIZES)
+    monkeypatch.setattr(by_qp, "_on_one_foot", lambda *_: None)
+    within = 0
+    for net, soles, zmp, _, _ in random_cases(60, seed=5):
+        for contact in ((True, False), (False, True)):
+            sole = soles[contact.index(True)]
+            through_sole = sole.act(
+                pin.Force(np.array([*(0.2 * net[:2]), abs(net[2]) + 50.0, 3.0, -5.0, 1.0]))
+            )
+            for wrench in (net, through_sole.vector):
+                a = direct.solve(wrench, soles, zmp, 0.5, contact)
+                b = by_qp.solve(wrench, soles, zmp, 0.5, contact)
+                np.testing.assert_allclose(a.wrenches, b.wrenches, atol=2e-2)
+                np.testing.assert_allclose(a.shortfall, b.shortfall, atol=2e-2)
+                within += not a.shortfall.any()
+    assert within > 20
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])

@@ -145,10 +145,7 @@ class WalkTasks:
             elif self._torque:
                 self._wrenches[side].target = output.feet.wrenches[side]
             else:
-                motion = output.corrections[side].apply(motion)
-                to_sole = motion.placement.rotation.T
-                velocity = to_sole.dot(motion.velocity.reshape(2, 3).T).T.reshape(6)
-                contact.follow(motion.placement, velocity)
+                contact.follow(*output.corrections[side].apply(motion.placement))
 
     def move_com(self, reference: WalkReference, output: StabilizerOutput, *, shifted: bool) -> None:
         """Follow the pendulum: with the stabilizer's shift in position control, its acceleration in torque control.

@@ -124,14 +124,11 @@ class Pattern:
         level, climb, push = self._profile.at(time)
         square = self.omega * self.omega
         acceleration = (square * (com[0] - zmp[0]), square * (com[1] - zmp[1]), push)
-        return Pendulum(
-            np.array((*com, level + self.height)),
-            np.array((*velocity, climb)),
-            np.array(acceleration),
-            np.array((*zmp, level)),
-            np.array((*zmp_velocity, climb)),
-            self.omega,
+        # One array and its parts: making an array costs more than a slice.
+        all_ = np.array(
+            (*com, level + self.height, *velocity, climb, *acceleration, *zmp, level, *zmp_velocity, climb)
         )
+        return Pendulum(all_[:3], all_[3:6], all_[6:9], all_[9:12], all_[12:], self.omega)
 
     def dcm_at(self, time: float) -> Array:
         """Return the DCM at a time from the start of the pattern (s, not negative), shape (2,), m."""

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
+from wbc.core.vectors import Vector
 from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
@@ -145,16 +146,14 @@ class SwingFoot:
 
     def at(self, time: float) -> FootMotion:
         """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below."""
-        values = np.array([self._c[name].at(time) for name in COORDINATES])
-        position, rpy = values[:3, 0], values[3:, 0]
-        placement = pin.SE3(pin.rpy.rpyToMatrix(rpy), position)
-        jacobian = pin.rpy.computeRpyJacobian(rpy, pin.LOCAL_WORLD_ALIGNED)
-        drift = pin.rpy.computeRpyJacobianTimeDerivative(rpy, values[3:, 1], pin.LOCAL_WORLD_ALIGNED)
-        velocity, acceleration = np.empty(6), np.empty(6)
-        velocity[:3], acceleration[:3] = values[:3, 1], values[:3, 2]
-        np.dot(jacobian, values[3:, 1], out=velocity[3:])
-        acceleration[3:] = jacobian.dot(values[3:, 2]) + drift.dot(values[3:, 1])
-        return FootMotion(placement, velocity, acceleration)
+        (x, vx, ax), (y, vy, ay), (z, vz, az), *angles = [self._c[name].at(time) for name in COORDINATES]
+        spin, turning = _spin(*angles)
+        rotation = pin.rpy.rpyToMatrix(angles[0][0], angles[1][0], angles[2][0])
+        return FootMotion(
+            pin.SE3(rotation, np.array((x, y, z))),
+            np.array((vx, vy, vz, *spin)),
+            np.array((ax, ay, az, *turning)),
+        )
 
     def _plan(self, now: float) -> None:
         """Plan all coordinates from now to the landing."""
@@ -199,3 +198,26 @@ class SwingFoot:
             self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)
         else:
             self._c["z"].follow(now, *down)
+
+
+def _spin(roll: Vector, pitch: Vector, yaw: Vector) -> tuple[Vector, Vector]:
+    """Angular velocity and acceleration in the world.
+
+    Args:
+        roll: Angle, its first and its second derivative, rad, rad/s and rad/s².
+        pitch: The same.
+        yaw: The same.
+    """
+    (_, roll_rate, roll_push), (angle, pitch_rate, pitch_push), (heading, yaw_rate, yaw_push) = (
+        roll,
+        pitch,
+        yaw,
+    )
+    cp, sp, cy, sy = math.cos(angle), math.sin(angle), math.cos(heading), math.sin(heading)
+    # The axis of roll is (cy cp, sy cp, −sp), that of pitch (−sy, cy, 0), that of yaw the vertical.
+    along, across = cp * roll_rate, cp * roll_push - sp * pitch_rate * roll_rate - yaw_rate * pitch_rate
+    aside = pitch_push + yaw_rate * along
+    return (
+        (cy * along - sy * pitch_rate, sy * along + cy * pitch_rate, yaw_rate - sp * roll_rate),
+        (cy * across - sy * aside, sy * across + cy * aside, yaw_push - sp * roll_push - pitch_rate * along),
+    )

@@ -21,8 +21,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.core.vectors import turned
-from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.stabilizer.filters import LeakyIntegral
 from wbc.walking.stabilizer.gains import StabilizerGains, pair
 
@@ -46,16 +44,21 @@ class FootCorrection(NamedTuple):
     pitch_rate: float = 0.0
     height_rate: float = 0.0
 
-    def apply(self, motion: FootMotion) -> FootMotion:
-        """Return the corrected motion of a foot; its acceleration stays that of the walk."""
-        placement = motion.placement
+    def apply(self, placement: pin.SE3) -> tuple[pin.SE3, Array]:
+        """Correct a foot that stands.
+
+        Args:
+            placement: Sole frame in the world, as the foot stood down.
+
+        Returns:
+            The corrected placement, and its [linear; angular] velocity in the sole frame, shape (6,), m/s and rad/s.
+        """
         rotation = placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
         x, y, z = placement.translation.tolist()
-        vx, vy, vz, wx, wy, wz = motion.velocity.tolist()
-        spin_x, spin_y, spin_z = turned(rotation.tolist(), (self.roll_rate, self.pitch_rate, 0.0))
-        place = pin.SE3(rotation, np.array((x, y, z + self.height)))
-        velocity = np.array((vx, vy, vz + self.height_rate, wx + spin_x, wy + spin_y, wz + spin_z))
-        return FootMotion(place, velocity, motion.acceleration)
+        up_x, up_y, up_z = rotation[2].tolist()  # the world's vertical in the sole frame
+        climb = self.height_rate
+        velocity = np.array((climb * up_x, climb * up_y, climb * up_z, self.roll_rate, self.pitch_rate, 0.0))
+        return pin.SE3(rotation, np.array((x, y, z + self.height))), velocity
 
 
 def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:

@@ -10,6 +10,8 @@ shortfall s in newtons and newton metres, so that there always is a solution:
 with r the left-foot ratio: 1 when the left foot carries all weight. Taking moments about the ZMP keeps the numbers
 small wherever the robot stands. A foot in the air has no part in the sum: its wrench only costs, and is zero.
 
+On one foot there is nothing to share: where it can give the desired wrench, that is the result, and no QP is solved.
+
 Source: S. Caron, A. Kheddar, O. Tempier, "Stair climbing stabilization of the HRP-4 humanoid robot using
 whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabilizer.
 """
@@ -28,6 +30,7 @@ from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
 from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.vectors import largest
 
 ROWS = 17
 """Inequalities of a foot: 16 of its wrench cone, then its normal force."""
@@ -145,6 +148,7 @@ class WrenchDistribution:
             p.inequality[row + ROWS - 1, column + 2] = 1.0
         p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
         p.equality[:, 12:] = np.eye(6)
+        self._cones = [np.array(p.inequality[:ROWS, :6]), np.array(p.inequality[ROWS:, 6:12])]
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
         self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
         self._both: bool | None = None  # as the costs are written
@@ -182,6 +186,10 @@ class WrenchDistribution:
             ratio = finite_scalar("left-foot ratio", ratio, low=0.0, high=1.0)
         p, s = self._problem, self.settings
         both = all(contact)
+        if not both:
+            alone = self._on_one_foot(0 if contact[0] else 1, net, soles, max_force)
+            if alone is not None:
+                return alone
         for foot in (0, 1):
             self._bound(foot, bool(contact[foot]), float(max_force[foot]))
             if contact[foot]:
@@ -201,6 +209,20 @@ class WrenchDistribution:
         status = self._solver.solve()
         solution = self._solver.x.copy()
         return FootWrenches(solution[:12].reshape(2, 6), solution[12:], status)
+
+    def _on_one_foot(
+        self, foot: int, net: Array, soles: Sequence[pin.SE3], max_force: Sequence[float]
+    ) -> FootWrenches | None:
+        """Give the whole wrench to the only foot on the ground; None where it is beyond what the foot can give."""
+        wrench = soles[foot].actInv(pin.Force(net)).vector
+        rows = self._cones[foot].dot(wrench)  # of the cone, then the normal force
+        normal, rows[-1] = float(rows[-1]), 0.0
+        most = float(max_force[foot])
+        if not (largest(rows) <= 0.0 and min(self.settings.min_force, most) <= normal <= most):
+            return None
+        wrenches = np.zeros((2, 6))
+        wrenches[foot] = wrench
+        return FootWrenches(wrenches, np.zeros(6), Status.SOLVED)
 
     def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
         """Write the part of a foot on the ground in the sum of wrenches."""
