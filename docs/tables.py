@@ -32,7 +32,7 @@ from pathlib import Path
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
-from wbc.sim.studies.paper.experiments import table_four
+from wbc.sim.studies.paper.experiments import authority_heights, table_four
 from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
 from wbc.sim.studies.paper.optimum import optimum, table_two, walked_points
 from wbc.sim.studies.provenance import code_version
@@ -130,7 +130,8 @@ def _optima(mark: Mark) -> str:
     """Return the optima of some grounds beside the paper's Table II."""
     found = {}
     for ground in mark.name.split("+"):
-        spec = OptimisationSpec(ground=ground, bounds=BOUNDS["wide"])
+        height = authority_heights().get(ground)
+        spec = OptimisationSpec(ground=ground, amplitude=height, bounds=BOUNDS["wide"])
         known = walked_points(spec, mark.entries, any_code=True)
         found[ground] = optimum(known, spec.bounds)
     used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in found]

@@ -77,11 +77,11 @@ class OptimizeOptions(RunOptions):
         preset = BOUNDS[self.bounds]
         return Bounds(k=self.k or preset.k, kP=self.kp or preset.kP, kD=self.kd or preset.kD, log=preset.log)
 
-    def spec(self, ground: str) -> OptimisationSpec:
-        """Return the optimisation of a ground."""
+    def spec(self, ground: str, amplitude: float | None = None) -> OptimisationSpec:
+        """Return the optimisation of a ground, of another amplitude than that of the options where one is given (m)."""
         return OptimisationSpec(
             ground=ground,
-            amplitude=None if ground == "flat" else self.amplitude,
+            amplitude=None if ground == "flat" else amplitude or self.amplitude,
             law=self.law,
             bounds=self.chosen_bounds(),
             distance=self.distance,
@@ -115,15 +115,22 @@ def optimize(
 
 
 def run_optimisation(
-    grounds: tuple[str, ...], options: OptimizeOptions
+    grounds: tuple[str, ...], options: OptimizeOptions, amplitudes: Mapping[str, float] | None = None
 ) -> tuple[dict[str, Optimum], dict[str, list[Walked]], dict[str, StudyTable]]:
-    """Run the optimisations of some grounds and their validations; return optima, walks and tables by ground."""
+    """Run the optimisations of some grounds and their validations; return optima, walks and tables by ground.
+
+    Args:
+        grounds: Families of grounds, or "table2" for those of the paper's Table II.
+        options: Optimisation, and where its walks are run.
+        amplitudes: Ground → amplitude where it is not that of the options, m.
+    """
     names = tuple(TABLE_II) if grounds == ("table2",) else grounds
     for name in names:
         choose("terrain", name, terrain_families())
     if len(set(names)) < len(names) or not names:
         raise InputError(f"an optimisation needs different grounds, got {' '.join(names) or 'none'}")
-    specs = [options.spec(name) for name in names]
+    heights = amplitudes or {}
+    specs = [options.spec(name, heights.get(name)) for name in names]
     if options.figures is not None and not options.figures.is_dir():
         raise InputError(f"no folder {options.figures} to write figures into")
     owns = lambda spec: any(each.owns(spec) for each in specs)  # noqa: E731

@@ -27,6 +27,7 @@ from wbc.sim.studies.paper.experiments import (
     AUTHORITY_STIFFNESSES,
     FIRST_FAMILIES,
     TUNED_CHOICES,
+    authority_heights,
     fig5,
     oracle,
     table4,
@@ -211,7 +212,7 @@ def _optimisation(part: str, options: PaperOptions) -> str:
         distance=options.distance or 3.0,
         any_code=options.any_code,
     )
-    found, _, judged = run_optimisation(grounds, run)
+    found, _, judged = run_optimisation(grounds, run, None if legacy else authority_heights())
     budget = f"{run.budget} walks on each of {len(grounds)} grounds; {BUDGET} at full scale"
     return "\n\n".join(
         [budget, table_two(found), *(f"{name}\n\n{t.markdown()}" for name, t in judged.items())]
