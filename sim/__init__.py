@@ -22,6 +22,7 @@ from wbc.sim.plant import (
     REALISTIC,
     DivergedError,
     GroundTruth,
+    Machine,
     PelvisLimits,
     PhysicsSettings,
     Plant,
@@ -91,6 +92,7 @@ __all__ = [
     # Plant: robot, feet and ground in MuJoCo
     "DivergedError",
     "GroundTruth",
+    "Machine",
     "PelvisLimits",
     "PhysicsSettings",
     "Plant",

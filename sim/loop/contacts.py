@@ -51,19 +51,18 @@ class SoleContacts:
         world = np.zeros((len(self._feet), 6))
         rotation = data.xmat[self._feet].reshape(-1, 3, 3)
         origin = data.xpos[self._feet] + np.einsum("nij,nj->ni", rotation, self._offset)
-        for i in range(data.ncon):
-            contact = data.contact[i]
-            first, second = contact.geom
-            if first < 0 or second < 0:  # of a flexible body
-                continue
-            one, two = self.geom_sole[first], self.geom_sole[second]
-            if one == two:
-                continue
-            force, moment = self._in_world(data, i, contact)
-            for sole, sign in ((one, -1.0), (two, 1.0)):
-                if sole >= 0:
-                    world[sole, :3] += sign * force
-                    world[sole, 3:] += sign * (moment + np.cross(contact.pos - origin[sole], force))
+        first, second = self._geoms(data)
+        one, two = self.geom_sole[first], self.geom_sole[second]
+        counted = np.flatnonzero((one != two) & (first >= 0) & (second >= 0))  # below 0: of a flexible body
+        if counted.size:
+            force, moment = self._in_world(data, counted)
+            point = data.contact.pos[counted]
+            for sole, place in enumerate(origin):
+                sign = np.subtract(two[counted] == sole, one[counted] == sole, dtype=float)
+                pull = sign.dot(force)
+                world[sole, :3] = pull
+                turn = sign.dot(moment + np.cross(point, force))
+                world[sole, 3:] = turn - np.cross(place, pull)
         axes = rotation @ self._turn
         world[:, :3] = np.einsum("nji,nj->ni", axes, world[:, :3])
         world[:, 3:] = np.einsum("nji,nj->ni", axes, world[:, 3:])
@@ -71,26 +70,26 @@ class SoleContacts:
 
     def of_robot(self, data: mujoco.MjData) -> tuple[Array, Array, Index]:
         """Return points, forces on the robot (both in the world) and soles of its contacts with everything else."""
-        points: list[Array] = []
-        forces: list[Array] = []
-        soles: list[int] = []
-        for i in range(data.ncon):
-            contact = data.contact[i]
-            first, second = contact.geom
-            if first < 0 or second < 0 or self.geom_robot[first] == self.geom_robot[second]:
-                continue
-            force, _ = self._in_world(data, i, contact)
-            if not force.any():
-                continue
-            mine, sign = (second, 1.0) if self.geom_robot[second] else (first, -1.0)
-            points.append(np.array(contact.pos))
-            forces.append(sign * force)
-            soles.append(int(self.geom_sole[mine]))
-        shape = (len(points), 3)
-        return np.reshape(points, shape), np.reshape(forces, shape), np.array(soles, dtype=np.intp)
+        first, second = self._geoms(data)
+        mine, theirs = self.geom_robot[first], self.geom_robot[second]
+        counted = np.flatnonzero((mine != theirs) & (first >= 0) & (second >= 0))
+        force, _ = self._in_world(data, counted)
+        touching = force.any(axis=1)
+        counted, force = counted[touching], force[touching]
+        ours = theirs[counted]  # the second geom is the robot's
+        geom = np.where(ours, second[counted], first[counted])
+        return data.contact.pos[counted], np.where(ours, 1.0, -1.0)[:, None] * force, self.geom_sole[geom]
 
-    def _in_world(self, data: mujoco.MjData, index: int, contact: mujoco.MjContact) -> tuple[Array, Array]:
-        """Return force and moment on the second geom of a contact, in the world."""
-        mujoco.mj_contactForce(self._model, data, index, self._force)
-        frame = contact.frame.reshape(3, 3)  # rows: normal from the first geom to the second, tangents
-        return self._force[:3] @ frame, self._force[3:] @ frame
+    def _geoms(self, data: mujoco.MjData) -> tuple[Index, Index]:
+        """Return the first and the second geom of every contact, −1 for a flexible body's."""
+        pairs = data.contact.geom.astype(np.intp).reshape(-1, 2)
+        return pairs[:, 0], pairs[:, 1]
+
+    def _in_world(self, data: mujoco.MjData, contacts: Index) -> tuple[Array, Array]:
+        """Return force and moment on the second geom of each of some contacts, in the world, each of shape (n, 3)."""
+        local = np.empty((contacts.size, 6))
+        for row, index in zip(local, contacts.tolist(), strict=True):
+            mujoco.mj_contactForce(self._model, data, index, self._force)
+            row[:] = self._force
+        axes = data.contact.frame[contacts].reshape(-1, 3, 3)
+        return np.einsum("nij,ni->nj", axes, local[:, :3]), np.einsum("nij,ni->nj", axes, local[:, 3:])

@@ -7,6 +7,7 @@ loop.step(control.command(loop.measure()))
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Mapping
 
@@ -16,14 +17,19 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array
+from wbc.core.errors import InputError, MeasurementError, finite_array, positive, whole_number
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.loop.actuators import JointActuators
 from wbc.sim.loop.contacts import SoleContacts
-from wbc.sim.loop.places import find_imu, find_places
-from wbc.sim.plant.settings import steps_per_tick
+from wbc.sim.loop.places import ImuSensors, find_imu, find_places
+from wbc.sim.loop.signals import LoopSignals
+from wbc.sim.plant.drives import DelayLine
+from wbc.sim.plant.model import body_frame
+from wbc.sim.plant.pushes import Push, Pushes
+from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
+from wbc.sim.plant.settings import Machine, steps_per_tick, whole_steps
 from wbc.sim.plant.truth import GroundTruth
 
 OTHER_MASS = 0.01
@@ -43,6 +49,7 @@ class MujocoLoop:
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and sole wrenches are the
     mean over the physics steps of the control period that ended now. Wrenches are the sums of all contacts of a foot.
+    All are perfect and of the instant unless `noise` and `machine` say otherwise, as for `wbc.Plant`.
 
     Attributes:
         description: The robot as data.
@@ -51,6 +58,9 @@ class MujocoLoop:
         data: MuJoCo's state.
         control_period: Time that `step` advances, s.
         steps: Physics steps in it.
+        noise: Sensor errors.
+        machine: Delays, and which sensors there are.
+        seed: Seed of the sensor errors.
         actuators: Drives of the joints, as the file has them.
         notes: What is doubtful about model and description, one line each.
     """
@@ -68,6 +78,9 @@ class MujocoLoop:
         gyroscope: str | None = None,
         accelerometer: str | None = None,
         stepper: Callable[..., object] | None = None,
+        noise: str | SensorNoise = NO_NOISE,
+        seed: int = 0,
+        machine: Machine | None = None,
     ) -> None:
         """Find the robot in the model.
 
@@ -81,22 +94,49 @@ class MujocoLoop:
             gyroscope: Sensor of the model; the one on the IMU's body when None, and computed if there is none.
             accelerometer: Likewise.
             stepper: Function that advances model and data by one physics step; `mujoco.mj_step` when None.
+            noise: Sensor errors, or the name of a preset: "none", "realistic".
+            seed: Seed of every random draw.
+            machine: Delays and which sensors there are; torques are measured when None. Friction and payload are
+                those of the model.
 
         Raises:
-            UnknownNameError: A joint or sensor that the model has not.
+            UnknownNameError: A joint or sensor that the model has not, no such noise preset.
             ModelError: A model that does not hold this robot, or an actuator that cannot be commanded.
-            InputError: A control period that is no multiple of the physics step, data of another model.
+            InputError: A control period that is no multiple of the physics step, data of another model, a machine
+                with friction, payload or hand sensors.
         """
+        self.machine = machine or Machine(torque_sensors=True)
+        if self.machine.friction > 0.0 or self.machine.payload > 0.0 or self.machine.hand_sensors:
+            raise InputError(
+                "a MuJoCo model of one's own has friction and payload in itself, and its hands are not measured: put "
+                "them into the model, and leave friction, payload and hand_sensors of the machine alone"
+            )
+        self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
+        self.seed = whole_number("seed", seed, low=0)
         self.description, self.model = description, model
         self.robot: Robot = description.robot()
         self.control_period = float(control_period)
         self.steps = steps_per_tick(control_period, float(model.opt.timestep))
         self.places = find_places(model, description, joints or {}, prefix)
         self.actuators = JointActuators(model, description, self.places.joints, self.places.root)
-        self._imu = find_imu(model, self.places, gyroscope, accelerometer)
+        imu = find_imu(model, self.places, gyroscope, accelerometer)
         self._contacts = SoleContacts(model, self.places.root, self.places.feet, self.places.soles)
+        self._signals = LoopSignals(model, self.places, imu, self._contacts, self.actuators, self.steps)
+        timestep = float(model.opt.timestep)
+        self._chain = SensorChain(
+            self.noise,
+            self.robot.na,
+            len(self.places.feet),
+            timestep,
+            self.steps,
+            delay=self.machine.measurement_delay,
+            torques=True,
+        )
+        delay = whole_steps(self.machine.command_delay, timestep)
+        self._late: DelayLine[Command] | None = DelayLine(delay) if delay > 0 else None
+        self._pushes = Pushes()
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
-        self.notes = tuple(self._notes())
+        self.notes = tuple(self._notes(imu))
         if data is None:
             self.data = mujoco.MjData(model)
             self.reset()
@@ -114,16 +154,19 @@ class MujocoLoop:
         """Simulated time, s."""
         return float(self.data.time)
 
-    def reset(self, configuration: ArrayLike | None = None) -> None:
+    def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
         """Put the robot, at rest, into a configuration; everything else stays where it is.
 
         Args:
             configuration: Shape (nq,); half-sitting on z = 0 when None.
+            seed: New seed of the sensor errors; the same as before when None.
 
         Raises:
             InputError: A configuration of the wrong shape or not finite.
         """
         q = self.robot.half_sitting
+        if seed is not None:
+            self.seed = whole_number("seed", seed, low=0)
         if configuration is not None:
             q = finite_array("configuration", configuration, (self.robot.nq,))
         places = self.places
@@ -136,8 +179,12 @@ class MujocoLoop:
 
     def _begin(self) -> None:
         mujoco.mj_forward(self.model, self.data)
-        self._specific_force = self._accelerometer()
-        self._wrench = self._contacts.wrenches(self.data)
+        self._signals.begin(self.data)
+        self._chain.reset(self._signals.values, self.seed)
+        self._pushes.clear(self.data)
+        self._at_work = self.hold()
+        if self._late is not None:
+            self._late.clear()
         self._measurement: Measurement | None = None
 
     def hold(self) -> Command:
@@ -153,20 +200,15 @@ class MujocoLoop:
         """
         if self._measurement is not None:
             return self._measurement
-        data, places = self.data, self.places
-        q, v = data.qpos[places.joint_qpos], data.qvel[places.joint_dof]
-        if not math.isfinite(q.dot(q) + v.dot(v) + self._specific_force.sum() + self._wrench.sum()):
+        reading, machine = self._chain.read(self._signals.values), self.machine
+        if not math.isfinite(reading.dot(reading)):
             raise MeasurementError(f"no measurement at {self.time:.4f} s: the simulation has diverged")
-        self._measurement = Measurement(
-            self.time,
-            q,
-            v,
-            self._gyroscope(),
-            self._specific_force,
-            self._wrench,
-            np.full(len(places.feet), np.nan),
-            np.full(len(places.feet), np.nan),
-            self.actuators.torque(data),
+        reading.setflags(write=False)
+        self._measurement = self._signals.measurement(
+            reading,
+            self.time - machine.measurement_delay,
+            forces=machine.force_sensors,
+            torques=machine.torque_sensors,
         )
         return self._measurement
 
@@ -180,18 +222,47 @@ class MujocoLoop:
             InputError: A command of the wrong shape or not finite; the simulation has not moved.
         """
         self.actuators.check(command)
-        force, wrench = np.zeros(3), np.zeros_like(self._wrench)
-        for _ in range(self.steps):
-            self.actuators.apply(self.data, command)
-            self._stepper(self.model, self.data)
-            force += self._accelerometer()
-            wrench += self._contacts.wrenches(self.data)
-        self._specific_force, self._wrench = force / self.steps, wrench / self.steps
-        # After a step MuJoCo's frames and sensors are those of its begin.
-        mujoco.mj_fwdPosition(self.model, self.data)
-        mujoco.mj_fwdVelocity(self.model, self.data)
-        mujoco.mj_sensorVel(self.model, self.data)
+        model, data, signals, chain = self.model, self.data, self._signals, self._chain
+        if self._late is None:
+            self._at_work = command
+        else:
+            self._late.push(copy.deepcopy(command))  # arrays of a controller may change
+        for left in range(self.steps - 1, -1, -1):
+            if self._late is not None:
+                self._at_work = self._late.advance() or self._at_work
+            self.actuators.apply(data, self._at_work)
+            if self._pushes:
+                self._pushes.apply(data, model.opt.timestep)
+            self._stepper(model, data)
+            signals.record(data)
+            read = chain.oldest > 0 and chain.newest <= left <= chain.oldest
+            if read or left == 0:
+                # After a step MuJoCo's frames and sensors are those of its begin.
+                mujoco.mj_fwdPosition(model, data)
+                mujoco.mj_fwdVelocity(model, data)
+                mujoco.mj_sensorVel(model, data)
+                signals.sample(data)
+            if read:
+                chain.push(signals.values)
         self._measurement = None
+
+    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
+        """Begin to push a body of the robot; pushes add up.
+
+        Args:
+            body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
+            force: In the world, shape (3,), N; constant.
+            duration: s.
+            at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
+
+        Raises:
+            UnknownNameError: No such body; the nearest names are given.
+            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
+        """
+        index, place = self.places.carrier(self.model, self.robot, body_frame(body, self.robot))
+        point = None if at is None else place.act(finite_array("point of attack (m)", at, (3,)))
+        newtons = finite_array("force of the push (N)", force, (3,))
+        self._pushes.add(Push(index, newtons, point, positive("duration of the push (s)", duration)))
 
     def truth(self) -> GroundTruth:
         """Return the true state now; for logs, tests and pictures, never for a controller."""
@@ -210,37 +281,10 @@ class MujocoLoop:
             contact_position=position,
             contact_force=force,
             contact_sole=sole,
-            sole_wrench=self._wrench.copy(),
+            sole_wrench=self._signals.wrenches(),
         )
 
-    def _gyroscope(self) -> Array:
-        if self._imu.gyroscope is not None:
-            place, turn = self._imu.gyroscope
-            reading: Array = turn @ self.data.sensordata[place : place + 3]
-            return reading
-        velocity = np.zeros(6)
-        mujoco.mj_objectVelocity(
-            self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, self.places.imu_body, velocity, 1
-        )
-        turned: Array = self.places.imu.rotation.T @ velocity[:3]
-        return turned
-
-    def _accelerometer(self) -> Array:
-        if self._imu.accelerometer is not None:
-            place, turn = self._imu.accelerometer
-            reading: Array = turn @ self.data.sensordata[place : place + 3]
-            return reading
-        model, data, body = self.model, self.data, self.places.imu_body
-        mujoco.mj_rnePostConstraint(model, data)
-        motion, kind = np.zeros((2, 6)), mujoco.mjtObj.mjOBJ_XBODY
-        mujoco.mj_objectAcceleration(model, data, kind, body, motion[0], 1)
-        mujoco.mj_objectVelocity(model, data, kind, body, motion[1], 1)
-        lever, omega = self.places.imu.translation, motion[1, :3]
-        at_imu = motion[0, 3:] + np.cross(motion[0, :3], lever) + np.cross(omega, np.cross(omega, lever))
-        turned: Array = self.places.imu.rotation.T @ at_imu
-        return turned
-
-    def _notes(self) -> list[str]:
+    def _notes(self, imu: ImuSensors) -> list[str]:
         model, notes = self.model, []
         names = self.description.joint_names
         bare = [name for name, kind in zip(names, self.actuators.kinds, strict=True) if kind == "none"]
@@ -252,7 +296,7 @@ class MujocoLoop:
             notes.append(
                 f"the robot has {mass:.2f} kg in the model and {self.robot.mass:.2f} kg in the description"
             )
-        for what, sensor in (("gyroscope", self._imu.gyroscope), ("accelerometer", self._imu.accelerometer)):
+        for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
             if sensor is None:
                 notes.append(f"no {what} on the IMU's body: computed from the motion")
         gravity = float(np.linalg.norm(model.opt.gravity))

@@ -50,6 +50,14 @@ class RobotPlaces:
     imu_body: int
     imu: pin.SE3
 
+    def carrier(self, model: mujoco.MjModel, robot: Robot, frame: str) -> tuple[int, pin.SE3]:
+        """Return the body that carries a frame of the robot, and the placement of the frame in it."""
+        data = mujoco.MjData(model)
+        self.set_configuration(robot.half_sitting, data.qpos)
+        mujoco.mj_kinematics(model, data)
+        robot.update(robot.half_sitting, np.zeros(robot.nv))
+        return _carrier(model, data, robot, self.joints, self.root, frame)
+
     def set_configuration(self, q: Array, qpos: Array) -> None:
         """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""
         configuration_to_mujoco(q, self.joint_qpos - self.base_qpos, out=qpos[self.base_qpos :])
@@ -102,14 +110,8 @@ def find_places(
     mujoco.mj_comPos(model, data)
     _compare(model, data, robot, joints)
 
-    def carrier(frame: str) -> tuple[int, pin.SE3]:
-        parent = robot.model.frames[robot.frame_id(frame)].parentJoint
-        body = root if parent < 2 else int(model.jnt_bodyid[joints[parent - 2]])
-        place = pin.SE3(data.xmat[body].reshape(3, 3), data.xpos[body])
-        return body, place.actInv(robot.placement(frame))
-
-    feet = [carrier(sole.frame) for sole in robot.soles]
-    imu_body, imu = carrier(robot.imu_frame)
+    feet = [_carrier(model, data, robot, joints, root, sole.frame) for sole in robot.soles]
+    imu_body, imu = _carrier(model, data, robot, joints, root, robot.imu_frame)
     return RobotPlaces(
         joints=joints,
         joint_qpos=joint_qpos,
@@ -122,6 +124,16 @@ def find_places(
         imu_body=imu_body,
         imu=imu,
     )
+
+
+def _carrier(
+    model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, joints: list[int], root: int, frame: str
+) -> tuple[int, pin.SE3]:
+    """Return the body that carries a frame, and the frame in it; simulation and robot are both at half-sitting."""
+    parent = robot.model.frames[robot.frame_id(frame)].parentJoint
+    body = root if parent < 2 else int(model.jnt_bodyid[joints[parent - 2]])
+    place = pin.SE3(data.xmat[body].reshape(3, 3), data.xpos[body])
+    return body, place.actInv(robot.placement(frame))
 
 
 def _compare(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, joints: list[int]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import mujoco
 import numpy as np
@@ -15,8 +15,39 @@ from wbc.robots.description import RobotDescription
 
 Interpolation = Literal["hold", "linear"]
 
+T = TypeVar("T")
+
 Gains = tuple[Array, Array]
 """kp and kd of all joints."""
+
+
+class DelayLine(Generic[T]):
+    """Items that come out some physics steps after they went in."""
+
+    def __init__(self, steps: int) -> None:
+        """Begin without any item.
+
+        Args:
+            steps: Delay, physics steps.
+        """
+        self._delay, self._now = steps, 0
+        self._waiting: deque[tuple[int, T]] = deque()
+
+    def clear(self) -> None:
+        """Forget all items."""
+        self._waiting.clear()
+
+    def push(self, item: T) -> None:
+        """Put an item in before the coming physics step."""
+        self._waiting.append((self._now + self._delay, item))
+
+    def advance(self) -> T | None:
+        """Return the newest item that is due at the coming physics step; None if there is none. Called at each step."""
+        due = None
+        while self._waiting and self._waiting[0][0] <= self._now:
+            due = self._waiting.popleft()[1]
+        self._now += 1
+        return due
 
 
 class Drives:
@@ -53,8 +84,7 @@ class Drives:
         if delay > 0 and interpolation != "hold":
             raise InputError(f"a command delay needs interpolation 'hold', got '{interpolation}'")
         self.delay = delay
-        self._waiting: deque[tuple[int, Array, Gains | None]] = deque()
-        self._steps = 0
+        self._late: DelayLine[tuple[Array, Gains | None]] = DelayLine(delay)
         self._model = model
         self._joint_names = description.joint_names
         self._own = np.array(description.kp), np.array(description.kd)
@@ -68,8 +98,7 @@ class Drives:
         self._switch(self._own)
         np.multiply(self._own[0], position, out=self.target)
         self.start[:] = self.target
-        self._waiting.clear()
-        self._steps = 0
+        self._late.clear()
 
     def read(self, command: Command) -> Array:
         """Check a command and return its targets, shape (na,), valid until the next call; nothing else changes.
@@ -111,7 +140,7 @@ class Drives:
             target: Targets, shape (na,).
         """
         if self.delay > 0:
-            self._waiting.append((self._steps + self.delay, np.array(target), self._next))
+            self._late.push((np.array(target), self._next))
             return
         if self._next is not self._gains:
             self._switch(self._next)
@@ -121,13 +150,13 @@ class Drives:
         self.target[:] = target
 
     def advance(self) -> None:
-        """Take the commands that are due at the coming physics step; called before each of them if there is a delay."""
-        while self._waiting and self._waiting[0][0] <= self._steps:
-            _, target, gains = self._waiting.popleft()
+        """Take the command that is due at the coming physics step; called before each of them if there is a delay."""
+        due = self._late.advance()
+        if due is not None:
+            target, gains = due
             if gains is not self._gains:
                 self._switch(gains)
             self.target[:] = target
-        self._steps += 1
 
     def _switch(self, gains: Gains | None) -> None:
         """Set the gains of the servos: they are the bias of the actuators."""

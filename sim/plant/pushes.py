@@ -34,11 +34,11 @@ class Pushes:
 
     def __init__(self) -> None:
         self._active: list[Push] = []
-        self._applied = False  # forces are set in MuJoCo's data
+        self._applied: set[int] = set()  # bodies whose forces are set in MuJoCo's data
 
     def __bool__(self) -> bool:
         """True while `apply` is needed: to set forces, or to remove the last ones."""
-        return self._applied or bool(self._active)
+        return bool(self._applied) or bool(self._active)
 
     def add(self, push: Push) -> None:
         """Begin a push with the next physics step."""
@@ -47,8 +47,7 @@ class Pushes:
     def clear(self, data: mujoco.MjData) -> None:
         """Stop all pushes."""
         self._active.clear()
-        self._applied = False
-        data.xfrc_applied[:] = 0.0
+        self._release(data)
 
     def apply(self, data: mujoco.MjData, timestep: float) -> None:
         """Set the forces of the coming physics step.
@@ -60,8 +59,8 @@ class Pushes:
             timestep: Physics step, s.
         """
         applied = data.xfrc_applied
-        applied[:] = 0.0
-        self._applied = bool(self._active)
+        self._release(data)
+        self._applied = {push.body for push in self._active}
         for push in self._active:
             force = min(1.0, push.remaining / timestep) * push.force
             applied[push.body, :3] += force
@@ -71,6 +70,12 @@ class Pushes:
                 applied[push.body, 3:] += _cross(arm, force)
             push.remaining -= timestep
         self._active = [push for push in self._active if push.remaining > _OVER]
+
+    def _release(self, data: mujoco.MjData) -> None:
+        """Remove the forces of the last step; those that others set on other bodies stay."""
+        for body in self._applied:
+            data.xfrc_applied[body] = 0.0
+        self._applied.clear()
 
 
 def _cross(a: Array, b: Array) -> list[float]:

@@ -24,14 +24,14 @@ def plant(**options: object) -> Plant:
     return Plant(G1, foot=FlatFoot(ContactSpheres(row_spacing=0.1)), control_period=DT, **options)  # type: ignore[arg-type]
 
 
-def bare(robot: Robot) -> HybridControl:
+def bare(robot: Robot, reference_time: float = 0.02) -> HybridControl:
     kp, kd = np.full(robot.na, 60.0), np.full(robot.na, 1.5)
-    return HybridControl(balance_controller(robot, DT), kp=kp, kd=kd)
+    return HybridControl(balance_controller(robot, DT), kp=kp, kd=kd, reference_time=reference_time)
 
 
 def test_references_are_where_the_torques_lead_until_the_next_command() -> None:
     """So the servos of a robot that moves as its model says add nothing, whatever their gains."""
-    simulated, control = plant(), bare(G1.robot())
+    simulated, control = plant(), bare(G1.robot(), 0.0)
     for _ in range(50):
         command = control.command(simulated.measure())
         simulated.step(command)
@@ -48,6 +48,23 @@ def test_references_are_where_the_torques_lead_until_the_next_command() -> None:
     servo = control.kp * (command.joint_position - measured.joint_position)
     servo += control.kd * (command.joint_velocity - measured.joint_velocity)
     assert np.abs(servo).max() < 0.01 * np.abs(command.joint_torque).max()
+
+
+@pytest.mark.parametrize(("time", "share"), [(0.0, 1.0), (0.02, 0.12)])
+def test_a_velocity_that_is_measured_wrong_reaches_the_references_weakened(time: float, share: float) -> None:
+    """Servos that answer late to their own speed shake joints of little inertia."""
+    references = []
+    for error in (0.0, 0.1):
+        simulated, control = plant(), bare(G1.robot(), time)
+        for _ in range(20):
+            simulated.step(control.command(simulated.measure()))
+        measured = simulated.measure()
+        wrong = measured.joint_velocity.copy()
+        wrong[-1] += error
+        command = control.command(replace(measured, joint_velocity=wrong))
+        assert command.joint_velocity is not None and control.solution is not None
+        references.append(command.joint_velocity[-1] - DT * control.solution.accelerations[-1])
+    assert 0.0 < references[1] - references[0] < 0.1 * share + 1e-9
 
 
 def test_gains_are_those_given_and_a_soft_share_of_those_derived() -> None:

@@ -10,12 +10,13 @@ import pytest
 from foreign import KINDS, foreign_model
 
 import wbc
-from wbc import Command
+from wbc import Command, Measurement
 from wbc.core.errors import InputError, ModelError, UnknownNameError
-from wbc.sim import MujocoLoop, Plant
+from wbc.sim import Machine, MujocoLoop, Plant
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 PREFIX = "mine/"
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 
 
 def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
@@ -117,6 +118,85 @@ def test_other_parts_than_the_feet_touch() -> None:
     assert not loop.measure().sole_wrench.any()
     truth = loop.truth()
     assert set(truth.contact_sole.tolist()) == {-1} and truth.contact_force[0, 2] > 100.0
+
+
+def swaying(loop: MujocoLoop, ticks: int) -> list[Measurement]:
+    """Move the servos and return what is measured before each tick."""
+    rest, measured = loop.hold(), []
+    for tick in range(ticks):
+        measured.append(loop.measure())
+        loop.step(sway(rest, tick))
+    return measured
+
+
+def sway(rest: Command, tick: int) -> Command:
+    assert rest.joint_position is not None
+    return dataclasses.replace(rest, joint_position=rest.joint_position + 0.02 * np.sin(0.3 * tick))
+
+
+def make_loop(**options: object) -> MujocoLoop:
+    return MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "position"), prefix=PREFIX, **options)  # type: ignore[arg-type]
+
+
+def test_measurements_are_as_old_as_stated() -> None:
+    now, old = swaying(make_loop(), 12), swaying(make_loop(machine=Machine(0.004, torque_sensors=True)), 12)
+    for late, early in zip(old[2:], now, strict=False):
+        assert late.time == pytest.approx(early.time)
+        for name in (*SIGNALS, "joint_torque"):
+            np.testing.assert_array_equal(getattr(late, name), getattr(early, name))
+
+
+def test_commands_act_as_late_as_stated() -> None:
+    late, now = make_loop(machine=Machine(command_delay=0.003)), make_loop(control_period=0.001)
+    rest = late.hold()
+    for tick in range(10):
+        late.step(sway(rest, tick))
+    for step in range(20):
+        tick = (step - 3) // 2
+        now.step(rest if tick < 0 else sway(rest, tick))
+    np.testing.assert_array_equal(late.data.qpos, now.data.qpos)
+
+
+def test_noise_is_that_of_the_plant_and_fixed_by_the_seed() -> None:
+    perfect, one, same, other = (
+        swaying(make_loop(noise=noise, seed=seed), 20)
+        for noise, seed in (("none", 0), ("realistic", 1), ("realistic", 1), ("realistic", 2))
+    )
+    for name in SIGNALS:
+        exact, noisy, twin, apart = (
+            np.array([getattr(m, name) for m in run]) for run in (perfect, one, same, other)
+        )
+        np.testing.assert_array_equal(noisy, twin)
+        assert (noisy != apart).any() and (noisy != exact).any()
+    errors = [m.joint_velocity[-1] for m in one], [m.joint_velocity[-1] for m in perfect]
+    assert 0.005 < np.std(np.subtract(*errors)) < 0.05  # 0.0125 rad/s and a millisecond of latency
+    assert (np.subtract(one[5].joint_position, perfect[5].joint_position) != 0.0).all()
+
+
+def test_sensors_that_a_machine_lacks_are_not_measured() -> None:
+    measured = make_loop(machine=Machine(force_sensors=False)).measure()
+    assert measured.sole_wrench is None and measured.joint_torque is None
+    with pytest.raises(InputError, match="friction and payload"):
+        make_loop(machine=Machine(payload=1.0))
+    with pytest.raises(UnknownNameError, match="no sensor noise 'loud'"):
+        make_loop(noise="loud")
+
+
+def test_a_push_gives_its_impulse_and_leaves_other_bodies_alone() -> None:
+    loop = make_loop()
+    q = np.array(loop.robot.half_sitting)
+    q[2] += 0.5
+    loop.reset(q)
+    loop.data.xfrc_applied[loop.model.body("ball").id, 0] = 1.0
+    loop.push("torso", [0.0, 60.0, 0.0], 0.025)
+    for _ in range(20):
+        loop.step(loop.hold())
+    mass = float(loop.model.body_subtreemass[loop.places.root])
+    np.testing.assert_allclose(loop.truth().com_velocity[:2], [0.0, 60.0 * 0.025 / mass], atol=2e-3)
+    assert loop.data.xfrc_applied[loop.model.body("ball").id, 0] == 1.0
+    assert np.count_nonzero(loop.data.xfrc_applied) == 1
+    with pytest.raises(UnknownNameError, match="no body 'trunk'"):
+        loop.push("trunk", [0.0, 1.0, 0.0], 0.1)
 
 
 def test_a_model_of_another_robot_is_refused() -> None:

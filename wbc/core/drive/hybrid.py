@@ -37,7 +37,7 @@ class HybridControl(TorqueControl):
         *,
         kp: Array | None = None,
         kd: Array | None = None,
-        reference_time: float = 0.0,
+        reference_time: float = 0.02,
         prepare: Prepare | None = None,
         safety: SafetySettings | None = None,
     ) -> None:
