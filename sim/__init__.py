@@ -10,10 +10,14 @@ from wbc.sim.balance import (
     StandResult,
     StandSpec,
     StandTrial,
+    TrackResult,
+    TrackSpec,
+    TrackTrial,
     largest_push,
     push_standing,
     push_table,
     stand,
+    track_motion,
 )
 from wbc.sim.loop import MujocoLoop, RobotServer, RobotWire
 from wbc.sim.plant import (
@@ -120,6 +124,10 @@ __all__ = [
     "push_standing",
     "push_table",
     "stand",
+    "TrackResult",
+    "TrackSpec",
+    "TrackTrial",
+    "track_motion",
     # Walks: spec in, result out
     "Fall",
     "Spread",

@@ -1,4 +1,4 @@
-"""Simulated standing: stands and push recovery.
+"""Simulated balance: stands, push recovery, and motions that are tracked.
 
 A new kind of experiment on a standing robot goes here, as a module with its spec, its result and one function.
 """
@@ -14,6 +14,7 @@ from wbc.sim.balance.push_recovery import (
     push_table,
 )
 from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial, centre_of_pressure, stand
+from wbc.sim.balance.tracking import TrackResult, TrackSpec, TrackTrial, track_motion
 
 __all__ = [
     # Standing
@@ -31,4 +32,9 @@ __all__ = [
     "largest_push",
     "push_standing",
     "push_table",
+    # Motions
+    "TrackResult",
+    "TrackSpec",
+    "TrackTrial",
+    "track_motion",
 ]

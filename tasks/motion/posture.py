@@ -82,6 +82,18 @@ class PostureTask(JointTask, SelectionTask):
         weight = self._gain("weight", value)
         self._rows.weight[:] = weight if self._factor is None else weight * self._factor
 
+    def follow(self, positions: Array, velocity: Array, acceleration: Array) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            positions: Positions of the task's joints, shape (dim,), rad; kept, not copied.
+            velocity: Their velocities, shape (dim,), rad/s.
+            acceleration: Their accelerations, shape (dim,), rad/s².
+        """
+        self._target = positions
+        self._rows.velocity[:] = velocity
+        self._rows.acceleration[:] = acceleration
+
     def evaluate(self, error: Array) -> None:
         """Fill target − measured; see `SelectionTask.evaluate`."""
         assert self._target is not None

@@ -48,6 +48,7 @@ ELSEWHERE = {
     "view": "app/test_log_replay.py",
     **dict.fromkeys(("bench record", "bench compare"), "app/test_bench.py"),
     **dict.fromkeys(("motion make", "motion check", "motion filter"), "motion/test_motion.py"),
+    "motion track": "motion/test_track.py",
 }
 """Commands that have their own tests of what they print, because it takes a walk or a file: the file that does it."""
 

@@ -1,4 +1,4 @@
-"""Motions: clips of joint positions read from the field's formats, measured, and made feasible for a robot."""
+"""Motions: clips of joint positions read from the field's formats, measured, made feasible for a robot, and tracked."""
 
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings
@@ -7,6 +7,7 @@ from wbc.motion.files import MOTION_FORMATS, read_motion, write_motion
 from wbc.motion.generator import MOTIONS, make_motion
 from wbc.motion.inverse_kinematics import KinematicWeights
 from wbc.motion.measures import MotionMeasures, check_motion
+from wbc.motion.track import MotionControl, TrackSettings, first_configuration
 
 __all__ = [
     # Clips and their files
@@ -26,4 +27,8 @@ __all__ = [
     "MotionMeasures",
     "check_motion",
     "make_feasible",
+    # Tracked
+    "MotionControl",
+    "TrackSettings",
+    "first_configuration",
 ]

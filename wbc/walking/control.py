@@ -319,6 +319,10 @@ class WalkingControl:
             bias=bias,
         )
         self._wrench_targets = output.feet.wrenches
+        self._move(reference, output)
+
+    def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
+        """Hand targets to the tasks."""
         self.tasks.move_feet(reference, output)
         self.tasks.move_com(reference, output, shifted=not self.stabilizer.com_still)
         self.tasks.turn_trunk(reference.heading, self._lean(output))

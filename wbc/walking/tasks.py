@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -180,6 +181,19 @@ class WalkTasks:
         turn = lean.rotation.dot(_yaw_rotation(yaw))
         for task, tilt in zip(self._trunk, self._trunk_tilts, strict=True):
             task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
+
+    def pose_trunk(self, motions: Sequence[tuple[Array, Array, Array]], lean: LeanMotion) -> None:
+        """Turn pelvis and torso as a motion does, and let them lean.
+
+        Args:
+            motions: Rotation, angular velocity and acceleration of pelvis and torso (of one if they are the same), in
+                world axes.
+            lean: Lean.
+        """
+        for task, (rotation, velocity, acceleration) in zip(self._trunk, motions, strict=True):
+            task.follow(
+                lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
+            )
 
 
 def _yaw_rotation(yaw: float) -> Array:

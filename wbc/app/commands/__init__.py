@@ -58,6 +58,7 @@ COMMANDS = {
     "motion make": "wbc.app.commands.motion:make",
     "motion check": "wbc.app.commands.motion:check",
     "motion filter": "wbc.app.commands.motion:make_clip_feasible",
+    "motion track": "wbc.app.commands.motion:track",
     "plot": "wbc.app.commands.plot:plot",
     "view": "wbc.app.commands.view_log:view",
 }

@@ -1,19 +1,21 @@
-"""`wbc motion`: clips made, checked and made feasible."""
+"""`wbc motion`: clips made, checked, made feasible and tracked."""
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.files import check_picture, check_target
+from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.files import save_figure
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, Seed, settings
+from wbc.core.settings import Positive, Seed, settings, to_json
 from wbc.motion import (
     FeasibleMotion,
     MotionClip,
@@ -24,6 +26,7 @@ from wbc.motion import (
     read_motion,
     write_motion,
 )
+from wbc.sim.balance import TrackSpec, TrackTrial
 
 CLIPS = (".npz", ".csv")
 
@@ -84,6 +87,23 @@ class FilterOptions:
     plot: Path | None = None
 
 
+@settings(kw_only=True)
+class TrackOptions(TrackSpec):
+    """Options of `wbc motion track`.
+
+    Attributes:
+        rate: Frames per second, Hz, of a file that does not say it.
+        joint: Joint of the next column, of a file that does not name them; once for each.
+        format: Format of the file: wbc, csv, unitree, beyondmimic or gmr; auto knows it by its contents.
+        as_is: Track the clip as it is; one that is not feasible is made so first when this is not set.
+    """
+
+    rate: Annotated[Positive, "Hz"] | None = None
+    joint: tuple[str, ...] = ()
+    format: str = "auto"
+    as_is: bool = False
+
+
 @reports
 def make(options: Flat[MakeOptions], *, output: OutputOptions = Output()) -> Report:
     """Make a motion by rule: a clip to begin with."""
@@ -137,6 +157,50 @@ def make_clip_feasible(
         "stretched": result.stretched,
     }
     return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
+
+
+@reports
+def track(
+    file: Path,
+    *,
+    options: Flat[TrackOptions] = TrackOptions(),
+    live: LiveOptions = LiveView(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Track a clip in the simulator while balancing: on both feet, on one, and where it steps.
+
+    Args:
+        file: Clip to read, .npz or .csv.
+        options: The clip and the simulation.
+        live: Live view.
+        output: Form of the report.
+    """
+    o = options
+    robot, given = ClipOptions(file, o.robot, o.rate, o.joint, o.format).read()
+    clip, lines = given, []
+    data: dict[str, Any] = {"motion": given.name}
+    if not options.as_is and not (given.standing is not None and check_motion(robot, given).feasible):
+        feasible = make_feasible(robot, given)
+        clip, lines = feasible.clip, _changes(given, feasible)
+        data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
+    spec = TrackSpec(**{each.name: getattr(options, each.name) for each in fields(TrackSpec)})
+    trial = TrackTrial(clip, spec)
+    with live.show(trial.plant) as watching:
+        result = trial.run(watching.after_tick)
+    state = "tracked to its end" if result.completed else f"FELL after {result.seconds:.2f} s: {result.fall}"
+    lines += [
+        f"{result.motion} on {result.robot}, {result.mode} control, {spec.foot} feet, noise {spec.noise}, "
+        f"{result.clip_seconds:.2f} s: {state}",
+        f"  joints within {result.joint_rms_deg:.2g}° rms of the clip, {result.worst_joint} "
+        f"{result.worst_joint_rms_deg:.2g}°, at most {result.largest_deg:.2g}°",
+        f"  centre of mass {result.com_rms_mm:.2g} mm rms; loaded feet slid by {result.foot_slide_mm:.2g} mm at most; "
+        f"{result.landings} landings",
+        f"  a tick takes {result.tick_us['median']:.0f} us, 99 % less than {result.tick_us['p99']:.0f} us; "
+        f"{result.failures} failed",
+    ]
+    changes = watching.interventions
+    report = data | to_json(result) | interactive(changes)
+    return output.report(report, "\n".join(lines) + interactive_text(changes))
 
 
 ROWS = (

@@ -1,0 +1,173 @@
+"""Tracking of clips: references against finite differences, refusals, and motions in the simulator."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import load_robot
+from wbc.app.cli import main
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.robot import GRAVITY, Robot
+from wbc.motion import (
+    MotionClip,
+    MotionControl,
+    first_configuration,
+    make_feasible,
+    make_motion,
+    write_motion,
+)
+from wbc.motion.reference import ClipReference, placed
+from wbc.sim import TrackSpec, track_motion
+
+DT = 0.005
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1").robot()
+
+
+@pytest.fixture(scope="module")
+def steps(g1: Robot) -> MotionClip:
+    return make_feasible(g1, make_motion(g1, "steps", 1)).clip
+
+
+@pytest.fixture(scope="module")
+def reference(g1: Robot, steps: MotionClip) -> ClipReference:
+    assert steps.standing is not None
+    return ClipReference.of(g1, steps, steps.standing, 0.0, DT)
+
+
+def test_references_are_derivatives_of_each_other(g1: Robot, reference: ClipReference) -> None:
+    middle = slice(300, 900)
+    steps = np.array(
+        [pin.difference(g1.model, reference.q[i - 1], reference.q[i + 1]) for i in range(300, 900)]
+    )
+    np.testing.assert_allclose(steps / (2.0 * DT), reference.v[middle], atol=0.02)
+    change = (reference.v[301:901] - reference.v[299:899]) / (2.0 * DT)
+    assert np.sqrt(((change - reference.a[middle]) ** 2).mean()) < 0.05
+    com = np.array([pendulum.com for pendulum in reference.pendulum])
+    velocity = np.array([pendulum.com_velocity for pendulum in reference.pendulum])
+    np.testing.assert_allclose(np.gradient(com, DT, axis=0)[middle], velocity[middle], atol=2e-3)
+    rise = np.gradient(velocity, DT, axis=0)[middle] - reference.com_acceleration[middle]
+    assert np.sqrt((rise**2).mean()) < 0.02
+    for side in (0, 1):
+        place = np.array([pair[side].placement.translation for pair in reference.feet])
+        speed = np.array([pair[side].velocity[:3] for pair in reference.feet])
+        np.testing.assert_allclose(np.gradient(place, DT, axis=0)[middle], speed[middle], atol=5e-3)
+
+
+def test_the_pendulum_has_the_zmp_of_the_whole_body(reference: ClipReference) -> None:
+    """The force that it asks for goes through that ZMP, whatever the arms do meanwhile."""
+    for pendulum in reference.pendulum[::50]:
+        reach = (pendulum.com[2] - pendulum.zmp[2]) / (pendulum.com_acceleration[2] + GRAVITY)
+        meets = pendulum.com[:2] - reach * pendulum.com_acceleration[:2]
+        np.testing.assert_allclose(meets, pendulum.zmp[:2], atol=1e-9)
+
+
+def test_a_clip_is_put_where_the_robot_stands(g1: Robot, steps: MotionClip) -> None:
+    q = first_configuration(g1, steps)
+    data = g1.model.createData()
+    pin.framesForwardKinematics(g1.model, data, q)
+    move = pin.SE3(pin.utils.rotate("z", 1.0), np.array([3.0, -2.0, 0.1]))
+    left, right = (move * data.oMf[g1.frame_id(sole.frame)] for sole in g1.soles[:2])
+    moved = placed(g1, steps, q, (left, right)).configurations(g1)
+    pin.framesForwardKinematics(g1.model, data, moved[0])
+    for sole, place in zip(g1.soles, (left, right), strict=False):
+        np.testing.assert_allclose(
+            data.oMf[g1.frame_id(sole.frame)].homogeneous, place.homogeneous, atol=2e-3
+        )
+
+
+def test_bad_clips_are_refused_before_anything_moves(g1: Robot, steps: MotionClip) -> None:
+    g1.update(g1.half_sitting, np.zeros(g1.nv))
+    bent = g1.half_sitting.copy()
+    bent[7 + g1.joint_names.index("left_elbow_joint")] += 0.5
+    g1.update(bent, np.zeros(g1.nv))
+    with pytest.raises(InputError, match="must stand as the clip begins.*'left_elbow_joint'"):
+        MotionControl(g1, steps, DT)
+    g1.update(first_configuration(g1, steps), np.zeros(g1.nv))
+    jump = steps.base.copy()
+    jump[300:360, 2] += 0.2
+    with pytest.raises(InputError, match=r"no sole stands from (2\.9|3\.0)"):
+        MotionControl(g1, replace(steps, base=jump, standing=None), DT)
+    with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
+        track_motion(steps, TrackSpec(robot="talos"))
+    MotionControl(g1, steps, DT)
+
+
+def test_the_command_refuses_what_cannot_be_tracked(
+    g1: Robot, steps: MotionClip, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each with exit code 2, one line, and the value that is wrong."""
+    path = tmp_path / "clip.npz"
+    write_motion(steps, path)
+    assert main(["motion", "track", str(path), "--robot", "talos"]) == 2
+    assert "no joint of 'talos'" in capsys.readouterr().err
+    arrays = dict(np.load(path))
+
+    def refused(message: str, *options: str, **changes: object) -> None:
+        kept = {name: value for name, value in (arrays | changes).items() if value is not None}
+        np.savez(tmp_path / "bad.npz", **kept)  # type: ignore[arg-type]
+        assert main(["motion", "track", str(tmp_path / "bad.npz"), *options]) == 2
+        assert message in capsys.readouterr().err
+
+    broken = arrays["joints"].copy()
+    broken[321, 5] = np.nan
+    refused("nan in frame 321 (3.210 s), column 'left_ankle_roll_joint'", joints=broken)
+    refused("is the order of the quaternion right", base=arrays["base"][:, [0, 1, 2, 6, 3, 4, 5]])
+    refused("it has no 'rate'", rate=None)
+    refused("noise", "--noise", "loud")
+    jump = arrays["base"].copy()
+    jump[300:360, 2] += 0.2
+    refused("no sole stands from", base=jump, standing=None)
+    np.savetxt(tmp_path / "bad.csv", np.hstack([arrays["base"], arrays["joints"]]), delimiter=",")
+    joints = [word for name in steps.joint_names for word in ("--joint", name)]
+    assert main(["motion", "track", str(tmp_path / "bad.csv"), *joints]) == 2
+    assert "does not say its rate" in capsys.readouterr().err
+
+
+def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
+    """Two seconds of a dance: fast arms are no disturbance."""
+    clip = make_feasible(g1, make_motion(g1, "dance", 1)).clip
+    short = clip.sampled(clip.times[:250], clip.rate)
+    result = track_motion(short, TrackSpec(after=0.0))
+    assert result.fall is None and result.failures == 0
+    assert result.joint_rms_deg < 1.0 and result.com_rms_mm < 5.0 and result.foot_slide_mm < 1.0
+
+
+def test_the_command_tracks_a_clip_that_is_feasible_as_it_is(
+    g1: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = make_feasible(g1, make_motion(g1, "squat", 1)).clip
+    write_motion(clip.sampled(clip.times[:100], clip.rate), tmp_path / "clip.npz")
+    assert main(["motion", "track", str(tmp_path / "clip.npz"), "--after", "0", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["completed"] and found["failures"] == 0 and found["clip_seconds"] == pytest.approx(0.99)
+    assert "stretched" not in found, "it was not changed"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+@pytest.mark.parametrize("name", ["one_leg", "steps"])
+def test_motions_on_one_foot_and_with_steps_are_tracked(robot: str, name: str) -> None:
+    model = load_robot(robot).robot()
+    result = track_motion(make_feasible(model, make_motion(model, name, 2)).clip, TrackSpec(robot=robot))
+    assert result.completed and result.failures == 0, result
+    assert result.landings == {"one_leg": 1, "steps": 4}[name]
+    assert result.worst_joint_rms_deg < 3.0 and result.foot_slide_mm < 5.0, result
+
+
+@pytest.mark.slow
+def test_a_dance_that_is_too_fast_for_the_joints_has_no_failed_tick() -> None:
+    """0.8 rad at 1.5 Hz as it is given, beyond the speeds that the filter allows."""
+    model = load_robot("hrp4_class").robot()
+    clip = make_motion(model, "dance", 1)
+    result = track_motion(clip, TrackSpec(robot="hrp4_class"))
+    assert result.completed and result.failures == 0, result

@@ -1,0 +1,228 @@
+"""Tracking of a clip: the stabilizer of a walk, with references that come from the clip.
+
+    clip  →  pendulum, feet, contacts  →  stabilizer  →  tasks  →  command
+          →  joints and trunk, with velocities and accelerations  ↗
+
+Feet that stand are contacts and yield to the measured wrenches as in a walk; a foot in the air follows the clip from
+where it was lifted, and stands where it has landed. Early ground ends a swing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError
+from wbc.core.estimation.observer import Observer
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.motion.clip import MotionClip
+from wbc.motion.contacts import ContactSettings, find_contacts
+from wbc.motion.kinematics import BodyMotion
+from wbc.motion.reference import ClipReference, placed
+from wbc.tasks.motion.posture import PostureTask
+from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.walk import WalkReference
+
+START = 0.1
+"""Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
+
+
+@settings
+class TrackSettings:
+    """Settings of a clip's tracking.
+
+    Attributes:
+        walking: Mode, gains of the stabilizer, weights of the tasks.
+        posture_weight: Joints, cost per (rad/s²)².
+        posture_stiffness: 1/s².
+        fade: Time in which a foot that is lifted goes over to the path of the clip, s.
+        touch_down: Load, as a share of the weight, at which a foot has met the ground before its time.
+        early: Time before the planned landing from which on such a load is a landing, s.
+    """
+
+    walking: WalkingControlSettings = field(default_factory=WalkingControlSettings)
+    posture_weight: Positive = 1.0
+    posture_stiffness: Annotated[Positive, "1/s²"] = 100.0
+    fade: Annotated[Positive, "s"] = 0.2
+    touch_down: Share = 0.08
+    early: Annotated[NonNegative, "s"] = 0.1
+
+
+class MotionControl(WalkingControl):
+    """Controller that tracks a clip, and stands in its last frame for ever.
+
+        result = make_feasible(robot, clip)
+        robot.update(first_configuration(robot, result.clip), np.zeros(robot.nv))
+        control = MotionControl(robot, result.clip, plant.control_period)
+
+    Attributes:
+        clip: The clip, where the robot is.
+        motion: References of each tick.
+        tick: Index of the present tick in `motion`.
+        landings: Feet that have landed so far.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        clip: MotionClip,
+        dt: float,
+        settings: TrackSettings | None = None,
+        *,
+        observer: Observer | None = None,
+        contacts: ContactSettings | None = None,
+    ) -> None:
+        """Make all parts for a robot that stands as the clip begins; the motion begins with the first tick.
+
+        Args:
+            robot: The robot, in the first frame of the clip, anywhere on level ground.
+            clip: Clip of its joints.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            observer: Estimates the robot's state; a new one when None.
+            contacts: Settings of the search for contacts in a clip that does not name them.
+
+        Raises:
+            UnknownNameError: The clip is of another robot.
+            InputError: The robot leaves the ground in the clip; the time at which it does is named. A robot that does
+                not stand as the clip begins.
+        """
+        s = settings or TrackSettings()
+        found = contacts or ContactSettings()
+        q = clip.configurations(robot)
+        motion = find_contacts(BodyMotion.of(robot, q, clip.rate), found, clip.standing)
+        motion.refuse_flight(found.flight)
+        _check_start(robot, q[0])
+        super().__init__(robot, FootstepPlan.standing(robot), dt, s.walking, observer=observer)
+        left, right = (robot.placement(sole.frame).copy() for sole in robot.soles[:2])
+        ground = 0.5 * float(left.translation[2] + right.translation[2])
+        self.clip = placed(robot, clip, q[0], (left, right))
+        self.motion = ClipReference.of(robot, self.clip, motion.fill().standing, ground, self.dt)
+        self.tick = 0
+        self.landings = 0
+        self._places: list[pin.SE3] = [left, right]  # of feet that stand
+        self._swings: list[tuple[int, Array] | None] = [
+            None,
+            None,
+        ]  # tick of lift-off, offset from the clip there
+        self._early = [False, False]  # feet that stand before their time
+        self._load, self._ahead = s.touch_down * robot.mass * GRAVITY, round(s.early / self.dt)
+        self._fade = s.fade
+        posture = self.controller.task("posture")
+        assert isinstance(posture, PostureTask)
+        self._posture = posture
+        posture.stiffness, posture.weight = s.posture_stiffness, s.posture_weight
+
+    @property
+    def finished(self) -> bool:
+        """True when the clip is over and the robot stands in its last frame."""
+        return self.tick >= len(self.motion) - 1
+
+    @property
+    def steps_done(self) -> int:
+        """Feet that have landed so far."""
+        return self.landings
+
+    def _update_walk(self, bias: Array | None) -> WalkReference:
+        motion = self.motion
+        self.tick = i = min(round(self.time / self.dt), len(motion) - 1)
+        loads = self.control.observer.load.tolist()
+        events = tuple(event for side in (0, 1) for event in self._switch(side, i, loads[side]))
+        contact = (self._swings[0] is None, self._swings[1] is None)
+        phase = Phase.STANDING if self.finished else (Phase.DOUBLE if all(contact) else Phase.SINGLE)
+        return WalkReference(
+            motion.pendulum[i],
+            (self._foot(0, i), self._foot(1, i)),
+            contact,
+            float(motion.headings[i]),
+            phase,
+            self.landings,
+            events,
+        )
+
+    def _switch(self, side: int, i: int, load: float) -> tuple[Event, ...]:
+        """Lift or land a foot when the clip says so, or when it meets the ground a little before."""
+        standing = self.motion.standing
+        planned = bool(standing[i, side])
+        if self._swings[side] is None:
+            if planned or self._early[side]:
+                self._early[side] = self._early[side] and not planned
+                return ()
+            place, given = self._soles[side], self.motion.feet[i][side].placement
+            turn = np.asarray(pin.log3(place.rotation @ given.rotation.T))
+            self._swings[side] = i, np.concatenate([place.translation - given.translation, turn])
+            return (Event.LIFT_OFF,)
+        soon = standing[min(i + self._ahead, len(standing) - 1), side]
+        if not (planned or (soon and load > self._load)):
+            return ()
+        self._swings[side], self._early[side] = None, not planned
+        self._places[side] = pin.SE3(self._soles[side])
+        self.landings += 1
+        return (Event.TOUCH_DOWN if planned else Event.EARLY_TOUCH_DOWN,)
+
+    def _foot(self, side: int, i: int) -> FootMotion:
+        """Motion of a sole: at rest where it stands; in the air that of the clip, from where it was lifted."""
+        swing, given = self._swings[side], self.motion.feet[i][side]
+        if swing is None:
+            return FootMotion.at_rest(self._places[side])
+        begin, offset = swing
+        x = (i - begin) * self.dt / self._fade
+        if x >= 1.0:
+            return given
+        share, rate = 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / self._fade
+        placement, turn = given.placement, pin.exp3(share * offset[3:])
+        placement = pin.SE3(turn @ placement.rotation, placement.translation + share * offset[:3])
+        return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
+
+    def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
+        motion, i = self.motion, self.tick
+        self.tasks.move_feet(reference, output)
+        true = reference._replace(
+            pendulum=reference.pendulum._replace(com_acceleration=motion.com_acceleration[i])
+        )
+        turned = motion.com_acceleration[i, :2] - reference.pendulum.com_acceleration[:2]
+        if self.settings.mode != "position":
+            acceleration = output.com_acceleration.copy()
+            acceleration[:2] += turned
+            output = output._replace(com_acceleration=acceleration)
+        self.tasks.move_com(true, output, shifted=not self.stabilizer.com_still)
+        self.tasks.pose_trunk(motion.trunk[i], self._lean(output))
+        self._posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
+
+
+def first_configuration(robot: Robot, clip: MotionClip) -> Array:
+    """Return the first configuration of a clip with its soles on z = 0, shape (nq,).
+
+    Args:
+        robot: The robot; its state is not changed.
+        clip: Clip of its joints.
+
+    Raises:
+        UnknownNameError: The clip is of another robot.
+    """
+    q: Array = clip.configurations(robot)[0]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    q[2] -= min(data.oMf[robot.frame_id(sole.frame)].translation[2] for sole in robot.soles[:2])
+    return q
+
+
+def _check_start(robot: Robot, q: Array) -> None:
+    """Refuse a robot that does not stand as a clip begins."""
+    off = abs(robot.q[7:] - q[7:])
+    worst = int(off.argmax())
+    if not off[worst] <= START:
+        raise InputError(
+            f"the robot must stand as the clip begins, every joint within {START:g} rad; joint "
+            f"'{robot.joint_names[worst]}' is at {robot.q[7 + worst]:.3f} rad, in the clip at {q[7 + worst]:.3f} rad"
+        )
