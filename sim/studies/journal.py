@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import fcntl
+import functools
 import hashlib
 import json
 import logging
@@ -29,7 +30,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, get_args
 
-from wbc.core.arguments import checked
+from pydantic_core import from_json
+
+from wbc.core.arguments import LazyMapping, checked
 from wbc.core.errors import InputError, WbcError, choose
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
@@ -98,8 +101,16 @@ def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None)
         spec: The spec, as plain values.
         version: Version of the code; the present one when None.
     """
-    content = {"spec": _by_content(spec), "version": provenance() if version is None else version}
-    return hashlib.sha256(canonical(content).encode()).hexdigest()[:32]
+    own = version is None or version is provenance()
+    content = (
+        f'{{"spec":{canonical(_by_content(spec))},"version":{_own_version() if own else canonical(version)}}}'
+    )
+    return hashlib.sha256(content.encode()).hexdigest()[:32]
+
+
+@functools.cache
+def _own_version() -> str:
+    return canonical(provenance())
 
 
 def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -136,7 +147,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-class Entries(Mapping[str, Entry]):
+class Entries(LazyMapping[str, Entry]):
     """Entries of a journal, by key; each is read from its line when it is asked for.
 
     A hundred thousand walks are 200 MB of lines, and six times as much as objects.
@@ -147,7 +158,7 @@ class Entries(Mapping[str, Entry]):
         self._lines = {} if lines is None else lines
 
     def __getitem__(self, key: str) -> Entry:
-        data = json.loads(self._lines[key])
+        data = from_json(self._lines[key])
         del data["sum"], data["key"]
         entry = object.__new__(Entry)  # its values were checked before the line was written
         entry.__dict__.update(data)

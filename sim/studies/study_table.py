@@ -283,7 +283,7 @@ def layout_of(spec: Mapping[str, Any]) -> Hashable:
     Args:
         spec: Spec of the trial, as plain values.
     """
-    return canonical({name: spec.get(name) for name in ("terrain", "amplitude", "terrain_params", "seed")})
+    return spec.get("terrain"), spec.get("amplitude"), canonical(spec.get("terrain_params")), spec.get("seed")
 
 
 def _common(columns: Mapping[str, _Column]) -> set[Hashable]:

@@ -6,6 +6,7 @@ import abc
 import dataclasses
 import inspect
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from pydantic import Field
 
+from wbc.core.arguments import LazyMapping, checked
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.registry import Registry, call_checked, named_parameters
 from wbc.core.settings import (
@@ -230,3 +232,24 @@ def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
         Shoe.of(2.0, color="blue")  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="size"):
         Shoe.of()  # type: ignore[call-arg]
+
+
+def test_a_mapping_that_makes_its_values_when_asked_is_not_gone_through() -> None:
+    class Made(LazyMapping[str, int]):
+        def __getitem__(self, key: str) -> int:
+            raise AssertionError(key)
+
+        def __iter__(self) -> Iterator[str]:
+            raise AssertionError
+
+        def __len__(self) -> int:
+            return 1
+
+    assert _count(Made()) == 1
+    with pytest.raises(InputError, match="numbers"):
+        _count({"a": "b"})  # type: ignore[dict-item]
+
+
+@checked
+def _count(numbers: Mapping[str, int]) -> int:
+    return len(numbers)

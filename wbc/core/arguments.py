@@ -27,12 +27,18 @@ from wbc.core.errors import Array, InputError, finite_array, shown, unknown_name
 from wbc.core.settings import CONFIG, bounded, choices_of, plain_value, rule_of
 
 P = ParamSpec("P")
+K = TypeVar("K")
 T = TypeVar("T")
+V_co = TypeVar("V_co", covariant=True)
 
 SIMPLE = (bool, int, float, str, type(None))
 
 WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, RecursionError)
 """Exceptions that a wrong argument causes in code that does not expect it."""
+
+
+class LazyMapping(Mapping[K, V_co]):
+    """Mapping that makes each value when it is asked for, of the kind that it should be: `checked` looks at none."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
@@ -197,6 +203,8 @@ def _mapping_check(key: Any, value: Any) -> Callable[[Any], Any]:
     def check(given: Any) -> Any:
         if not isinstance(given, Mapping):
             raise ValueError("no mapping")
+        if isinstance(given, LazyMapping):
+            return given
         return items.validate_python(tuple((k, plain_value(v)) for k, v in given.items()))
 
     return check

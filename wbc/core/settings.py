@@ -218,14 +218,24 @@ def _fields_alone(kind: Any) -> Any:
     )
 
 
+_PLAIN = frozenset((str, float, int, bool, type(None)))
+
+
+@functools.cache
+def _field_names(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(kind))
+
+
 def to_json(value: Any) -> Any:
     """Return settings as plain values: objects, lists, numbers, texts, truth values and null.
 
     Args:
         value: Settings, or a tuple, list or mapping of them.
     """
+    if type(value) in _PLAIN:
+        return value
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_json(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {name: to_json(getattr(value, name)) for name in _field_names(type(value))}
     if isinstance(value, (list, tuple)):
         return [to_json(item) for item in value]
     if isinstance(value, Mapping):
