@@ -11,8 +11,8 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError, choose
 from wbc.core.robot import Robot
 
-REACH = 0.12
-"""Greatest distance between the frame of a hand and a handle that it grips, m: the length of a palm."""
+REACH = 0.2
+"""Greatest distance between the frame of a hand and a handle that it grips, m: the length of a hand."""
 
 
 DEEPEST = 0.005
@@ -62,8 +62,8 @@ def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
 def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str) -> None:
     """Add a grip for each hand and each handle, open at the start.
 
-    A handle is a site of the scene whose name ends with "handle". A closed grip holds the origin of the hand's frame
-    where it was on the body of the handle, and leaves the hand free to turn.
+    A handle is a site of the scene whose name ends with "handle". A closed grip holds the handle where it was in the
+    hand, and leaves the hand free to turn about it.
 
     Args:
         spec: Model under construction that holds robot and scene.
@@ -107,7 +107,7 @@ class Grips:
         }
 
     def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
-        """Hold a handle where the hand is now.
+        """Hold a handle where it is now.
 
         Args:
             data: The simulation, positions up to date.
@@ -122,8 +122,8 @@ class Grips:
         choose("handle", handle, self.handles)
         model = self._model
         site = int(model.site(f"{hand} site").id)
-        point: Array = data.site_xpos[site]
-        far = float(np.linalg.norm(point - data.site_xpos[self.handles[handle]]))
+        point: Array = data.site_xpos[self.handles[handle]]
+        far = float(np.linalg.norm(point - data.site_xpos[site]))
         if far > REACH:
             raise InputError(
                 f"{hand} must be within {REACH:g} m of {handle} to grip it, it is {far:.3f} m away"

@@ -408,7 +408,7 @@ class Plant:
         )
 
     def grip(self, hand: str, handle: str) -> None:
-        """Close a hand around a handle of the scene: it holds the point where it is now, and turns freely about it.
+        """Close a hand around a handle of the scene: it keeps its distance to the handle, and turns freely about it.
 
         Args:
             hand: Role of the hand, such as "left_hand".

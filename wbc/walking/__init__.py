@@ -5,6 +5,8 @@ Whatever decides on footsteps goes into `planning`, on reference motion into `pa
 
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
+from wbc.walking.hands.hand import HandSettings, HandState
+from wbc.walking.hands.hands import Hands
 from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
@@ -99,6 +101,10 @@ __all__ = [
     "cop",
     "net_wrench",
     "zmp",
+    # Hands that press and grip
+    "Hands",
+    "HandSettings",
+    "HandState",
     # Falls
     "FallDetector",
     "FallReason",

@@ -33,6 +33,8 @@ from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
+from wbc.walking.hands.hand import HandSettings
+from wbc.walking.hands.hands import Hands
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import (
@@ -72,6 +74,7 @@ class WalkingControlSettings:
         drive: Limits of a robot that is steered.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
+        hands: Hands that press on things; None for hands that are only carried along.
         safety: Ranges of measurements and commands.
     """
 
@@ -86,6 +89,7 @@ class WalkingControlSettings:
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
     drive: DriveSettings = field(default_factory=DriveSettings)
+    hands: HandSettings | None = None
     safety: SafetySettings = field(default_factory=SafetySettings)
 
 
@@ -103,6 +107,7 @@ class WalkingControl:
         stabilizer: Feedback and admittances.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
+        hands: Hands that press on things; None without.
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         controller: Whole-body controller with all tasks and contacts of the walk.
@@ -163,6 +168,7 @@ class WalkingControl:
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
+        self.hands: Hands | None = None
         self.control: PositionControl | TorqueControl
         if s.mode == "hybrid":
             self.control = HybridControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
@@ -173,6 +179,8 @@ class WalkingControl:
             self.control = PositionControl(
                 self.controller, observer, prepare=self._prepare, feedforward=feedforward, safety=s.safety
             )
+        if s.hands is not None:
+            self.hands = self._make_hands(s.hands, height)
         self.reference: WalkReference | None = None
         self.output: StabilizerOutput | None = None
         self.time = 0.0
@@ -190,6 +198,13 @@ class WalkingControl:
         self._beyond = -math.inf  # distance of the DCM beyond the hull of both soles, m
         if len(plan):
             self.walk.start()
+
+    def _make_hands(self, settings: HandSettings, height: float) -> Hands:
+        """Return the hands; a loss is survived within the sole and, sideways, between both feet."""
+        (length, width), _ = self._sizes
+        return Hands(
+            self.controller, self.control.observer.robot, settings, (0.5 * length, 0.5 * width), height
+        )
 
     @property
     def finished(self) -> bool:
@@ -307,6 +322,13 @@ class WalkingControl:
         self.reference = reference = self._update_walk(bias)
         if reference.contact != self._in_contact:
             self._switch_contacts(reference.contact)
+        outside = None
+        if self.hands is not None:
+            outside = self.hands.update(measurement, reference, self.dt)
+            if outside is not None:
+                self.reference = reference = reference._replace(
+                    pendulum=self.hands.shifted(reference.pendulum)
+                )
         self.output = output = self.stabilizer.update(
             reference.pendulum,
             com,
@@ -317,6 +339,7 @@ class WalkingControl:
             reference.heading,
             self.dt,
             bias=bias,
+            outside=outside,
         )
         self._wrench_targets = output.feet.wrenches
         self._move(reference, output)
@@ -339,6 +362,9 @@ class WalkingControl:
         if bias is not None:
             dcm = dcm.copy()
             dcm[:2] -= bias
+        if self.hands is not None and self.hands.active:  # the plan is that without hands
+            dcm = dcm.copy()
+            dcm[:2] -= self.hands.shift
         self.driver.update(self.time, dcm, self._beyond)
         # Filtered loads: a foot that has just met the ground presses in jerks.
         return self.walk.update(self.control.observer.load.tolist(), self._soles, dcm)
@@ -364,6 +390,8 @@ class WalkingControl:
         x[solution.layout.nv :] = self._wrench_targets.reshape(-1)
         torques: Array = np.dot(self.controller.problem.torque_matrix, x)
         torques += self._robot.bias[BASE_DOF:]
+        if self.hands is not None and self.hands.active:
+            torques += self.hands.torques()
         return torques
 
     def _schedule_stiffness(self, scheduler: StiffnessScheduler, measurement: Measurement) -> Array:
@@ -388,7 +416,10 @@ class WalkingControl:
             return
         estimate, pendulum = self.control.observer.robot, self.reference.pendulum
         normals, offsets = self._area
-        beyond = normals.dot(self._dcm[:2])
+        dcm = self._dcm[:2]
+        if self.hands is not None:
+            dcm = dcm - self.hands.shift
+        beyond = normals.dot(dcm)
         beyond -= offsets
         self._beyond = float(beyond[beyond.argmax()])
         solution = self.control.solution

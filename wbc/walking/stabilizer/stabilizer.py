@@ -17,13 +17,14 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, finite_array, positive
+from wbc.core.robot import GRAVITY
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
 from wbc.walking.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.walking.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
 from wbc.walking.stabilizer.filters import LowPass
 from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench
+from wbc.walking.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench, zmp_offset
 
 
 class StabilizerOutput(NamedTuple):
@@ -34,7 +35,8 @@ class StabilizerOutput(NamedTuple):
         com_acceleration: Desired acceleration of the CoM, shape (3,), m/s².
         net_wrench: Desired [force; moment] at the world origin, shape (6,), N and Nm.
         zmp: ZMP of the desired wrench, shape (3,), m.
-        measured_zmp: Unfiltered, on the level of the target ZMP, shape (3,), m; NaN in the air.
+        measured_zmp: Unfiltered, on the level of the target ZMP, shape (3,), m; NaN in the air. With hands
+            that press, the point about which the pendulum turns.
         feet: Desired foot wrenches in the sole frames, left then right.
         corrections: Corrections of left and right foot.
         com_offset: Shift of the CoM target, shape (2,), m.
@@ -139,6 +141,7 @@ class Stabilizer:
         bias: Array | None = None,
         ratio: float | None = None,
         max_force: tuple[float, float] = (math.inf, math.inf),
+        outside: Array | None = None,
     ) -> StabilizerOutput:
         """Compute one tick.
 
@@ -155,6 +158,8 @@ class Stabilizer:
             bias: Bias of the measured DCM, shape (2,), m.
             ratio: Left-foot ratio on both feet; from the target ZMP when None.
             max_force: Greatest normal force of each foot, N.
+            outside: Wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
+                and Nm: the feet give what it does not. The target's ZMP is then that of feet and this together.
 
         Raises:
             InputError: Measurements that are not finite, or no foot in contact.
@@ -166,6 +171,12 @@ class Stabilizer:
             com_velocity = finite_array("CoM velocity (m/s)", com_velocity, (3,))
         self._update_in_air(wrenches)
         measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
+        if outside is not None:
+            weight = self.mass * GRAVITY
+            offset = zmp_offset(
+                outside, measured_zmp if math.isfinite(measured_zmp[0]) else target.zmp, weight
+            )
+            measured_zmp = measured_zmp - np.array((*offset, 0.0))
         idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])
         zmp = None if idle else measured_zmp  # that feedback and admittances go by
 
@@ -180,8 +191,13 @@ class Stabilizer:
         net = wrench_through(pivot, acceleration, self.mass)
         desired_zmp = zmp_of_force(pivot, acceleration, float(target.zmp[2]))
 
+        feet_zmp = target.zmp
+        if outside is not None:
+            feet_zmp = feet_zmp + np.array((*zmp_offset(outside, target.zmp, weight), 0.0))
+            net = net - outside
+            desired_zmp = level_zmp(net, desired_zmp)
         if ratio is None:
-            ratio = left_foot_ratio(target.zmp, soles[0].translation, soles[1].translation)
+            ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact, max_force)
         filtered = self._wrench.update(wrenches, dt)
         if idle:

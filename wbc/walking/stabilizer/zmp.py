@@ -100,6 +100,25 @@ def level_zmp(wrench: Array, point: Array) -> Array:
     return np.array((x - my / fz, y + mx / fz, z))
 
 
+def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
+    """Return how far a wrench moves the ZMP of the feet: they have theirs there, the pendulum turns about z − δ.
+
+    Args:
+        outside: Wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
+            and Nm.
+        point: ZMP of the feet, shape (3,), m.
+        weight: Vertical force of the pendulum, N.
+
+    Returns:
+        δ, shape (2,), m.
+    """
+    fx, fy, fz, mx, my, _ = outside.tolist()
+    x, y, z = point.tolist()
+    mx -= y * fz - z * fy
+    my -= z * fx - x * fz
+    return np.array((my / weight, -mx / weight))
+
+
 @checked_on_failure
 def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
     """Return the sum of contact wrenches at the world origin in world axes.

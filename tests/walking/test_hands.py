@@ -1,0 +1,241 @@
+"""Hands that press and grip: oracles of the offset of the ZMP, forces held, losses noticed, bad input refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.robot import GRAVITY
+from wbc.robots import load
+from wbc.sim import Plant, TrueFallDetector, make_scene
+from wbc.walking import (
+    FootstepPlan,
+    HandSettings,
+    HandState,
+    WalkingControl,
+    WalkingControlSettings,
+    walk_distance,
+)
+from wbc.walking.stabilizer.zmp import zmp_offset
+
+TABLE = {"distance": 0.18, "height": 0.7}
+DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+
+
+def wrench_at(place: np.ndarray[Any, Any], force: Any, moment: Any = (0.0, 0.0, 0.0)) -> np.ndarray[Any, Any]:
+    return np.concatenate([force, np.cross(place, force) + moment])
+
+
+# ---- the offset of the ZMP -----------------------------------------------------------------------------------------
+
+
+def test_the_offset_does_not_depend_on_where_the_world_begins() -> None:
+    """Form A of the literature, κ z − γ with moments about the origin, says the same wherever the origin is."""
+    rng = np.random.default_rng(1)
+    weight, z = 382.0, np.array([0.03, -0.02, 0.01])
+    place, force, moment = rng.normal(size=3), 40.0 * rng.normal(size=3), rng.normal(size=3)
+    delta = zmp_offset(wrench_at(place, force, moment), z, weight)
+    for origin in rng.normal(scale=50.0, size=(5, 3)):
+        moved = zmp_offset(wrench_at(place + origin, force, moment), z + origin, weight)
+        assert moved == pytest.approx(delta, abs=1e-11)
+        p, at = place + origin, z + origin
+        kappa = 1.0 - force[2] / weight
+        gamma = np.array(
+            [
+                ((p[2] - at[2]) * force[0] - p[0] * force[2] + moment[1]) / weight,
+                ((p[2] - at[2]) * force[1] - p[1] * force[2] - moment[0]) / weight,
+            ]
+        )
+        assert at[:2] - moved == pytest.approx(kappa * at[:2] - gamma, abs=1e-10)
+
+
+def test_offsets_that_are_known_exactly() -> None:
+    weight, z = 400.0, np.array([0.1, 0.05, 0.0])
+    above = z + (0.0, 0.0, 0.9)
+    assert zmp_offset(wrench_at(above, (0.0, 0.0, 60.0)), z, weight) == pytest.approx([0.0, 0.0])
+    assert zmp_offset(wrench_at(above, (-30.0, 0.0, 0.0)), z, weight) == pytest.approx(
+        [-0.9 * 30.0 / weight, 0.0]
+    )
+    assert zmp_offset(wrench_at(above, (0.0, 20.0, 0.0)), z, weight) == pytest.approx(
+        [0.0, 0.9 * 20.0 / weight]
+    )
+    assert zmp_offset(wrench_at(z, (0.0, 0.0, 0.0), (0.0, 8.0, 0.0)), z, weight) == pytest.approx([0.02, 0.0])
+    squeeze = wrench_at(above + (0.0, 0.2, 0.0), (0.0, -50.0, 0.0)) + wrench_at(
+        above - (0.0, 0.2, 0.0), (0.0, 50.0, 0.0)
+    )
+    assert zmp_offset(squeeze, z, weight) == pytest.approx([0.0, 0.0])
+
+
+# ---- in the plant --------------------------------------------------------------------------------------------------
+
+
+class Stand:
+    """A robot that stands before a scene, with hands."""
+
+    def __init__(
+        self, scene: Any, *, robot: str = "hrp4_class", noise: str = "none", **settings: Any
+    ) -> None:
+        self.scene = scene
+        self.plant = Plant(load(robot), scene=scene, noise=noise)
+        model = load(robot).robot()
+        self.walking = WalkingControl(
+            model,
+            FootstepPlan.standing(model),
+            self.plant.control_period,
+            WalkingControlSettings(hands=HandSettings(**settings)),
+        )
+        assert self.walking.hands is not None
+        self.hands = self.walking.hands
+        self._fall = TrueFallDetector(self.plant.robot)
+
+    def run(self, seconds: float, look: Callable[[], None] = lambda: None) -> None:
+        end = self.plant.time + seconds
+        while self.plant.time < end:
+            self.plant.step(self.walking.command(self.plant.measure()))
+            look()
+            assert self.walking.fallen is None and not self._fall.fallen(self.plant.truth().q), (
+                self.plant.time
+            )
+
+    def press_both(self, force: float) -> None:
+        x, height = self.scene.distance + 0.06, self.scene.height
+        for side, y in (("left", 0.2), ("right", -0.2)):
+            self.hands.press(f"{side}_hand", force, DOWN, at=(x, y, height), firm=True)
+
+    def vanish(self) -> None:
+        model = self.plant.model
+        for geom in range(model.ngeom):
+            if model.body(model.geom_bodyid[geom]).name.startswith("scene/"):
+                model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+
+
+def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> None:
+    stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
+    stand.run(0.1)
+    stand.press_both(25.0)
+    stand.run(3.4)
+    hands = [stand.hands.all[name] for name in ("left_hand", "right_hand")]
+    assert all(hand.state is HandState.HOLD for hand in hands)
+    felt: list[list[float]] = []
+    stand.run(0.5, lambda: felt.append([hand.pressed for hand in hands]))
+    assert np.array(felt) == pytest.approx(25.0, abs=2.5)
+    truth = stand.plant.truth()
+    on_hands = truth.contact_force[truth.contact_sole < 0].sum(axis=0)
+    assert on_hands[2] == pytest.approx(50.0, rel=0.1), "what the table gives, not only what the wrists say"
+    # The feet keep their ZMP: the CoM is over the point about which feet and hands together turn the pendulum.
+    place = np.mean([stand.plant.data.site(f"{hand.name} site").xpos for hand in hands], axis=0)
+    weight = stand.plant.robot.mass * GRAVITY
+    expected = -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
+    assert stand.hands.shift == pytest.approx(expected, abs=4e-3)
+    assert truth.com[:2] == pytest.approx(expected, abs=6e-3)
+
+    stand.vanish()
+    gone = stand.plant.time
+    noticed: list[float] = []
+
+    def look() -> None:
+        if len(stand.hands.lost) == 2 and not noticed:
+            noticed.append(stand.plant.time)
+
+    stand.run(2.0, look)
+    assert noticed and noticed[0] - gone <= 0.05 + 1e-9
+    assert np.abs(stand.hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
+
+
+def test_hands_that_do_nothing_change_nothing() -> None:
+    """Every command is that of a walk without hands, up to the rounding of a larger QP."""
+    ways = []
+    for hands in (None, HandSettings()):
+        plant = Plant(load("hrp4_class"))
+        robot = load("hrp4_class").robot()
+        plan = walk_distance(FootstepPlan.standing(robot), 0.2)
+        walking = WalkingControl(robot, plan, plant.control_period, WalkingControlSettings(hands=hands))
+        commands = []
+        for _ in range(300):
+            command = walking.command(plant.measure())
+            plant.step(command)
+            commands.append(command.joint_position)
+        ways.append(np.array(commands))
+    assert ways[1] == pytest.approx(ways[0], abs=1e-6)
+
+
+def test_a_hand_that_finds_no_surface_stops() -> None:
+    stand = Stand(make_scene("table", distance=3.0), approach=0.2)
+    stand.hands.press("left_hand", 10.0, DOWN, firm=True)
+    start = stand.plant.data.site("left_hand site").xpos.copy()
+    stand.run(4.0)
+    assert stand.hands.all["left_hand"].state is HandState.LOST
+    assert np.linalg.norm(stand.plant.data.site("left_hand site").xpos - start) < 0.6
+    stand.hands.release("left_hand")
+    assert stand.hands.all["left_hand"].state is HandState.FREE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["none", "realistic"])
+def test_a_cart_is_pushed(noise: str) -> None:
+    stand = Stand(make_scene("cart", distance=0.38, resistance=15.0), noise=noise)
+    plant, walking = stand.plant, stand.walking
+    cart = plant.model.body("scene/cart").id
+    stand.run(0.2)
+    for side, y in (("left", 0.2), ("right", -0.2)):
+        stand.hands.grip(f"{side}_hand", (0.38, y, 0.9), AHEAD, limit=15.0)
+    stand.run(3.2)
+    assert all(hand.state is HandState.GRIP for hand in stand.hands.all.values())
+    for side in ("left", "right"):
+        plant.grip(f"{side}_hand", f"{side} handle")
+    stand.run(1.0)
+    before = plant.data.xpos[cart].copy()
+    walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.4))
+    stand.run(1.0)
+    while not walking.finished:
+        stand.run(0.5)
+    stand.run(1.5)
+    assert plant.data.xpos[cart] - before == pytest.approx([0.4, 0.0, 0.0], abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda h: h.press("left_hnd", 5.0, DOWN), UnknownNameError, "left_hand"),
+        (lambda h: h.release("hand"), UnknownNameError, "left_hand"),
+        (lambda h: h.press("left_hand", -5.0, DOWN), InputError, "force of left_hand"),
+        (lambda h: h.press("left_hand", float("nan"), DOWN), InputError, "force must be a finite number"),
+        (lambda h: h.press("left_hand", 5.0, (0.0, 0.0, 0.0)), InputError, "must have a length"),
+        (lambda h: h.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), InputError, "must be within 0.6 m"),
+        (lambda h: h.press("left_hand", 500.0, DOWN, firm=True), InputError, "has no more torque"),
+        (lambda h: h.press("left_hand", 60.0, AHEAD, at=(0.4, 0.2, 0.9)), InputError, "may press with"),
+        (
+            lambda h: h.grip("left_hand", (0.4, 0.2, 0.9), AHEAD, limit=60.0),
+            InputError,
+            "a sudden loss of 60 N",
+        ),
+    ],
+)
+def test_bad_orders_are_refused_before_anything_moves(
+    call: Callable[[Any], None], error: type[Exception], message: str
+) -> None:
+    robot = load("hrp4_class").robot()
+    settings = WalkingControlSettings(hands=HandSettings())
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings)
+    with pytest.raises(error, match=re.escape(message)):
+        call(walking.hands)
+    assert not walking.hands.active  # type: ignore[union-attr]
+    assert all(hand.state is HandState.FREE for hand in walking.hands.all.values())  # type: ignore[union-attr]
+
+
+def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
+    """M g d / h: with the distance from the middle of the sole to its edge and the height of the hand."""
+    robot = load("hrp4_class").robot()
+    settings = WalkingControlSettings(hands=HandSettings(margin=0.0))
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings)
+    assert walking.hands is not None
+    height = float(robot.placement(robot.frames["left_hand"]).translation[2])
+    bound = robot.mass * GRAVITY * 0.5 * robot.soles[0].length / height
+    walking.hands.press("left_hand", bound - 1.0, AHEAD)
+    with pytest.raises(InputError, match=f"may press with {bound:.0f} N"):
+        walking.hands.press("left_hand", bound + 1.0, AHEAD, at=(0.3, 0.2, 0.9))

@@ -1,0 +1,405 @@
+"""One hand on something: it approaches, touches, presses with a measured force, lets go, or notices its loss.
+
+    free → reach → approach → hold → free            `press`, there, felt, `release`
+             ↓                  ↓
+           grip → free         lost                  `grip`, there; nothing is felt any more
+
+A hand that grips keeps its place before the robot, which walks; what it pulls or pushes is measured, and where that is
+more than it may be, the hand yields.
+
+A hand that holds yields at a speed proportional to its force error, so that the force is what was asked for whatever
+robot and surface do: the admittance is that of the servos behind it, 1 / (4 T K) with the stiffness K of the arm's
+servos at the hand, along the force, and the delay T of sensor and servo.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.walking.pattern.quintic import Quintic
+
+GAP = 0.01
+"""Distance between the tip of a hand and a handle that it is to grip, m."""
+
+
+class HandState(enum.Enum):
+    """State of a hand."""
+
+    FREE = "free"
+    REACH = "reach"
+    APPROACH = "approach"
+    HOLD = "hold"
+    GRIP = "grip"
+    LOST = "lost"
+
+
+@settings
+class HandSettings:
+    """Settings of hands that press on things.
+
+    Attributes:
+        weight: Position of the hand, cost per (m/s²)².
+        turn_weight: Its orientation, cost per (rad/s²)².
+        stiffness: Of both, 1/s².
+        reach: Time in which a hand goes before a surface, s.
+        clearance: Distance of the tip of the hand before a surface from which it is approached, m.
+        length: From the frame of a hand to its tip, m.
+        approach: Speed towards a surface, m/s.
+        search: Longest way to a surface, m.
+        behind: Distance by which a hand that searches may stay behind its target, m: its arm is no longer.
+        touch: Force that is a touch, N.
+        ramp: Time in which a force is built up, taken back or changed, s.
+        lag: Delay of force sensor and servos, T above, s.
+        compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
+        follow: Time constant, twice, with which a hand that grips follows the feet, s.
+        loss: Share of the force below which a contact is lost.
+        loss_time: Time below that share after which the contact counts as lost, s.
+        loss_ramp: Time in which the balance forgets a force that is lost, s.
+        share: Share of an arm's torque limits, beside its weight, that a force may take.
+        margin: Distance of the DCM from the edge of the soles that must be left when a force is lost suddenly, m.
+    """
+
+    weight: Positive = 50.0
+    turn_weight: NonNegative = 5.0
+    stiffness: Annotated[Positive, "1/s²"] = 100.0
+    reach: Annotated[Positive, "s"] = 3.0
+    clearance: Annotated[NonNegative, "m"] = 0.05
+    length: Annotated[NonNegative, "m"] = 0.14
+    approach: Annotated[Positive, "m/s"] = 0.05
+    search: Annotated[Positive, "m"] = 0.5
+    behind: Annotated[Positive, "m"] = 0.03
+    touch: Annotated[Positive, "N"] = 4.0
+    ramp: Annotated[Positive, "s"] = 2.0
+    lag: Annotated[Positive, "s"] = 0.06
+    compliance: Annotated[Positive, "m/N"] = 3e-4
+    follow: Annotated[Positive, "s"] = 0.25
+    loss: Share = 0.3
+    loss_time: Annotated[NonNegative, "s"] = 0.02
+    loss_ramp: Annotated[Positive, "s"] = 0.15
+    share: Share = 0.9
+    margin: Annotated[NonNegative, "m"] = 0.01
+
+
+class Ramp:
+    """A value that goes to its goal along a quintic.
+
+    Attributes:
+        value: Present value.
+        goal: Value in the end.
+    """
+
+    def __init__(self, value: float = 0.0) -> None:
+        """Rest at a value."""
+        self.value = self.goal = value
+        self._curve: Quintic | None = None
+        self._elapsed = 0.0
+
+    def to(self, goal: float, duration: float) -> None:
+        """Go to a goal within a time, s, from rest."""
+        self._curve = Quintic((self.value, 0.0, 0.0), (goal, 0.0, 0.0), duration)
+        self.goal, self._elapsed = goal, 0.0
+
+    def advance(self, dt: float) -> None:
+        """Advance by a period, s."""
+        if self._curve is None:
+            return
+        self._elapsed += dt
+        if self._elapsed >= self._curve.duration:
+            self.value, self._curve = self.goal, None
+        else:
+            self.value = self._curve.at(self._elapsed)[0]
+
+
+class MovingFrame:
+    """Middle of both feet as planned, on the ground, smoothed: what a hand holds goes with it.
+
+    Attributes:
+        placement: In the world.
+        velocity: Of its origin, shape (3,), m/s.
+        turning: Speed about the vertical, rad/s.
+    """
+
+    def __init__(self, time_constant: float) -> None:
+        """Begin at the first update.
+
+        Args:
+            time_constant: Of both filters in a row, s.
+        """
+        self._rate = 1.0 / time_constant
+        self._yaw = self.turning = 0.0
+        self._began = False
+        self.placement, self.velocity = pin.SE3.Identity(), np.zeros(3)
+
+    def update(self, feet: Sequence[Array], yaw: float, dt: float) -> None:
+        """Follow the feet.
+
+        Args:
+            feet: Planned places of both feet, each of shape (3,), m.
+            yaw: Heading, rad.
+            dt: Control period, s.
+        """
+        middle = 0.5 * (feet[0] + feet[1])
+        if not self._began:
+            self._began, self._yaw, self._point = True, yaw, middle
+        rate = self._rate
+        # Critically damped.
+        self.velocity = self.velocity + dt * (
+            rate * rate * (middle - self._point) - 2.0 * rate * self.velocity
+        )
+        self._point = self._point + dt * self.velocity
+        error = math.remainder(yaw - self._yaw, 2.0 * math.pi)
+        self.turning += dt * (rate * rate * error - 2.0 * rate * self.turning)
+        self._yaw += dt * self.turning
+        self.placement = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, self._yaw), self._point)
+
+
+class Hand:
+    """One hand.
+
+    Attributes:
+        name: Role of the hand.
+        index: Its place in `Measurement.hand_wrenches`.
+        task: The hand's task; without weight while the hand is free.
+        state: State.
+        direction: Direction in which the hand presses, in the world, shape (3,).
+        pressed: Force with which it presses, as measured, along that direction, N.
+        force: Force with which it is to press now.
+        bounded: True while the arm has less force than is asked for.
+        lost_for: Time since the contact was lost, s; NaN while it is not.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        index: int,
+        task: AdmittanceTask,
+        axis: Array,
+        settings: HandSettings,
+    ) -> None:
+        """Begin free.
+
+        Args:
+            robot: The robot that the task moves.
+            name: Role of the hand.
+            index: Its place in `Measurement.hand_wrenches`.
+            task: Its task.
+            axis: Direction from the wrist to the tip, in the frame of the hand, shape (3,).
+            settings: Settings.
+        """
+        self._axis = axis
+        self.name, self.index, self.task, self._settings = name, index, task, settings
+        self._robot = robot
+        self.state = HandState.FREE
+        self.direction = np.zeros(3)
+        self.force = Ramp()
+        self.pressed = 0.0
+        self.bounded = False
+        self.lost_for = math.nan
+        self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
+        self._start = pin.SE3.Identity()
+        self._path, self._turn, self._rotation = np.zeros(3), np.zeros(3), np.eye(3)
+        self._way = self._elapsed = 0.0
+        self._grips = False
+        self._held = pin.SE3.Identity()  # in the frame that goes with the robot
+
+    @property
+    def active(self) -> bool:
+        """True while the hand is not free."""
+        return self.state is not HandState.FREE
+
+    def press(self, direction: Array, force: float, at: Array | None = None) -> None:
+        """Approach a surface and press on it, or press on it with another force.
+
+        Args:
+            direction: In the world, of length 1, shape (3,).
+            force: N.
+            at: Point of the surface, in the world, shape (3,), m; wherever the hand meets it when None.
+        """
+        settings = self._settings
+        if self.state is HandState.HOLD:
+            self.direction = direction
+            self.force.to(force, settings.ramp)
+            return
+        self.direction = direction
+        self.state, self._felt, self._way = HandState.APPROACH, 0.0, 0.0
+        self._path, self._elapsed, self._grips = np.zeros(3), 0.0, False
+        self.lost_for = math.nan
+        self._start = pin.SE3(self._robot.placement(self.task.frame))
+        self.task.target = self._start
+        self.task.reset()
+        self.task.weight = (*[settings.weight] * 3, *[settings.turn_weight] * 3)
+        self.force = Ramp()
+        self.force.goal = force
+        self._rotation = np.array(self._start.rotation)
+        if at is not None:
+            self.state = HandState.REACH
+            self._path = at - (settings.clearance + settings.length) * direction - self._start.translation
+            self._turn = _turn_to(self._axis, self._rotation.T @ direction)
+
+    def grip(self, direction: Array, limit: float, at: Array) -> None:
+        """Go to a handle, and keep it before the robot from then on.
+
+        Args:
+            direction: From the hand to the handle, in the world, of length 1, shape (3,).
+            limit: Force above which the hand yields, N.
+            at: The handle, in the world, shape (3,), m.
+        """
+        self.press(direction, limit, at + self._settings.clearance * direction - GAP * direction)
+        self._grips = True
+
+    def release(self) -> None:
+        """Take the force back and let go."""
+        if self.state is HandState.HOLD:
+            self.force.to(0.0, self._settings.ramp)
+        elif self.state is not HandState.FREE:
+            self._free()
+
+    def update(self, wrench: Array, rotation: Array, most: float, middle: MovingFrame, dt: float) -> None:
+        """Advance by one tick.
+
+        Args:
+            wrench: Measured wrench on the hand, [force; moment] in its frame, shape (6,), N and Nm.
+            rotation: Measured orientation of the hand, shape (3, 3).
+            most: Greatest force that the arm has now, N.
+            middle: Frame that goes with the robot.
+            dt: Control period, s.
+        """
+        if self.state is HandState.FREE:
+            return
+        task = self.task
+        self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
+        if self.state in (HandState.REACH, HandState.APPROACH):
+            if self.state is HandState.REACH:
+                if self._reach(dt):
+                    self.state = HandState.GRIP if self._grips else HandState.APPROACH
+                    self._held = middle.placement.actInv(self._start)
+            else:
+                self._approach(dt)
+            task.measured_wrench[:] = task.target_wrench
+            return
+        if self.state is HandState.GRIP:
+            self._carry(wrench, middle)
+            return
+        if self.state is HandState.HOLD:
+            self.force.advance(dt)
+            self.bounded = self.force.value > most
+            if self.bounded:
+                self.force.value = most
+            self._watch(dt)
+            if self.force.goal == 0.0 and self.force.value == 0.0:
+                self._free()
+                return
+            task.target_wrench[:3] = rotation.T @ (-self.force.value * self.direction)
+            task.measured_wrench[:] = wrench
+            task.measured_wrench[3:] = 0.0
+            return
+        self.lost_for += dt
+        self.force.advance(dt)
+        task.measured_wrench[:] = task.target_wrench
+
+    def _reach(self, dt: float) -> bool:
+        """Go before the surface and turn towards it: away from it first, along it last; True when it is there."""
+        duration = self._settings.reach
+        self._elapsed = min(self._elapsed + dt, duration)
+        along = float(self._path @ self.direction)
+        early, late = (_part(self._elapsed, duration, *part) for part in ((0.0, 0.6), (0.4, 1.0)))
+        first, last = (early, late) if along < 0.0 else (late, early)
+        straight = along * self.direction
+        point, velocity, acceleration = (
+            first[i] * straight + last[i] * (self._path - straight) for i in range(3)
+        )
+        turned = _part(self._elapsed, duration, 0.0, 1.0)[0]
+        self._rotation = self._start.rotation @ pin.exp3(turned * self._turn)
+        self._move(self._start.translation + point, velocity, acceleration)
+        if self._elapsed < duration:
+            return False
+        self._start = pin.SE3(self._rotation, self._start.translation + self._path)
+        return True
+
+    def _move(self, point: Array, velocity: Array, acceleration: Array) -> None:
+        task, place, motion = self.task, pin.SE3(self._rotation, point), np.zeros((2, 6))
+        task.target = place
+        motion[0, :3], motion[1, :3] = velocity @ place.rotation, acceleration @ place.rotation
+        task.feedforward_velocity, task.feedforward_acceleration = motion
+
+    def _carry(self, wrench: Array, middle: MovingFrame) -> None:
+        """Go with the robot; yield to the part of a force that is more than it may be."""
+        task, place = self.task, middle.placement * self._held
+        lever = place.translation - middle.placement.translation
+        velocity = middle.velocity + middle.turning * np.array((-lever[1], lever[0], 0.0))
+        self._rotation = place.rotation
+        self._move(place.translation, velocity, np.zeros(3))
+        size = float(np.linalg.norm(wrench[:3]))
+        task.measured_wrench[:] = task.target_wrench[:] = 0.0
+        self.bounded = size > self.force.goal
+        if self.bounded:
+            task.measured_wrench[:3] = (1.0 - self.force.goal / size) * wrench[:3]
+
+    def _approach(self, dt: float) -> None:
+        settings, task = self._settings, self.task
+        self._felt = self._felt + dt if self.pressed > settings.touch else 0.0
+        if self._felt >= 2.0 * dt - 1e-9:
+            self.state, self._short = HandState.HOLD, 0.0
+            task.feedforward_velocity = np.zeros(6)
+            goal = self.force.goal
+            self.force = Ramp(min(settings.touch, goal))
+            self.force.to(goal, settings.ramp)
+            return
+        behind = task.target.translation - self._robot.placement(task.frame).translation
+        if self._way >= settings.search or float(np.linalg.norm(behind)) > settings.behind:
+            self._lose()
+            task.target = pin.SE3(self._robot.placement(task.frame))
+            return
+        self._way += settings.approach * dt
+        point = self._start.translation + self._way * self.direction
+        self._move(point, settings.approach * self.direction, np.zeros(3))
+
+    def _watch(self, dt: float) -> None:
+        """Notice that there is nothing to press on any more."""
+        short = (
+            self.pressed < self._settings.loss * self.force.value
+            and self.force.value > 2.0 * self._settings.touch
+        )
+        self._short = self._short + dt if short else 0.0
+        if self._short > self._settings.loss_time + 1e-9:
+            self._lose()
+
+    def _lose(self) -> None:
+        self.state, self.lost_for = HandState.LOST, 0.0
+        self.force.to(0.0, self._settings.loss_ramp)
+        self.task.target_wrench[:] = 0.0
+        self.task.feedforward_velocity = np.zeros(6)
+
+    def _free(self) -> None:
+        self.state = HandState.FREE
+        self.task.weight = 0.0
+        self.task.reset()
+        self.force = Ramp()
+        self.pressed = 0.0
+
+
+def _part(time: float, duration: float, begin: float, end: float) -> tuple[float, float, float]:
+    """Quintic from 0 to 1 between two shares of a duration, with its derivatives."""
+    span = (end - begin) * duration
+    elapsed = min(max(time - begin * duration, 0.0), span)
+    return Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), span).at(elapsed)
+
+
+def _turn_to(axis: Array, direction: Array) -> Array:
+    """Return the least rotation vector that turns an axis to a direction, both of length 1."""
+    cross = np.cross(axis, direction)
+    sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
+    if sine < 1e-6:
+        return np.zeros(3)
+    return math.atan2(sine, cosine) / sine * cross

@@ -1,0 +1,370 @@
+"""Hands of a robot that stands or walks: what they press on carries a part of it, and the balance knows.
+
+A wrench of the surroundings on the hands moves the point about which the pendulum turns away from the ZMP z of the
+feet,
+
+    z_e = z − δ,   δ = (M_y, −M_x) / ζ,
+
+with the moment M of that wrench about z and the vertical force ζ of the pendulum. With the planned forces of the hands
+the centre of mass goes where the feet keep their ZMP, by s = −δ; the feet's desired wrench is that of the whole robot
+less what the hands measure.
+
+Source: M. Murooka et al., "Humanoid loco-manipulations pattern generation and stabilization control", IEEE RA-L 6(3),
+2021, with moments about the ZMP instead of the origin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.signals import Measurement
+from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.walking.hands.hand import Hand, HandSettings, HandState, MovingFrame
+from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.stabilizer.zmp import zmp_offset
+from wbc.walking.walk import WalkReference
+
+SHIFT_TIME = 0.15
+"""Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""
+
+SLOW_TIME = 1.0
+"""Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest."""
+
+FARTHEST = 0.6
+"""Longest way of a hand to the point on which it presses, m."""
+
+FILTER_TIME = 0.05
+"""Time constant of the low-pass on the measured force that the feet do not have to give, s: mc_rtc's."""
+
+
+class Hands:
+    """Hands of one robot.
+
+    Attributes:
+        settings: Settings.
+        all: Role → hand.
+        shift: Shift of the CoM for the planned forces, shape (2,), m.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        estimate: Robot,
+        settings: HandSettings,
+        edges: tuple[float, float],
+        height: float,
+    ) -> None:
+        """Add a task for each hand, without weight.
+
+        Args:
+            controller: Controller of the robot.
+            estimate: Robot as estimated.
+            settings: Settings.
+            edges: Distances from the middle of the stance to the toes and to the side, m.
+            height: Height of the CoM over the support, m.
+
+        Raises:
+            InputError: A robot without hands.
+        """
+        self._robot, self._estimate = controller.robot, estimate
+        if not self._robot.frames:
+            raise InputError(
+                f"hands need a robot with hands; the description of '{self._robot.name}' has none"
+            )
+        self.settings = settings
+        self._edges, self._height = edges, height
+        self._weight = self._robot.mass * GRAVITY
+        self._frames = {role: self._robot.frame_id(frame) for role, frame in self._robot.frames.items()}
+        self._arms = {role: self._arm(frame) for role, frame in self._robot.frames.items()}
+        hands = {}
+        for index, (role, frame) in enumerate(self._robot.frames.items()):
+            compliance = self._compliance(frame)
+            task = controller.add(
+                AdmittanceTask(
+                    frame,
+                    name=f"{role} force",
+                    admittance=(compliance / (4.0 * settings.lag), 0.0),
+                    weight=0.0,
+                    stiffness=settings.stiffness,
+                    velocity_bound=(2.0 * settings.approach, 0.1),
+                )
+            )
+            hands[role] = Hand(self._robot, role, index, task, self._axis(frame), settings)
+        self.all: Mapping[str, Hand] = MappingProxyType(hands)
+        self._outside = np.zeros(6)  # measured, filtered, at the world origin
+        self._slow = np.zeros(6)  # of hands that grip, filtered once more
+        self._middle = MovingFrame(settings.follow)
+        self._heading = np.eye(2)
+        self._acting = False
+        self.shift, self._speed, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
+
+    def _compliance(self, frame: str) -> float:
+        """Compliance of the servos between trunk and hand, m/N, as it gives way most."""
+        servos = self._robot.servos
+        if servos is None:
+            return self.settings.compliance
+        robot = self._robot
+        jacobian = pin.computeFrameJacobian(
+            robot.model, robot.data, robot.q, robot.frame_id(frame), pin.LOCAL_WORLD_ALIGNED
+        )[:3, BASE_DOF:]
+        arm = self._arm(frame)
+        return float(np.linalg.norm((jacobian[:, arm] / servos.kp[arm]) @ jacobian[:, arm].T, 2))
+
+    def _axis(self, frame: str) -> Array:
+        """Direction from the frame of a hand to its mass, in that frame."""
+        model = self._robot.model
+        found = model.frames[self._robot.frame_id(frame)]
+        mass, moment = 0.0, np.zeros(3)
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, self._robot.half_sitting)
+        for joint in model.subtrees[found.parentJoint]:
+            inertia = model.inertias[joint]
+            mass += inertia.mass
+            moment += inertia.mass * data.oMi[joint].act(inertia.lever)
+        arm = data.oMf[self._robot.frame_id(frame)].actInv(moment / mass)
+        return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
+
+    def _arm(self, frame: str) -> Array:
+        """Joints from the chest to a hand, among all joints."""
+        model = self._robot.model
+        chest = set(model.supports[model.frames[self._robot.frame_id(self._robot.torso_frame)].parentJoint])
+        joints = model.supports[model.frames[self._robot.frame_id(frame)].parentJoint]
+        return np.array([joint - 2 for joint in joints if joint not in chest and joint > 1], dtype=np.intp)
+
+    @property
+    def active(self) -> bool:
+        """True while a hand presses, or the balance still remembers that one did."""
+        return self._acting
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Hands that have lost their contact."""
+        return tuple(name for name, hand in self.all.items() if hand.state is HandState.LOST)
+
+    @checked
+    def press(
+        self,
+        hand: str,
+        force: float,
+        direction: ArrayLike,
+        *,
+        at: ArrayLike | None = None,
+        firm: bool = False,
+    ) -> None:
+        """Approach a surface with a hand and press on it with a force that is measured; or change force and direction.
+
+        Args:
+            hand: Role of the hand.
+            force: N.
+            direction: Direction in which the hand presses, in the world, shape (3,): (0, 0, −1) on a table.
+            at: Point of the surface, in the world of the robot's estimate, shape (3,), m: the hand goes before it
+                first; it approaches from where it is when None.
+            firm: True for what cannot give way, such as a wall or a rail; else a force whose sudden loss the robot
+                would not survive is refused.
+
+        Raises:
+            UnknownNameError: No such hand.
+            InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
+                point out of reach.
+        """
+        self._start(hand, force, direction, at, firm=firm, grip=False)
+
+    @checked
+    def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
+        """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
+
+        The hand is there when its state is `HandState.GRIP`; whoever drives its fingers closes them then.
+
+        Args:
+            hand: Role of the hand.
+            at: The handle, in the world of the robot's estimate, shape (3,), m.
+            direction: Direction in which the hand points there, in the world, shape (3,).
+            limit: Greatest force with which it pushes or pulls, N; above it the hand yields.
+
+        Raises:
+            UnknownNameError: No such hand.
+            InputError: A force whose sudden loss the robot would not survive; a handle out of reach.
+        """
+        self._start(hand, limit, direction, at, firm=False, grip=True)
+
+    def _start(
+        self,
+        hand: str,
+        force: float,
+        direction: ArrayLike,
+        at: ArrayLike | None,
+        *,
+        firm: bool,
+        grip: bool,
+    ) -> None:
+        """Check what a hand is to do, and let it begin."""
+        choose("hand", hand, self.all)
+        force = finite_scalar(f"force of {hand} (N)", force, low=0.0)
+        along = finite_array(f"direction of {hand}", direction, (3,))
+        length = float(np.linalg.norm(along))
+        if length < 1e-6:
+            raise InputError(f"direction of {hand} must have a length, got {along}")
+        along /= length
+        most, joint = self.strength(hand, along)
+        if at is None and force > most:
+            raise InputError(
+                f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
+            )
+        if not firm:
+            self._check_loss(hand, along, force)
+        point = None
+        if at is not None:
+            point = finite_array(f"point for {hand} (m)", at, (3,))
+            far = float(np.linalg.norm(point - self._robot.data.oMf[self._frames[hand]].translation))
+            if far > FARTHEST:
+                raise InputError(
+                    f"{hand} must be within {FARTHEST:g} m of where it is to press, it is {far:.2f} m away"
+                )
+        if grip:
+            assert point is not None
+            self.all[hand].grip(along, force, point)
+        else:
+            self.all[hand].press(along, force, point)
+
+    def release(self, hand: str) -> None:
+        """Take a force back and let go.
+
+        Raises:
+            UnknownNameError: No such hand.
+        """
+        choose("hand", hand, self.all)
+        self.all[hand].release()
+
+    def strength(self, hand: str, direction: Array) -> tuple[float, str]:
+        """Return the greatest force of an arm as it is now along a direction, N, and the joint that bounds it.
+
+        Args:
+            hand: Role of the hand.
+            direction: In the world, of length 1, shape (3,).
+        """
+        robot, arm = self._robot, self._arms[hand]
+        jacobian = pin.getFrameJacobian(robot.model, robot.data, self._frames[hand], pin.LOCAL_WORLD_ALIGNED)
+        lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
+        # A hand at rest: what carries the arm is left out of what may press.
+        weight = np.abs(robot.data.g[BASE_DOF:][arm])
+        room = np.maximum(self.settings.share * robot.torque_limit[arm] - weight, 0.0)
+        most = room / np.maximum(np.abs(lever), 1e-6)
+        least = int(np.argmin(most))
+        return float(most[least]), robot.joint_names[arm[least]]
+
+    def _check_loss(self, hand: str, along: Array, force: float) -> None:
+        """Check that the robot survives if what it presses on gives way."""
+        ground = float(self._estimate.com[2]) - self._height
+        point = np.array([*self._estimate.com[:2], ground])
+        total = np.zeros(2)
+        for name, other in self.all.items():
+            push = force * along if name == hand else other.force.goal * other.direction * other.active
+            place = self._robot.data.oMf[self._frames[name]].translation
+            total += zmp_offset(np.concatenate((-push, np.cross(place, -push))), point, self._weight)
+        size = float(np.linalg.norm(total))
+        if size < 1e-9:
+            return
+        x, y = np.abs(self._heading.T @ (total / size)).tolist()
+        room = min(self._edges[0] / max(x, 1e-9), self._edges[1] / max(y, 1e-9)) - self.settings.margin
+        if size > room:
+            most = force * room / size
+            raise InputError(
+                f"{hand} may press with {most:.0f} N there on what may give way: a sudden loss of {force:g} N would "
+                f"move the ZMP by {1e3 * size:.0f} mm of {1e3 * room:.0f} mm to the edge of the soles (firm=True for "
+                "what cannot)"
+            )
+
+    # ---- in a tick ------------------------------------------------------------------------------------------------
+
+    def update(self, measurement: Measurement, reference: WalkReference, dt: float) -> Array | None:
+        """Advance all hands; return the filtered wrench of the surroundings on them, None while there is none.
+
+        Args:
+            measurement: Readings of all sensors.
+            reference: References of the walk without hands.
+            dt: Control period, s.
+
+        Returns:
+            [force; moment] at the world origin, shape (6,), N and Nm.
+        """
+        pressing = any(hand.active for hand in self.all.values())
+        if not (pressing or self._acting):
+            return None
+        zmp = reference.pendulum.zmp
+        c, sine = math.cos(reference.heading), math.sin(reference.heading)
+        self._heading = np.array(((c, -sine), (sine, c)))
+        feet = [motion.placement.translation for motion in reference.feet]
+        self._middle.update(feet, reference.heading, dt)
+        wrenches = measurement.hand_wrenches
+        felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
+        for name, hand in self.all.items():
+            if not hand.active:
+                continue
+            place = self._estimate.data.oMf[self._frames[name]]
+            wrench = np.zeros(6) if wrenches is None else wrenches[hand.index]
+            most = self.strength(name, hand.direction)[0] if hand.state is HandState.HOLD else math.inf
+            hand.update(wrench, place.rotation, most, self._middle, dt)
+            if hand.state in (HandState.HOLD, HandState.LOST):
+                felt += place.act(pin.Force(wrench)).vector
+                push = -hand.force.value * hand.direction
+                planned[:3] += push
+                planned[3:] += np.cross(place.translation, push)
+            elif hand.state is HandState.GRIP:
+                pulled += place.act(pin.Force(wrench)).vector
+        self._outside += -math.expm1(-dt / FILTER_TIME) * (felt + pulled - self._outside)
+        self._slow += -math.expm1(-dt / SLOW_TIME) * (pulled - self._slow)
+        self._move_com(-zmp_offset(planned + self._slow, zmp, self._weight), dt)
+        still = float(np.abs(self.shift).max() + np.abs(self._speed).max()) < 1e-5
+        self._acting = pressing or not still or float(np.abs(self._outside[:3]).max()) > 0.1
+        if not self._acting:
+            self._outside[:] = self._slow[:] = 0.0
+            self._middle = MovingFrame(self.settings.follow)
+            self.shift, self._speed, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
+        return self._outside
+
+    def _move_com(self, goal: Array, dt: float) -> None:
+        """Follow the planned shift like a critically damped mass."""
+        rate = 1.0 / SHIFT_TIME
+        self._acceleration = rate * rate * (goal - self.shift) - 2.0 * rate * self._speed
+        self._speed = self._speed + dt * self._acceleration
+        self.shift = self.shift + dt * self._speed
+
+    def shifted(self, pendulum: Pendulum) -> Pendulum:
+        """Return a reference of the pendulum, moved for the forces of the hands.
+
+        Args:
+            pendulum: Reference without hands.
+        """
+        com, velocity, acceleration = (
+            pendulum.com.copy(),
+            pendulum.com_velocity.copy(),
+            pendulum.com_acceleration.copy(),
+        )
+        zmp = pendulum.zmp.copy()
+        com[:2] += self.shift
+        velocity[:2] += self._speed
+        acceleration[:2] += self._acceleration
+        zmp[:2] += self.shift - self._acceleration / pendulum.omega**2
+        return pendulum._replace(com=com, com_velocity=velocity, com_acceleration=acceleration, zmp=zmp)
+
+    def torques(self) -> Array:
+        """Return the joint torques that press as planned, shape (na,), Nm: those of the servos' feed-forward."""
+        robot = self._robot
+        torque = np.zeros(robot.na)
+        for name, hand in self.all.items():
+            if hand.force.value > 0.0 and hand.state is HandState.HOLD:
+                jacobian = pin.getFrameJacobian(
+                    robot.model, robot.data, self._frames[name], pin.LOCAL_WORLD_ALIGNED
+                )
+                torque += (hand.force.value * hand.direction) @ jacobian[:3, BASE_DOF:]
+        return torque
