@@ -4,6 +4,9 @@ A new experiment goes to a room of its own beside `balance` and `walks`: spec, r
 """
 
 from wbc.sim.balance import (
+    CarryResult,
+    CarrySpec,
+    CarryTrial,
     PushResult,
     PushTableSpec,
     StandPushSpec,
@@ -13,6 +16,8 @@ from wbc.sim.balance import (
     TrackResult,
     TrackSpec,
     TrackTrial,
+    arms_forward,
+    carry,
     largest_push,
     push_standing,
     push_table,
@@ -117,6 +122,11 @@ __all__ = [
     "PushResult",
     "PushTableSpec",
     "StandPushSpec",
+    "CarryResult",
+    "CarrySpec",
+    "CarryTrial",
+    "arms_forward",
+    "carry",
     "StandResult",
     "StandSpec",
     "StandTrial",

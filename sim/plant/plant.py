@@ -29,6 +29,7 @@ from wbc.core.errors import (
     WbcError,
     choose,
     finite_array,
+    non_negative,
     positive,
     whole_number,
 )
@@ -41,7 +42,7 @@ from wbc.sim.plant.drives import Drives, Interpolation
 from wbc.sim.plant.foot_devices import FootDevices
 from wbc.sim.plant.hands import Grips, check_clear
 from wbc.sim.plant.model import SCENE_PREFIX, build_model, furniture
-from wbc.sim.plant.pushes import Push, Pushes
+from wbc.sim.plant.pushes import Loads, Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import TrueSignals
@@ -183,6 +184,7 @@ class Plant:
         self._truth_reader = TruthReader(self._plant)
         self._pushes = Pushes()
         self._grips = None if things is None else Grips(self.model, self.robot, SCENE_PREFIX)
+        self._loads = Loads(self.model)
         self._devices = FootDevices(self._plant, self.foot, range_sensor)
         self._drives = Drives(
             self.model, description, interpolation, whole_steps(self.machine.command_delay, self.timestep)
@@ -255,6 +257,7 @@ class Plant:
         )
         self._devices.reset(range_seeds)
         self._pushes.clear(data)
+        self._loads.clear()
         self._drives.reset(q[7:])
         data.ctrl[:] = self._drives.target
         mujoco.mj_forward(self.model, data)
@@ -347,6 +350,8 @@ class Plant:
             # The springs' forces belong to the half of the coming step that is done already: do it again.
             mujoco.mj_step1(model, data)
         drives.follow(target)
+        if self._loads.changing:
+            self._loads.advance(self.control_period)
         if self._pushes or self._chain.oldest or drives.delay or drives.start is not drives.target:
             self._advance_singly()
         else:
@@ -433,6 +438,29 @@ class Plant:
         if self._grips is None:
             raise InputError("a plant without a scene has nothing to grip; give scene=")
         return self._grips
+
+    def load(self, body: str, mass: float, *, over: float = 0.0, at: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """Let a body carry a mass of which the description knows nothing; loads at several places add up.
+
+        Args:
+            body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
+            mass: Mass at that place in the end, kg; zero takes it off.
+            over: Duration of the ramp from the mass that it carries there now, s; zero for at once.
+            at: Place in the frame of that body, shape (3,), m.
+
+        Raises:
+            UnknownNameError: No such body; the nearest names are given.
+            InputError: A mass or a duration below zero, a place that is not three finite numbers.
+        """
+        index, place = self._plant.body(body, self.robot)
+        point = place.act(finite_array("place of the load (m)", at, (3,)))
+        mass, over = non_negative("mass of the load (kg)", mass), non_negative("ramp of the load (s)", over)
+        self._loads.put(index, point, mass, over)
+
+    @property
+    def load_mass(self) -> float:
+        """Mass of all loads now, kg."""
+        return self._loads.mass
 
     def _after_step(self) -> None:
         data = self.data

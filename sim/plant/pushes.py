@@ -1,10 +1,12 @@
-"""Pushes: external forces on the robot's bodies."""
+"""Pushes and loads: external forces on the robot's bodies, and masses that they carry for a while."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
+import pinocchio as pin
 
 from wbc.core.errors import Array
 
@@ -76,6 +78,116 @@ class Pushes:
         for body in self._applied:
             data.xfrc_applied[body] = 0.0
         self._applied.clear()
+
+
+@dataclass
+class _Load:
+    """A point mass on a body.
+
+    Attributes:
+        body: Index of the body.
+        point: Place in the body, shape (3,), m.
+        mass: Now, kg.
+        target: At the end of the ramp, kg.
+        rate: Change of the mass, kg/s.
+    """
+
+    body: int
+    point: Array
+    mass: float
+    target: float
+    rate: float
+
+
+class Loads:
+    """All loads of a plant.
+
+    Added mass moves with its body from the first instant, as if it had been lowered onto it at the body's velocity.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._loads: dict[tuple[int, tuple[float, ...]], _Load] = {}
+        self._own: dict[int, tuple[pin.Inertia, Array, Array, Array]] = {}
+
+    @property
+    def changing(self) -> bool:
+        """True while a mass changes."""
+        return any(load.mass != load.target for load in self._loads.values())
+
+    @property
+    def mass(self) -> float:
+        """Mass of all loads now, kg."""
+        return sum(load.mass for load in self._loads.values())
+
+    def put(self, body: int, point: Array, mass: float, over: float) -> None:
+        """Ramp the mass of a load, from what it is now.
+
+        Args:
+            body: Index of the body.
+            point: Place in the body, shape (3,), m.
+            mass: At the end, kg.
+            over: Duration of the ramp, s; zero is at once.
+        """
+        key = body, tuple(point.tolist())
+        load = self._loads.setdefault(key, _Load(body, np.array(point), 0.0, 0.0, 0.0))
+        load.target = mass
+        load.rate = abs(mass - load.mass) / over if over > 0.0 else float("inf")
+
+    def clear(self) -> None:
+        """Take all loads off."""
+        self._loads.clear()
+        for body in self._own:
+            self._write(body)
+        self._own.clear()
+
+    def advance(self, time: float) -> None:
+        """Change masses for the coming time, s."""
+        bodies = set()
+        for load in self._loads.values():
+            if load.mass != load.target:
+                step = load.rate * time
+                load.mass = min(max(load.target, load.mass - step), load.mass + step)
+                bodies.add(load.body)
+        for body in bodies:
+            self._write(body)
+
+    def _write(self, body: int) -> None:
+        """Write the inertia of a body and of its loads into the model."""
+        model = self._model
+        if body not in self._own:
+            place, turn, sizes = (
+                x[body].copy() for x in (model.body_ipos, model.body_iquat, model.body_inertia)
+            )
+            w, x, y, z = turn
+            rotation = pin.Quaternion(w, x, y, z).matrix()
+            about = rotation @ np.diag(sizes) @ rotation.T
+            self._own[body] = pin.Inertia(float(model.body_mass[body]), place, about), place, turn, sizes
+        total, *written = self._own[body]
+        mine = [each for each in self._loads.values() if each.body == body and each.mass > 0.0]
+        if mine:
+            for each in mine:
+                total = total + pin.Inertia(each.mass, each.point, np.zeros((3, 3)))
+            sizes, axes = np.linalg.eigh(total.inertia)
+            if np.linalg.det(axes) < 0.0:
+                axes[:, 0] *= -1.0
+            x, y, z, w = pin.Quaternion(axes).coeffs()
+            written = [total.lever, np.array((w, x, y, z)), sizes]
+        model.body_mass[body] = total.mass
+        model.body_ipos[body], model.body_iquat[body], model.body_inertia[body] = written
+        model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        for bodies, frames in (
+            (model.geom_bodyid, model.geom_sameframe),
+            (model.site_bodyid, model.site_sameframe),
+        ):
+            frames[bodies == body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        while True:  # sums of masses, for the centres of mass of subtrees
+            below = model.body_parentid == body
+            below[0] = False
+            model.body_subtreemass[body] = model.body_mass[body] + model.body_subtreemass[below].sum()
+            if body == 0:
+                return
+            body = int(model.body_parentid[body])
 
 
 def _cross(a: Array, b: Array) -> list[float]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, finite_array, scalar
+from wbc.core.errors import Array, finite_array
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
 from wbc.tasks.options import MotionOptions
@@ -71,7 +71,7 @@ class CoMTask(AxesTask):
         """
         super().bind(robot)
         self._base_rotation = robot.data.oMi[1].rotation
-        self._gravity, self._mass = np.array(robot.model.gravity.linear), scalar(robot.mass)
+        self._gravity, self._mass = np.array(robot.model.gravity.linear), robot.total_mass
         self._base_force = robot.bias[:3]
         if self._target is None:
             self._target = np.array(robot.com)

@@ -79,7 +79,7 @@ class MomentumTask(AxesTask):
         super().bind(robot)
         self._map, self._momentum = robot.data.Ag, robot.data.hg
         self._base = robot.data.oMi[1]
-        self._weight_force = robot.mass * np.array(robot.model.gravity.linear)
+        self._gravity = np.array(robot.model.gravity.linear)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`.
@@ -91,7 +91,7 @@ class MomentumTask(AxesTask):
         bias = robot.bias
         full = self._drift
         force = np.dot(base.rotation, bias[:3])
-        np.add(force, self._weight_force, out=full[:3])
+        np.add(force, robot.total_mass * self._gravity, out=full[:3])
         np.dot(base.rotation, bias[3:BASE_DOF], out=full[3:])
         full[3:] += np.dot(pin.skew(base.translation - robot.com), force)
         difference = self._target - self._momentum.vector

@@ -58,6 +58,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         ["--seconds", "0.1"],
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
     ),
+    "carry": (["--hand-overs", "0"], {"upright", "runs", "carries"}),
     "check-plant": (["--robot", "g1"], {"ok", "checks"}),
     "push": (
         [
@@ -210,6 +211,10 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
         (["stand", "--seed", "-1", "--seconds", "0.1"], "seed"),
         (["robots", "talso"], "did you mean 'talos'"),
         (["push", "--directions", "0"], "directions"),
+        (["carry", "--load", "-0.1"], "load"),
+        (["carry", "--load", "10"], "load"),
+        (["carry", "--hold", "teeth"], "hold"),
+        (["carry", "--hand-overs", "0", "--steps", "4"], "hand-over"),
         (["push", "--robot", "talso"], "did you mean 'talos'"),
         (["bench"], "bench"),
         (["bench", "tick", "--ticks", "0"], "ticks"),

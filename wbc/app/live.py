@@ -16,6 +16,7 @@ from wbc.sim.plant.plant import Plant
 if TYPE_CHECKING:
     from wbc.app.view import WatchWalk
     from wbc.sim.walks import WalkTrial
+    from wbc.walking.control import WalkingControl
 
 BROWSER_TIME = 20.0
 """Longest time that a run waits for a page to be opened, s."""
@@ -49,11 +50,12 @@ class LiveView:
     port: Port | None = None
 
     @contextmanager
-    def show(self, plant: Plant) -> Iterator[ShownRun]:
+    def show(self, plant: Plant, walking: WalkingControl | None = None) -> Iterator[ShownRun]:
         """Show a plant if `view` is set.
 
         Args:
             plant: The plant.
+            walking: The controller, where it is one that walks.
 
         Raises:
             InputError: A port that is out of range or in use.
@@ -64,7 +66,7 @@ class LiveView:
             return
         from wbc.app.view import MeshcatView  # noqa: PLC0415 - most runs are not watched
 
-        with MeshcatView(plant, host=self.host, port=self.port, speed=1.0) as view:
+        with MeshcatView(plant, walking=walking, host=self.host, port=self.port, speed=1.0) as view:
             view.wait_for_page(BROWSER_TIME)
             yield ShownRun(view.update, view.interventions)
 

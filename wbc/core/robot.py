@@ -15,7 +15,15 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.drive.servos import Servos
-from wbc.core.errors import Array, InputError, ModelError, finite_array, unknown_name
+from wbc.core.errors import (
+    Array,
+    InputError,
+    ModelError,
+    finite_array,
+    non_negative,
+    scalar,
+    unknown_name,
+)
 from wbc.core.settings import Positive, settings
 
 GRAVITY = 9.80665
@@ -60,7 +68,7 @@ class Robot:
 
     Attributes:
         name: Name of the robot.
-        model: Pinocchio model with a free-flyer root; never changed after construction.
+        model: Pinocchio model with a free-flyer root; after construction only `carry` changes its inertias.
         data: Pinocchio data of the current state.
         soles: The soles that can make contact, left first.
         half_sitting: Reference configuration with the soles on the ground z = 0, shape (nq,).
@@ -70,7 +78,8 @@ class Robot:
         joint_names: Actuated joints in the order of the velocity vector, length na.
         q: Configuration of the last `update`, shape (nq,).
         v: Velocity of the last `update`, shape (nv,).
-        mass: Total mass, kg.
+        mass: Total mass with everything that is carried (`carry`), kg; `total_mass` is the same as a live array of
+            shape ().
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
         bias: Coriolis, centrifugal and gravity forces h(q, v), shape (nv,); overwritten by the next update.
         com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
@@ -150,7 +159,9 @@ class Robot:
         if (self.position_lower > self.position_upper).any():
             bad = self.joint_names[int(np.argmax(self.position_lower > self.position_upper))]
             raise ModelError(f"joint '{bad}' has a lower position limit above its upper one")
-        self.mass = float(pin.computeTotalMass(model))
+        self.total_mass = scalar(float(pin.computeTotalMass(model)))
+        self._carried: dict[int, tuple[int, pin.Inertia]] = {}  # frame → joint, load
+        self._own: dict[int, pin.Inertia] = {}  # joint → inertia without loads
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
         self.mass_matrix = _live(self.data.M, self.data)
@@ -161,6 +172,41 @@ class Robot:
         self.q = np.array(self.half_sitting)
         self.v = np.zeros(self.nv)
         self.update(self.q, self.v)
+
+    @property
+    def mass(self) -> float:
+        """Total mass with everything that is carried, kg."""
+        return float(self.total_mass)
+
+    def carry(self, frame: str | int, mass: float, point: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """Set the point mass that a frame carries, of this robot and of all its clones; it counts from the next update.
+
+        Args:
+            frame: Frame of a link.
+            mass: kg; zero takes the load off.
+            point: Place of the mass in the frame, shape (3,), m.
+
+        Raises:
+            UnknownNameError: There is no such frame.
+            InputError: A frame that does not move, a mass below zero or a point that is not three finite numbers.
+        """
+        index = frame if isinstance(frame, int) else self.frame_id(frame)
+        carrier = self.model.frames[index]
+        joint = int(carrier.parentJoint)
+        if joint == 0:
+            raise InputError(
+                f"a load must be on a frame that moves with the robot, '{carrier.name}' does not move"
+            )
+        lever = carrier.placement.act(finite_array("place of the load (m)", point, (3,)))
+        self._own.setdefault(joint, self.model.inertias[joint].copy())
+        load = pin.Inertia(non_negative("mass of the load (kg)", mass), lever, np.zeros((3, 3)))
+        self._carried[index] = joint, load
+        total = self._own[joint]
+        for at, each in self._carried.values():
+            if at == joint and each.mass > 0.0:
+                total = total + each
+        self.model.inertias[joint] = total
+        self.total_mass[...] = pin.computeTotalMass(self.model)
 
     def update(self, q: Array, v: Array) -> None:
         """Compute all quantities that depend on the state.
@@ -191,7 +237,7 @@ class Robot:
 
     def clone(self) -> Robot:
         """Return another robot of the same model with a state of its own."""
-        return Robot(
+        twin = Robot(
             self.model,
             self.soles,
             self.half_sitting,
@@ -200,6 +246,8 @@ class Robot:
             frames=self.frames,
             servos=self.servos,
         )
+        twin.total_mass, twin._carried, twin._own = self.total_mass, self._carried, self._own
+        return twin
 
     def frame_id(self, name: str) -> int:
         """Return the index of a frame.

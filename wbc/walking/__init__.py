@@ -7,6 +7,7 @@ from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.hands import Hands
+from wbc.walking.load import HeldLoad, LoadSettings
 from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
@@ -42,6 +43,8 @@ __all__ = [
     "WalkingControl",
     "WalkingControlSettings",
     "TaskGains",
+    "HeldLoad",
+    "LoadSettings",
     # References of a walk, for a controller of one's own
     "Walk",
     "WalkReference",

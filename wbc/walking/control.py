@@ -24,10 +24,11 @@ from wbc.core.control import Mode, PositionControl, SafetySettings, TorqueContro
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
+from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
@@ -35,6 +36,7 @@ from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.hands import Hands
+from wbc.walking.load import HeldLoad, LoadSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import (
@@ -75,6 +77,7 @@ class WalkingControlSettings:
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
         hands: Hands that press on things; None for hands that are only carried along.
+        load: Estimate of a load of unknown mass in the hands, which the models then carry; None for empty hands.
         safety: Ranges of measurements and commands.
     """
 
@@ -90,6 +93,7 @@ class WalkingControlSettings:
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
     drive: DriveSettings = field(default_factory=DriveSettings)
     hands: HandSettings | None = None
+    load: LoadSettings | None = None
     safety: SafetySettings = field(default_factory=SafetySettings)
 
 
@@ -108,6 +112,7 @@ class WalkingControl:
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
         hands: Hands that press on things; None without.
+        load: Load in the hands as estimated; None where none is expected.
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         controller: Whole-body controller with all tasks and contacts of the walk.
@@ -181,6 +186,12 @@ class WalkingControl:
             )
         if s.hands is not None:
             self.hands = self._make_hands(s.hands, height)
+        self.load: HeldLoad | None = None
+        if s.load is not None:
+            observing = self.control.observer
+            self.load = HeldLoad(observing.robot, s.load)
+            if observing.outside is None:
+                observing.outside = OutsideWrench(observing.robot)
         self.reference: WalkReference | None = None
         self.output: StabilizerOutput | None = None
         self.time = 0.0
@@ -316,6 +327,8 @@ class WalkingControl:
 
     def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
         """Set all targets of this tick."""
+        if self.load is not None:
+            self._hold(self.load)
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
         self._dcm = com + velocity / self._omega
         bias = None if self.bias is None else self._estimate_bias(self.bias)
@@ -350,10 +363,23 @@ class WalkingControl:
         self.tasks.move_com(reference, output, shifted=not self.stabilizer.com_still)
         self.tasks.turn_trunk(reference.heading, self._lean(output))
 
+    def _hold(self, load: HeldLoad) -> None:
+        """Follow the estimate of the load; the models have it from the next tick on."""
+        outside = self.control.observer.outside
+        assert outside is not None
+        if load.update(outside, self.dt):
+            mass = self._robot.mass
+            self.stabilizer.mass = mass
+            self.walk.phases.weight = mass * GRAVITY
+            if self.lean is not None:
+                self.lean.bear(mass)
+
     def _estimate_bias(self, estimator: BiasEstimator) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
         output, reference = self.output, self.reference
         if output is None or reference is None or output.in_air or not math.isfinite(output.measured_zmp[0]):
+            return estimator.bias
+        if self.load is not None and self.load.changing:
             return estimator.bias
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "stand": "wbc.app.commands.balance:stand",
     "walk": "wbc.app.commands.walk:walk",
     "push": "wbc.app.commands.balance:push",
+    "carry": "wbc.app.commands.balance:carry",
     "check-plant": "wbc.app.commands.check_plant:check_plant",
     "bench tick": "wbc.app.commands.bench:tick",
     "bench solver": "wbc.app.commands.bench:solver",

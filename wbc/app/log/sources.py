@@ -28,6 +28,7 @@ from wbc.core.errors import Array
 from wbc.core.qp.solution import Solution
 from wbc.sim.plant.plant import Plant
 from wbc.walking.control import WalkingControl
+from wbc.walking.load import HeldLoad
 
 
 def sources_for(columns: Columns, tick: Tick) -> list[Source]:
@@ -45,6 +46,8 @@ def sources_for(columns: Columns, tick: Tick) -> list[Source]:
         sources.append(walk)
     if estimate is not None:
         sources.append(estimate)
+    if tick.drives is not None and tick.drives.observer.outside is not None:
+        sources.append(OutsideSource(columns, tick))
     sources += [MeasurementSource(columns, tick), CommandSource(columns, tick)]
     if tick.control is not None or tick.solution is not None:
         sources.append(SolverSource(columns, tick))
@@ -166,6 +169,29 @@ class EstimateSource(Source):
         if isinstance(drives, PositionControl):
             parts += [drives.q[:7], drives.v[:6]]
         np.concatenate(parts, out=row[self._copied])
+
+
+class OutsideSource(Source):
+    """Outside wrench of an observer that estimates it, and the load of a walk that carries one."""
+
+    def __init__(self, columns: Columns, tick: Tick) -> None:
+        about = "of the surroundings besides the ground, without the load that the models carry; about the CoM, world"
+        self._wrench = columns.group("outside/wrench", WRENCH, WRENCH_UNITS, about)
+        load = _load(tick)
+        self._load = None if load is None else columns.add("load/mass", "kg", "as estimated")
+        self._place = None if load is None else columns.group("load/place", XYZ, "m", "as estimated, world")
+
+    def write(self, tick: Tick, row: Array) -> None:
+        assert tick.drives is not None and tick.drives.observer.outside is not None
+        row[self._wrench] = tick.drives.observer.outside.wrench
+        load = _load(tick)
+        if load is not None and self._load is not None and self._place is not None:
+            row[self._load], row[self._place] = load.mass, load.place
+
+
+def _load(tick: Tick) -> HeldLoad | None:
+    """Return the load of a walk; None where none is expected."""
+    return tick.control.load if isinstance(tick.control, WalkingControl) else None
 
 
 class SolverSource(Source):

@@ -1,4 +1,4 @@
-"""Layers of the live view: balance, stiffness of the soles, and range sensors."""
+"""Layers of the live view: balance, outside force, stiffness of the soles, and range sensors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.app.scene.colours import (
     DCM_COLOUR,
+    OUTSIDE_COLOUR,
     RAY_COLOUR,
     SCAN_COLOUR,
     SOFT_COLOUR,
@@ -65,6 +66,8 @@ def make_layers(plant: Plant, scene: Scene, walking: WalkingControl | None = Non
     """
     layers: list[Layer] = [] if walking is None else [FootstepsLayer(plant, walking)]
     layers.append(BalanceLayer(plant, scene.com_height, walking))
+    if walking is not None and walking.control.observer.outside is not None:
+        layers.append(OutsideLayer(walking, scene))
     if all(foot.variable_joints for foot in plant.feet):
         layers.append(SolesLayer(plant, walking))
     layers.append(RangeLayer(plant, walking))
@@ -115,6 +118,40 @@ class BalanceLayer(Layer):
             matrices[self._planned_zmp] = translation(x, y, z + LIFT)
             x, y = reference.pendulum.dcm[:2]
             matrices[self._planned_dcm] = translation(x, y, z + LIFT)
+
+
+class OutsideLayer(Layer):
+    """Outside force as estimated, with the weight of the load in the models: a rod from the middle of the hands."""
+
+    def __init__(self, walking: WalkingControl, scene: Scene) -> None:
+        """Make the rod.
+
+        Args:
+            walking: The controller of a walk whose observer estimates the outside wrench.
+            scene: The robot on its ground; the rod of its weight is as long as its CoM is high.
+        """
+        super().__init__()
+        self._walking, self._scale = walking, scene.metres_per_newton
+        robot = walking.control.observer.robot
+        self._robot = robot
+        self._hands = [robot.placement(frame) for frame in robot.frames.values()]
+        rod = VisualCylinder(0.012 * scene.com_height, 1.0)
+        self._rod = self.add("outside/force", rod, OUTSIDE_COLOUR, on_top=True)
+        self.legend = (("force on the hands, estimated", OUTSIDE_COLOUR),)
+
+    def fill(self, matrices: Array, annotations: Annotations) -> None:  # noqa: D102
+        outside, load = self._walking.control.observer.outside, self._walking.load
+        if outside is None:
+            return
+        force = outside.wrench[:3].copy()
+        start = np.array(self._robot.com)
+        if self._hands:
+            start = np.mean([hand.translation for hand in self._hands], axis=0)
+        if load is not None:
+            force[2] -= load.applied * GRAVITY
+            start = load.place
+            annotations.text.append(f"load {load.mass:.2f} kg")
+        matrices[self._rod] = segment(start, start + self._scale * force)
 
 
 class SolesLayer(Layer):

@@ -25,6 +25,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot
@@ -58,6 +59,7 @@ class ObserverSettings:
             delay, to when a command will take effect.
         command_delay: Time from a command to its effect, s.
         wrenches: Estimate of the wrenches of feet without force sensors.
+        outside: Estimate of the wrench that the surroundings put on the robot besides the ground; None for none.
     """
 
     inertial: InertialSettings = field(default_factory=InertialSettings)
@@ -70,6 +72,7 @@ class ObserverSettings:
     measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
     command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
     wrenches: WrenchSettings = field(default_factory=WrenchSettings)
+    outside: OutsideSettings | None = None
 
     @property
     def delay(self) -> float:
@@ -88,6 +91,7 @@ class Observer:
             zero if they turn differently, as on stones, or if one carries everything.
         stance_rotation: Angular velocity of the foot that carries more, by encoders and gyroscope, in the world, rad/s;
             zero in flight.
+        outside: Observer of the wrench of the surroundings besides the ground; None leaves it out.
     """
 
     @checked
@@ -138,6 +142,8 @@ class Observer:
         self._wrenches = np.zeros((n, 6))
         self._position: Vector = (0.0, 0.0, 0.0)
         self._time: float | None = None
+        outside = self.settings.outside
+        self.outside = None if outside is None else OutsideWrench(self.robot, outside)
         self.foot_rotation = 0.0
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         self.reset(q)
@@ -201,6 +207,8 @@ class Observer:
         self._measured[0][:], self._measured[1][:] = robot.q, robot.v
         if self._predictor is not None:
             self._predictor.reset()
+        if self.outside is not None:
+            self.outside.reset()
         n = len(self._soles)
         self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
@@ -328,6 +336,8 @@ class Observer:
         q[:7] = self._origin
         v[:BASE_DOF] = 0.0
         self._wrenches[:] = measurement.wrenches
+        if self.outside is not None:
+            self.outside.update(self._wrenches, dt)
         return self.robot
 
     def _check(self, measurement: Measurement) -> None:

@@ -86,6 +86,7 @@ class WalkPhases:
         elapsed: Time in this phase, s.
         duration: Planned length of this phase, s.
         completed: Single supports that have ended with a foot on the ground.
+        weight: Weight of the robot with its load, N.
     """
 
     @checked
@@ -103,7 +104,7 @@ class WalkPhases:
         self.plan = plan
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self.settings = settings or PhaseSettings()
-        self._weight = positive("weight of the robot (N)", weight)
+        self.weight = positive("weight of the robot (N)", weight)
         self.phase = Phase.STANDING
         self.step = 0
         self.elapsed = 0.0
@@ -238,7 +239,7 @@ class WalkPhases:
     def _single(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
         s = self.settings
         side = SIDES.index(self.plan.steps[self.step].side)
-        loaded = loads[side] >= s.touch_down * self._weight
+        loaded = loads[side] >= s.touch_down * self.weight
         self._loaded = self._loaded + dt if loaded else 0.0
         touched = loaded and self._loaded >= s.debounce - 1e-9
         left = self.duration - self.elapsed
@@ -267,7 +268,7 @@ class WalkPhases:
             return (Event.STOPPED,)
         s = self.settings
         leaving = SIDES.index(self.plan.steps[self.step].side)
-        free = loads[leaving] <= s.lift_off * self._weight and loads[1 - leaving] >= s.stance * self._weight
+        free = loads[leaving] <= s.lift_off * self.weight and loads[1 - leaving] >= s.stance * self.weight
         if not free and self.elapsed < self.duration + s.max_wait - 1e-9:
             return ()
         self._enter(Phase.SINGLE, self.plan.gait.single_support)

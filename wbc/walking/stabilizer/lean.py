@@ -91,13 +91,17 @@ class Lean:
         Raises:
             InputError: A mass or a height that is not above zero.
         """
-        self.settings = s = settings or LeanSettings()
-        first_moment = positive("mass (kg)", mass) * positive(
-            "height of the CoM over the support (m)", height
-        )
-        self._inertia = s.inertia * first_moment * height
-        self._dead_band = s.dead_band * first_moment * GRAVITY
+        self.settings = settings or LeanSettings()
+        self._height = positive("height of the CoM over the support (m)", height)
+        self.bear(mass)
         self.angle = self.speed = (0.0, 0.0)
+
+    def bear(self, mass: float) -> None:
+        """Take another mass of the robot, kg, above zero: it has got a load."""
+        s = self.settings
+        first_moment = positive("mass (kg)", mass) * self._height
+        self._inertia = s.inertia * first_moment * self._height
+        self._dead_band = s.dead_band * first_moment * GRAVITY
 
     def reset(self) -> None:
         """Stand upright, at once."""

@@ -62,7 +62,7 @@ class Stabilizer:
     """Feedback, distribution and admittances of one robot.
 
     Attributes:
-        mass: Mass of the robot, kg.
+        mass: Mass of the robot with its load, kg; assign it when the load changes.
         enabled: True for feedback; without feedback the desired wrench is the pattern's.
         distribution: Wrench distribution.
         feet: Admittances of the feet; reset a foot when it leaves or meets the ground.
@@ -82,15 +82,28 @@ class Stabilizer:
         Raises:
             InputError: A mass that is not above zero.
         """
-        self.mass = positive("mass (kg)", mass)
+        self._mass = positive("mass (kg)", mass)
         self.enabled = True
         self.distribution = distribution
-        self._gains = (gains or StabilizerGains()).for_mass(self.mass)
+        self._given = gains or StabilizerGains()
+        self._gains = self._given.for_mass(self._mass)
         self._feedback = DcmFeedback(self._gains)
         self.feet = FootAdmittance(self._gains)
         self._com = ComAdmittance(self._gains)
         self._wrench = LowPass(self._gains.wrench_time, (2, 6))
         self._in_air = False
+
+    @property
+    def mass(self) -> float:
+        """Mass of the robot with its load, kg."""
+        return self._mass
+
+    @mass.setter
+    def mass(self, mass: float) -> None:
+        self._mass = positive("mass (kg)", mass)
+        gains = self._given.for_mass(self._mass)
+        if gains.cop_admittance != self._gains.cop_admittance:
+            self.gains = self._given
 
     @property
     def gains(self) -> StabilizerGains:
@@ -99,7 +112,8 @@ class Stabilizer:
 
     @gains.setter
     def gains(self, gains: StabilizerGains) -> None:
-        gains = gains.for_mass(self.mass)
+        self._given = gains
+        gains = gains.for_mass(self._mass)
         old, self._gains = self._gains, gains
         self._feedback.gains = self.feet.gains = self._com.gains = gains
         self._wrench.time_constant = gains.wrench_time
@@ -188,7 +202,7 @@ class Stabilizer:
             if bias is not None:
                 pivot = com.copy()
                 pivot[:2] -= bias
-        net = wrench_through(pivot, acceleration, self.mass)
+        net = wrench_through(pivot, acceleration, self._mass)
         desired_zmp = zmp_of_force(pivot, acceleration, float(target.zmp[2]))
 
         feet_zmp = target.zmp

@@ -1,0 +1,150 @@
+"""Outside wrench: a momentum observer against wrenches that are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.estimation.observer import Observer, ObserverSettings
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench, moment_about
+from wbc.core.robot import GRAVITY, Robot
+from wbc.robots import load
+
+DESCRIPTION = load("hrp4_class")
+DT = 0.005
+NO_TARE = OutsideSettings(tare=0.0)
+EMPTY = np.zeros(6)
+
+
+def feet_wrenches(robot: Robot, total: np.ndarray) -> np.ndarray:
+    """A wrench [force; moment] at the world origin, half of it on each sole, in the sole frames."""
+    return np.array(
+        [robot.placement(sole.frame).actInv(pin.Force(0.5 * total)).vector for sole in robot.soles]
+    )
+
+
+def at_rest(robot: Robot, hand: np.ndarray = EMPTY) -> np.ndarray:
+    """Wrenches of the feet of a robot at rest on whose left hand the surroundings put a wrench, world axes."""
+    point = robot.placement(robot.frames["left_hand"]).translation
+    outside = np.concatenate([hand[:3], hand[3:] + np.cross(point, hand[:3])])
+    weight = np.concatenate(
+        [[0.0, 0.0, -robot.mass * GRAVITY], np.cross(robot.com, [0.0, 0.0, -robot.mass * GRAVITY])]
+    )
+    return feet_wrenches(robot, -weight - outside)
+
+
+def test_a_step_of_force_is_followed_as_a_first_order_lag() -> None:
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, NO_TARE)
+    observer.update(at_rest(robot), 0.0)
+    force = np.array([12.0, -7.0, -30.0, 0.4, -0.3, 0.2])
+    point = robot.placement(robot.frames["left_hand"]).translation
+    about_com = np.concatenate([force[:3], force[3:] + np.cross(point - robot.com, force[:3])])
+    for tick in range(1, 81):
+        wrench = observer.update(at_rest(robot, force), DT)
+        share = 1.0 - math.exp(-NO_TARE.bandwidth * DT * tick)
+        assert wrench == pytest.approx(share * about_com, abs=1e-9)
+    assert moment_about(wrench, robot.com.tolist(), point.tolist()) == pytest.approx(
+        share * force[3:], abs=1e-9
+    )
+
+
+def test_a_moving_robot_with_empty_hands_feels_nothing_and_a_known_force_exactly() -> None:
+    """Feet that give what inverse dynamics asks for, less the force on a hand; any motion of all joints."""
+    robot = DESCRIPTION.robot()
+    model, data = robot.model, robot.model.createData()
+    rng, dt = np.random.default_rng(2), 1e-4
+    settings = OutsideSettings(tare=0.0, bandwidth=100.0)
+    observer = OutsideWrench(robot, settings)
+    q, v = np.array(robot.half_sitting), 0.3 * rng.normal(size=robot.nv)
+    acceleration, force = rng.normal(size=robot.nv), np.array([5.0, 3.0, -20.0])
+    hand = robot.frames["left_hand"]
+    robot.update(q, v)
+    observer.update(at_rest(robot), 0.0)
+    for _ in range(2000):
+        middle = pin.integrate(model, q, 0.5 * dt * v)
+        needed = pin.rnea(model, data, middle, v + 0.5 * dt * acceleration, acceleration)[:6]
+        base = pin.SE3(data.liMi[1])
+        q, v = pin.integrate(model, q, dt * (v + 0.5 * dt * acceleration)), v + dt * acceleration
+        robot.update(q, v)
+        point = robot.placement(hand).translation
+        outside = np.concatenate([force, np.cross(point, force)])
+        observer.update(feet_wrenches(robot, base.act(pin.Force(needed)).vector - outside), dt)
+    known = np.concatenate([force, np.cross(point - robot.com, force)])
+    assert observer.wrench == pytest.approx(known, abs=0.1)
+
+
+def test_two_hands_that_squeeze_do_nothing_to_the_sum() -> None:
+    """Equal, opposite forces on one line: the feet feel nothing of them, so the estimate is zero."""
+    robot = DESCRIPTION.robot()
+    left, right = (robot.placement(frame).translation for frame in robot.frames.values())
+    line = 40.0 * (right - left) / np.linalg.norm(right - left)
+    total = sum(np.concatenate([f, np.cross(p - robot.com, f)]) for p, f in ((left, line), (right, -line)))
+    assert np.abs(total).max() < 1e-9
+    observer = OutsideWrench(robot, NO_TARE)
+    for tick in range(50):
+        observer.update(at_rest(robot), DT if tick else 0.0)
+    assert np.abs(observer.wrench).max() < 1e-9
+
+
+def test_the_tare_takes_off_what_empty_hands_show_and_turns_with_the_robot() -> None:
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, OutsideSettings(settling=0.2, tare=0.5, bandwidth=150.0))
+    error = np.array([2.0, 0.0, -5.0, 0.0, 1.0, 0.0])  # of sensors and model, ahead
+    for tick in range(139):
+        assert not observer.ready and not observer.wrench.any()
+        observer.update(at_rest(robot, error), DT if tick else 0.0)
+    for _ in range(3):
+        observer.update(at_rest(robot, error), DT)
+    assert observer.ready
+    assert np.abs(observer.update(at_rest(robot, error), DT)).max() < 1e-6
+    turned, yaw = np.array(robot.half_sitting), pin.rpy.rpyToMatrix(0.0, 0.0, 1.2)
+    turned[3:7] = pin.Quaternion(yaw).coeffs()
+    robot.update(turned, np.zeros(robot.nv))
+    for _ in range(200):
+        observer.update(at_rest(robot, np.concatenate([yaw @ error[:3], yaw @ error[3:]])), DT)
+    assert np.abs(observer.wrench[:3]).max() < 1e-6
+
+
+def test_the_estimate_waits_while_a_foot_meets_the_ground() -> None:
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, NO_TARE)
+    for tick in range(20):
+        wrenches = at_rest(robot)
+        wrenches[0] = (
+            0.0  # the left foot is in the air; the right one bears all of it, as if something carried
+        )
+        observer.update(wrenches, DT if tick else 0.0)
+    before = observer.wrench
+    for _ in range(8):
+        assert observer.update(at_rest(robot), DT) == pytest.approx(before)
+    for _ in range(200):
+        observer.update(at_rest(robot), DT)
+    assert np.abs(observer.wrench).max() < 1e-6
+
+
+def test_an_observer_without_the_setting_has_no_outside_wrench() -> None:
+    robot = DESCRIPTION.robot()
+    assert Observer(robot).outside is None
+    assert Observer(robot, ObserverSettings(outside=OutsideSettings())).outside is not None
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.1, 0.05, -0.2)])
+def test_a_load_in_the_model_is_a_mass_at_its_place(point: tuple[float, float, float]) -> None:
+    """CoM, mass and weight are those of robot and load, of the robot and of its clone, and go with the load."""
+    robot = DESCRIPTION.robot()
+    clone, frame = robot.clone(), robot.frames["left_hand"]
+    mass, com = robot.mass, np.array(robot.com)
+    robot.carry(frame, 5.0, point)
+    for each in (robot, clone):
+        each.update(each.q, each.v)
+        place = each.placement(frame).act(np.array(point))
+        assert each.mass == pytest.approx(mass + 5.0)
+        assert each.com == pytest.approx((mass * com + 5.0 * place) / (mass + 5.0), abs=1e-12)
+        assert each.bias[2] == pytest.approx((mass + 5.0) * GRAVITY)
+    robot.carry(frame, 0.0)
+    robot.update(robot.q, robot.v)
+    assert robot.mass == pytest.approx(mass) and np.array(robot.com) == pytest.approx(com, abs=1e-12)

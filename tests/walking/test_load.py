@@ -1,0 +1,157 @@
+"""Loads: identified, taken over by the models, carried and let go of, against the plant's own mass."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
+from wbc.core.robot import GRAVITY
+from wbc.robots import load as load_robot
+from wbc.sim import Plant
+from wbc.sim.balance import CarrySpec, CarryTrial, arms_forward, carry
+from wbc.walking import HeldLoad, LoadSettings
+
+DESCRIPTION = load_robot("hrp4_class")
+DT = 0.005
+
+
+def test_a_load_in_the_hands_is_found_and_taken_over_by_both_models() -> None:
+    """20 % of the weight 0.35 m ahead, handed over in a second, with realistic sensors."""
+    trial = CarryTrial(CarrySpec(load=0.2))
+    result, walking, plant = trial.run(), trial.walking, trial.plant
+    assert result.upright and result.failures == 0
+    assert result.mass_error < 0.05 and result.place_error_mm < 10.0
+    total = walking.controller.robot.mass
+    assert total == walking.control.observer.robot.mass == walking.stabilizer.mass
+    assert total == pytest.approx(1.2 * plant.robot.mass, rel=0.01)
+    # The CoM of robot and load is over the feet, and the feet bear both.
+    assert abs(plant.truth().com[0]) < 0.015
+    assert plant.truth().contact_force[:, 2].sum() == pytest.approx(
+        1.2 * plant.robot.mass * GRAVITY, rel=0.02
+    )
+
+
+def test_without_looking_for_a_load_the_robot_does_not_stand_still_under_it() -> None:
+    result = carry(load=0.2, known=False, noise="none")
+    assert not result.upright or result.steps_done > 0
+
+
+def test_a_load_that_is_dropped_leaves_the_models() -> None:
+    trial = CarryTrial(CarrySpec(load=0.15, end="drop", noise="none"))
+    assert trial.run().upright
+    assert trial.plant.load_mass == 0.0
+    assert trial.walking.controller.robot.mass == pytest.approx(trial.plant.robot.mass, abs=0.02)
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.1)])
+def test_the_plant_bears_a_load_at_its_place(point: tuple[float, float, float]) -> None:
+    """Total mass, CoM and force under the feet; a reset takes it off."""
+    plant = Plant(DESCRIPTION)
+    mass, com = plant.robot.mass, plant.truth().com
+    place = plant.robot.placement("left_hand").act(np.array(point))
+    place += plant.data.qpos[:3] - plant.robot.q[:3]
+    plant.load("left_hand", 2.0, at=point)
+    plant.step(plant.hold())
+    assert plant.load_mass == 2.0
+    assert plant.truth().com == pytest.approx((mass * com + 2.0 * place) / (mass + 2.0), abs=1e-4)
+    plant.reset()
+    assert plant.load_mass == 0.0 and plant.truth().com == pytest.approx(com)
+    plant.load("left_hand", 2.0, over=0.1)
+    for _ in range(10):
+        plant.step(plant.hold())
+    assert plant.load_mass == pytest.approx(1.0)
+
+
+def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
+    """Weight and moment about the CoM of 5 kg, 40 mm ahead and 30 mm to the left of the middle of the hands."""
+    robot = DESCRIPTION.robot()
+    load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
+    place = load.middle + (0.04, 0.03, 0.0)
+    for _ in range(400):
+        true = np.array([0.0, 0.0, -(5.0 - load.applied) * GRAVITY])
+        moment = np.cross(place - robot.com, [0.0, 0.0, -5.0 * GRAVITY])
+        moment -= np.cross(load.place - robot.com, [0.0, 0.0, -load.applied * GRAVITY])
+        outside.wrench = np.concatenate([true, moment])
+        load.update(outside, DT)
+    assert load.mass == pytest.approx(5.0, abs=0.03) and load.applied == pytest.approx(5.0, abs=0.03)
+    assert load.offset == pytest.approx([0.04, 0.03], abs=1e-3)
+    load.release()
+    assert load.mass == 0.0 and robot.mass == pytest.approx(DESCRIPTION.robot().mass)
+
+
+def test_small_errors_are_no_load_and_no_load_exceeds_its_bound() -> None:
+    robot = DESCRIPTION.robot()
+    load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
+    own = robot.mass
+    for weight, expected in ((2.0, 0.0), (-50.0, 0.0), (1e4, load.settings.largest * own)):
+        outside.wrench = np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0])
+        for _ in range(200):
+            load.update(outside, DT)
+        assert load.applied == pytest.approx(expected, rel=1e-3)
+        load.release()
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "words"),
+    [
+        (LoadSettings(hands=("left_hnd",)), UnknownNameError, "left_hand"),
+        (LoadSettings(hands=("universe",)), InputError, "does not move"),
+    ],
+)
+def test_hands_that_cannot_hold_are_refused(
+    settings: LoadSettings, error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        HeldLoad(DESCRIPTION.robot(), settings)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"), [({"load": -0.1}, "load"), ({"load": 10.0}, "load"), ({"robot": "tlos"}, "talos")]
+)
+def test_loads_that_no_robot_carries_are_refused_before_anything_moves(
+    values: dict[str, object], words: str
+) -> None:
+    with pytest.raises((InputError, UnknownNameError), match=words):
+        CarrySpec(**values)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="mass of the load"):
+        Plant(DESCRIPTION).load("left_hand", -1.0)
+    with pytest.raises(InputError, match="mass of the load"):
+        DESCRIPTION.robot().carry("left_hand", -1.0)
+
+
+def test_arms_reach_forward() -> None:
+    robot = DESCRIPTION.robot()
+    robot.update(arms_forward(robot, 0.35), np.zeros(robot.nv))
+    places = np.array([robot.placement(frame).translation for frame in robot.frames.values()])
+    assert places[:, 0] == pytest.approx([0.35, 0.35], abs=0.003)
+    assert places[0] == pytest.approx(places[1] * (1.0, -1.0, 1.0), abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "g1", "talos"])
+def test_steps_with_a_fifth_of_the_weight_in_the_hands(robot: str) -> None:
+    result = carry(robot=robot, load=0.2, hand_overs=2, steps=22, end="drop")
+    assert result.upright and result.steps_done >= 22
+    assert result.mass_error < 0.05
+
+
+@pytest.mark.slow
+def test_a_third_of_the_weight_on_the_chest() -> None:
+    assert carry(load=0.3, hold="chest", forward=0.2, hand_overs=2, steps=6).upright
+
+
+@pytest.mark.slow
+def test_the_example_carries() -> None:
+    path = Path(__file__).parents[2] / "examples" / "hands" / "carry.py"
+    spec = importlib.util.spec_from_file_location("carry_example", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    result = module.main([])
+    assert result["upright"] and result["found"] == pytest.approx(result["mass"], rel=0.05)
+    assert result["steps"] >= 2 and result["left"] < 0.1

@@ -1,0 +1,191 @@
+"""Outside wrench: what the surroundings do to a robot besides the ground under its feet.
+
+The momentum h = (m ċ; L) of the whole robot about its centre of mass c changes by
+
+    ḣ = (m g; 0) + W_feet(c) + W_outside(c),
+
+so that a first-order observer has the sum of all other contacts, hands above all, from what a position-controlled robot
+measures: force sensors of the feet, encoders and IMU,
+
+    ṙ = K (ḣ − (m g; 0) − W_feet(c) − r).
+
+Only the sum can be had: two hands that squeeze a box do nothing to it. Errors of model and sensors look like a constant
+wrench, so r is tared on empty hands. While a foot meets the ground, its wrench is right and the place where it acts is
+not: the observer waits.
+
+Source: A. De Luca, R. Mattone, ICRA 2005 (residual of the generalised momentum; this is its part for the base);
+S. Haddadin, A. De Luca, A. Albu-Schäffer, IEEE T-RO 33(6), 2017.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from wbc.core.errors import Array
+from wbc.core.lag import lag_gain
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.core.vectors import Vector, add_cross, turned_all
+
+
+@settings
+class OutsideSettings:
+    """Settings of the observer of the outside wrench.
+
+    Attributes:
+        bandwidth: Gain K of the observer.
+        settling: Time from the start until the tare begins.
+        tare: Time over which the wrench of empty hands is averaged and then taken off; 0 for none.
+        wait: Time for which the estimate waits after a foot has met the ground.
+        least_load: Share of the weight on the feet below which something else carries or the robot flies: the tare
+            waits.
+    """
+
+    bandwidth: Annotated[Positive, Field(le=200.0), "1/s"] = 20.0
+    settling: Annotated[NonNegative, "s"] = 0.5
+    tare: Annotated[NonNegative, "s"] = 1.0
+    wait: Annotated[NonNegative, "s"] = 0.04
+    least_load: Share = 0.8
+
+
+class OutsideWrench:
+    """Observer of the outside wrench of one robot.
+
+    Attributes:
+        settings: Settings.
+        wrench: [force; moment about the CoM] on the robot, in the world, without the tare, shape (6,), N and Nm.
+        tare: Wrench of empty hands, [force; moment] in the heading of the base, shape (6,), N and Nm.
+    """
+
+    def __init__(self, robot: Robot, settings: OutsideSettings | None = None) -> None:
+        """Start with empty hands.
+
+        Args:
+            robot: The estimated robot, whose state `update` reads.
+            settings: Settings; the defaults when None.
+        """
+        self.settings = settings or OutsideSettings()
+        self._robot = robot
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, the tare too."""
+        self.wrench = np.zeros(6)
+        self.tare = np.zeros(6)
+        self._residual: tuple[float, ...] = (0.0,) * 6
+        self._momentum: list[float] | None = None
+        self._loaded = [True] * len(self._soles)
+        self._time, self._waits, self._tared = 0.0, 0.0, 0.0
+        self._sum = np.zeros(6)
+
+    @property
+    def ready(self) -> bool:
+        """True when the tare has been taken."""
+        return self._tared >= self.settings.tare
+
+    def take_tare(self) -> None:
+        """Take the tare anew from now on: the hands are empty."""
+        self._sum, self._tared, self._time = np.zeros(6), 0.0, self.settings.settling
+
+    def explain(self, wrench: Vector) -> None:
+        """Take a wrench off the estimate that the model of the robot accounts for from now on.
+
+        Args:
+            wrench: [force; moment about the CoM] in the world, N and Nm.
+        """
+        self._residual = tuple(r - known for r, known in zip(self._residual, wrench, strict=True))
+        self.wrench = self.wrench - wrench
+
+    def update(self, wrenches: Array, dt: float) -> Array:
+        """Take in one measurement; the robot's kinematics are up to date.
+
+        Args:
+            wrenches: Measured wrench on each sole, [force; moment] in the sole frame, shape (number of soles, 6),
+                N and Nm.
+            dt: Time since the last one, s; zero for the first.
+
+        Returns:
+            `wrench`, a new array each time.
+        """
+        s, robot = self.settings, self._robot
+        self._time += dt
+        momentum = pin.computeCentroidalMomentum(robot.model, robot.data).vector.tolist()
+        com = robot.com.tolist()
+        weight = float(robot.total_mass) * GRAVITY
+        force, moment, touched = self._feet(wrenches.tolist(), com, weight)
+        before, self._momentum = self._momentum, momentum
+        self._waits = s.wait if touched else self._waits - dt
+        if before is None or dt <= 0.0 or self._waits > 0.0:
+            return self.wrench
+        gain, rate = lag_gain(dt, 1.0 / s.bandwidth), 1.0 / dt
+        feet = (force[0], force[1], force[2] - weight, *moment)
+        self._residual = tuple(
+            r + gain * (rate * (now - last) - known - r)
+            for r, now, last, known in zip(self._residual, momentum, before, feet, strict=True)
+        )
+        rotation = robot.data.oMi[1].rotation
+        c, n = float(rotation[0, 0]), float(rotation[1, 0])
+        size = math.hypot(c, n) or 1.0
+        c, n = c / size, n / size
+        if self._tared < s.tare:
+            if self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
+                self._learn(c, n, dt)
+            return self.wrench
+        fx, fy, fz, mx, my, mz = self.tare.tolist()
+        r = self._residual
+        self.wrench = np.array(
+            (
+                r[0] - c * fx + n * fy,
+                r[1] - n * fx - c * fy,
+                r[2] - fz,
+                r[3] - c * mx + n * my,
+                r[4] - n * mx - c * my,
+                r[5] - mz,
+            )
+        )
+        return self.wrench
+
+    def _feet(self, wrenches: list[list[float]], com: Vector, weight: float) -> tuple[Vector, Vector, bool]:
+        """Force of the feet, their moment about the CoM, and whether a foot has just met the ground."""
+        fx = fy = fz = mx = my = mz = 0.0
+        touched = False
+        for i, (row, sole) in enumerate(zip(wrenches, self._soles, strict=True)):
+            (a, b, c), moment = turned_all(sole.rotation.tolist(), (row[:3], row[3:]))
+            x, y, z = sole.translation.tolist()
+            u, v, w = add_cross(moment, (x - com[0], y - com[1], z - com[2]), (a, b, c))
+            fx, fy, fz, mx, my, mz = fx + a, fy + b, fz + c, mx + u, my + v, mz + w
+            loaded = row[2] > (0.04 if self._loaded[i] else 0.08) * weight
+            touched = touched or (loaded and not self._loaded[i])
+            self._loaded[i] = loaded
+        return (fx, fy, fz), (mx, my, mz), touched
+
+    def _learn(self, c: float, n: float, dt: float) -> None:
+        """Average the residual in the heading of the base."""
+        fx, fy, fz, mx, my, mz = self._residual
+        turned_back = (c * fx + n * fy, -n * fx + c * fy, fz, c * mx + n * my, -n * mx + c * my, mz)
+        self._sum += dt * np.array(turned_back)
+        self._tared += dt
+        if self._tared >= self.settings.tare:
+            self.tare = self._sum / self._tared
+
+
+def moment_about(wrench: Array, com: Vector, point: Vector) -> tuple[float, float, float]:
+    """Return the moment of a wrench about another point than the CoM.
+
+    Args:
+        wrench: [force; moment about the CoM], shape (6,), N and Nm.
+        com: The CoM, m.
+        point: The other point, m.
+
+    Returns:
+        x, y, z in the world, Nm.
+    """
+    fx, fy, fz, *moment = wrench.tolist()
+    x, y, z = ((a - b) for a, b in zip(com, point, strict=True))
+    return add_cross(moment, (x, y, z), (fx, fy, fz))
