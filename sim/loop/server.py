@@ -45,7 +45,7 @@ class RobotServer:
         Args:
             loop: The robot.
             wire: Its end of the wire.
-            watchdog: Time without a command after which the joints are damped, s.
+            watchdog: Longest time for which a command acts, s; a period in which it would end begins damped.
             band: Time for which the robot hangs at an elastic band before it is let down, s.
         """
         self.loop, self._wire, self._watchdog, self._band = loop, wire, watchdog, band
@@ -86,7 +86,7 @@ class RobotServer:
         elif command is not None:
             self._command, self._last, self._rack = command, now, None
         self.silent = now - self._last
-        if self.silent > self._watchdog:
+        if self.silent + self.loop.control_period > self._watchdog:
             self._command = None
         if self._rack is not None:
             self._command = self._rack

@@ -19,7 +19,7 @@ from wbc import Command, Measurement
 from wbc.app.cli import main
 from wbc.core.errors import InputError
 from wbc.machine import ConformanceReport, conformance
-from wbc.sim import MujocoLoop
+from wbc.sim import Machine, MujocoLoop, Plant
 
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.005
@@ -226,3 +226,11 @@ def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.Cap
 def test_something_else_than_a_loop_is_refused() -> None:
     with pytest.raises(InputError, match="'measure' is missing"):
         conformance(type("Half", (), {"description": DESCRIPTION, "control_period": 0.01})())
+
+
+def test_a_loop_without_force_sensors_is_checked_by_what_its_joints_feel() -> None:
+    model, sensors = Plant(DESCRIPTION).model, Machine(force_sensors=False, torque_sensors=True)
+    report = conformance(MujocoLoop(DESCRIPTION, model, control_period=PERIOD, machine=sensors))
+    assert not report.wrong
+    unknown = {check.name for check in report.checks if check.state == "unknown"}
+    assert unknown == {"weight", "sides", "wrench frame"}

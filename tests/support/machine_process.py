@@ -10,10 +10,13 @@ import time
 
 import wbc
 from wbc.machine import Phase, Runner, RunSettings, UdpDriver, UdpRobot, UnitreeRobot
+from wbc.machine.clock import ask_priority
 from wbc.sim import MujocoLoop, Plant, RobotServer
 
 ROBOT = "g1"
 PERIOD = 0.004
+PRIORITY = 50
+"""Under SCHED_FIFO, where this is allowed: other programs of the machine are then no part of what is measured."""
 
 
 def robot(watchdog: float) -> None:
@@ -22,7 +25,7 @@ def robot(watchdog: float) -> None:
     loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
     wire = UdpRobot(description, 0)
     server = RobotServer(loop, wire, watchdog=watchdog)
-    print("port", wire.port, flush=True)
+    print("port", wire.port, ask_priority(PRIORITY), flush=True)
     was, end = False, time.monotonic() + 60.0
 
     def looked_at() -> bool:
@@ -39,7 +42,7 @@ def unitree() -> None:
     """Run a G1 that hangs at a band for a moment and speaks Unitree's topics in domain 7."""
     description = wbc.load_robot(ROBOT)
     loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
-    server = RobotServer(loop, UnitreeRobot(description, domain=7), watchdog=0.1, band=60.0)
+    server = RobotServer(loop, UnitreeRobot(description, domain=7), watchdog=0.1, band=1.0)
     print("ready", flush=True)
     end = time.monotonic() + 60.0
     server.run(lambda: time.monotonic() > end)
@@ -49,7 +52,9 @@ def control(port: int, timeout: float) -> None:
     """Drive the robot; print when the controller runs, and when it has damped and why."""
     description = wbc.load_robot(ROBOT)
     controller = wbc.TorqueControl(wbc.balance_controller(description.robot(), PERIOD))
-    settings = RunSettings(fade=0.2, blend=0.2, robot_timeout=timeout)
+    settings = RunSettings(
+        fade=0.2, blend=0.2, robot_timeout=timeout, control_timeout=timeout, priority=PRIORITY
+    )
     runner = Runner(UdpDriver(description, port=port), controller, 1.0 / PERIOD, settings=settings)
     told = False
 

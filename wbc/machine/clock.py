@@ -55,6 +55,26 @@ class Quiet:
     collections: int = 0
 
 
+def ask_priority(priority: int) -> int:
+    """Ask for the real-time scheduler; return the priority that was got, 0 without it.
+
+    Args:
+        priority: Priority under SCHED_FIFO, 1 to 99; 0 does not ask.
+    """
+    if priority > 0 and hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            return priority
+    return 0
+
+
+def keep_timers_sharp() -> None:
+    """Have the kernel wake this process as soon as a sleep ends, where it can be asked."""
+    with contextlib.suppress(OSError, AttributeError):
+        if sys.platform == "linux":
+            ctypes.CDLL(None, use_errno=True).prctl(TIMER_SLACK, 1, 0, 0, 0)
+
+
 @contextlib.contextmanager
 def quiet(priority: int | None) -> Iterator[Quiet]:
     """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail.
@@ -72,14 +92,9 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
     gc.disable()
     before_collections = sum(entry["collections"] for entry in gc.get_stats())
     with contextlib.suppress(OSError, AttributeError):
-        libc = ctypes.CDLL(None, use_errno=True)
-        if sys.platform == "linux":
-            libc.prctl(TIMER_SLACK, 1, 0, 0, 0)
-        got.memory_locked = libc.mlockall(LOCK_ALL) == 0
-    if priority is not None and hasattr(os, "sched_setscheduler"):
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-            got.priority = priority
+        got.memory_locked = ctypes.CDLL(None, use_errno=True).mlockall(LOCK_ALL) == 0
+    keep_timers_sharp()
+    got.priority = ask_priority(priority or 0)
     start = resource.getrusage(resource.RUSAGE_SELF)
     try:
         yield got

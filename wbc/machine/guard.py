@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from wbc.machine.clock import ask_priority, keep_timers_sharp
 from wbc.machine.loop import Driver
 
 BEAT = struct.Struct("<dd")
@@ -28,7 +29,7 @@ PROGRAM = "from wbc.machine.guard import main; main()"
 """Program of the process."""
 
 CHECK_PERIOD = 0.001
-"""Period of the check, s."""
+"""Period of the check of a loop that is not watched, s."""
 
 DAMP_PERIOD = 0.002
 """Period of damping commands, s."""
@@ -40,12 +41,13 @@ DAMP_TIME = 3.0
 class Guard:
     """The guard, as the loop sees it."""
 
-    def __init__(self, driver: Driver, age: float) -> None:
+    def __init__(self, driver: Driver, age: float, priority: int | None = None) -> None:
         """Start the process and wait until it watches.
 
         Args:
             driver: Wire to the machine; it is pickled.
             age: Longest time between two beats, s.
+            priority: Priority under SCHED_FIFO, if the process may; None does not ask.
         """
         self._age = age
         self._fd = (
@@ -58,7 +60,7 @@ class Guard:
         self._memory[: BEAT.size] = BEAT.pack(0.0, 0.0)
         root = str(Path(__file__).resolve().parents[2])
         self._process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, str(self._fd)],
+            [sys.executable, "-c", PROGRAM, str(self._fd), str(priority or 0)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=[self._fd],
@@ -106,12 +108,13 @@ def watch(driver: Any, memory: mmap.mmap) -> None:
     while True:
         now = time.monotonic()
         beat, age = BEAT.unpack_from(memory, 0)
-        dead = age > 0.0 and now - beat > age
+        dead = age > 0.0 and now - beat >= age
         if not dead:
             damped_since = None
             if age == 0.0 and os.getppid() != parent:
                 return
-            time.sleep(CHECK_PERIOD)
+            # A beat moves the end on: until the present one there is nothing to see.
+            time.sleep(max(0.0, beat + age - now) if age > 0.0 else CHECK_PERIOD)
             continue
         damped_since = now if damped_since is None else damped_since
         if now - damped_since > DAMP_TIME and os.getppid() != parent:
@@ -125,6 +128,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     driver = pickle.load(sys.stdin.buffer)
     memory = mmap.mmap(int(sys.argv[1]), mmap.PAGESIZE)
+    ask_priority(int(sys.argv[2]))
+    keep_timers_sharp()
     driver.damp()  # opens the wire; the loop has sent no command yet
     print("watching", flush=True)
     _end_with_stdin()

@@ -6,31 +6,28 @@ print(report)
 
 from __future__ import annotations
 
-import enum
 import logging
 import signal
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, WbcError, positive
+from wbc.core.errors import InputError, WbcError, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
+from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Driver
+from wbc.machine.report import Phase, RunReport
 from wbc.machine.start import SafeStart
 from wbc.robots import RobotDescription
 
 logger = logging.getLogger(__name__)
-
-BUCKETS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Upper ends of the classes of the histogram, ms."""
 
 KEPT = 1 << 20
 """Ticks whose times are kept: 35 minutes at 500 Hz; later ones replace the first."""
@@ -41,16 +38,6 @@ DAMP_TICKS = 50
 
 class MachineError(WbcError):
     """A machine that cannot be started: it sends nothing, or not from this robot."""
-
-
-class Phase(enum.Enum):
-    """State of the loop."""
-
-    START = "start"
-    WAIT = "waiting for the feet to be loaded"
-    RUN = "run"
-    STOP = "stop"
-    DAMPED = "damped"
 
 
 class Control(Protocol):
@@ -67,13 +54,12 @@ class RunSettings:
     Attributes:
         fade: Time in which stiffness and torques rise at the start, s.
         speed: Largest mean speed of a joint on the way to half-sitting, rad/s.
-        load: Share of the weight on the soles from which the controller takes over; 0 does not wait, for machines
-            without force sensors.
+        load: Share of the weight on the soles from which the controller takes over; 0 does not wait.
         blend: Time in which the controller takes over, s.
         robot_timeout: Age of the last measurement from which the joints are damped and the run ends, s.
         control_timeout: Time without a tick after which the guard damps, s.
         stop: Time in which stiffness and torques fall at a stop, s.
-        priority: Priority under SCHED_FIFO, if this process may; None does not ask.
+        priority: Priority of loop and guard under SCHED_FIFO, if they may; None does not ask.
         first: Longest time until the first measurement, s.
     """
 
@@ -86,58 +72,6 @@ class RunSettings:
     stop: Annotated[NonNegative, "s"] = 2.0
     priority: Annotated[int, Field(ge=1, le=99)] | None = None
     first: Annotated[Positive, "s"] = 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class RunReport:
-    """Account of a run.
-
-    Attributes:
-        reason: Why it ended.
-        phases: Phases with the time at which each began, s.
-        ticks: Ticks made.
-        missed: Ticks that ended after the next one should have begun.
-        skipped: Periods without a tick because of that.
-        late: Lateness of the wake-up of each tick, s.
-        busy: Time from the wake-up to the end of the command, s.
-        ages: Largest time between two measurements, s.
-        quiet: What was got from the operating system.
-        period: Control period, s.
-    """
-
-    reason: str
-    phases: tuple[tuple[Phase, float], ...]
-    ticks: int
-    missed: int
-    skipped: int
-    late: Array = field(repr=False)
-    busy: Array = field(repr=False)
-    ages: float
-    quiet: Quiet
-    period: float
-
-    def histogram(self) -> dict[str, list[int]]:
-        """Return the number of ticks in each class of lateness and of busy time; the last class has no upper end."""
-        edges = np.array([0.0, *BUCKETS, np.inf]) * 1e-3
-        return {
-            name: np.histogram(values, edges)[0].tolist()
-            for name, values in (("late", self.late), ("busy", self.busy))
-        }
-
-    def __str__(self) -> str:
-        lines = [
-            f"{self.reason} after {self.ticks} ticks of {1e3 * self.period:g} ms",
-            f"deadlines missed: {self.missed}, periods skipped: {self.skipped}; "
-            f"longest time between measurements {1e3 * self.ages:.1f} ms",
-            f"memory locked: {'yes' if self.quiet.memory_locked else 'no'}, real-time priority: "
-            f"{self.quiet.priority or 'no'}, page faults from disk {self.quiet.page_faults[0]}, garbage collections "
-            f"{self.quiet.collections}",
-            f"{'ms up to':>12}{'late':>10}{'busy':>10}",
-        ]
-        counts = self.histogram()
-        for i, end in enumerate([*BUCKETS, np.inf]):
-            lines.append(f"{end:>12g}{counts['late'][i]:>10}{counts['busy'][i]:>10}")
-        return "\n".join(lines)
 
 
 class Runner:
@@ -212,7 +146,7 @@ class Runner:
         before = self._catch_signals()
         got = Quiet()
         try:
-            self._guard = Guard(self.driver, self.settings.control_timeout) if self._guarded else None
+            self._guard = self._make_guard()
             first = self.driver.read(self.settings.first)
             if first is None:
                 raise MachineError(f"no measurement from the machine within {self.settings.first:g} s")
@@ -221,7 +155,7 @@ class Runner:
                     f"the machine has {first.joint_position.size} joints, '{self.description.name}' has "
                     f"{len(self.description.joint_names)}"
                 )
-            self._warm_up()
+            self._warm_up(forces=first.sole_wrench is not None)
             with quiet(self.settings.priority) as got:
                 self._loop(first, until)
         finally:
@@ -248,6 +182,10 @@ class Runner:
             self.period,
         )
 
+    def _make_guard(self) -> Guard | None:
+        settings = self.settings
+        return Guard(self.driver, settings.control_timeout, settings.priority) if self._guarded else None
+
     def _catch_signals(self) -> dict[int, Any]:
         if threading.current_thread() is not threading.main_thread():
             return {}
@@ -258,7 +196,7 @@ class Runner:
 
         return {number: signal.signal(number, asked) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def _warm_up(self) -> None:
+    def _warm_up(self, *, forces: bool) -> None:
         """Run ticks on a robot at rest, so that the first real ones do not load code and memory."""
         reset = getattr(self.control, "reset", None)
         if reset is None:
@@ -275,7 +213,7 @@ class Runner:
                     np.zeros(robot.na),
                     np.zeros(3),
                     imu.T @ np.array([0.0, 0.0, GRAVITY]),
-                    wrench,
+                    wrench if forces else None,
                 )
             )
         reset()
@@ -294,9 +232,11 @@ class Runner:
         clock, driver, period = self._clock, self.driver, self.period
         now = self._begin = self._seen = clock.now()
         self._gains = getattr(driver, "gains", None) or (self.description.kp, self.description.kd)
+        self._loads = SoleLoads(self.description, period, self._gains)
         self._start = SafeStart(
             self.description,
             measurement,
+            self._loads,
             fade=self.settings.fade,
             speed=self.settings.speed,
             gains=self._gains,
@@ -312,7 +252,8 @@ class Runner:
             woken = clock.now()
             newest = driver.read(0.0)
             if newest is None:  # the machine's clock is behind: its measurement is the beat
-                newest = driver.read(period)
+                left = self._seen + self.settings.robot_timeout - clock.now()
+                newest = driver.read(min(period, max(0.0, left)))
                 if newest is not None:
                     woken = deadline = max(deadline, clock.now())
             now = clock.now()
@@ -342,7 +283,7 @@ class Runner:
         settings = self.settings
         if self._emergency.is_set():
             return self._end("emergency stop")
-        if now - self._seen > settings.robot_timeout:
+        if now - self._seen >= settings.robot_timeout:
             return self._end(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
         if self._stop.is_set() and self.phase is not Phase.STOP:
             self._enter(Phase.STOP, now)
@@ -355,7 +296,7 @@ class Runner:
                 return False
             zero = np.zeros_like(self._held)
             kp, kd = left * self._gains[0], self._gains[1]
-            self.driver.write(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
+            self._send(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
             return True
         if not fresh and self._last is not None:
             self.driver.write(self._last)
@@ -364,12 +305,16 @@ class Runner:
         if command is None:
             return False
         self._last = command
-        self.driver.write(command)
+        self._send(command)
         if self._until is not None and (
             now - self._begin >= self._until if isinstance(self._until, (int, float)) else self._until()
         ):
             self.stop()
         return True
+
+    def _send(self, command: Command) -> None:
+        self.driver.write(command)
+        self._loads.sent(command)
 
     def _command(self, measurement: Measurement, now: float, elapsed: float) -> Command | None:
         """Return the command of this tick; None if the controller has failed."""
@@ -397,7 +342,7 @@ class Runner:
 
     def _loaded(self, measurement: Measurement, now: float) -> bool:
         """Return True if the soles have carried the robot for a while."""
-        load = float(measurement.wrenches[:, 2].sum())
+        load = float(self._loads.wrenches(measurement)[:, 2].sum())
         if self.settings.load > 0.0 and not load > self.settings.load * self._weight:
             self._loaded_since = None
             return False

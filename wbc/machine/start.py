@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
+from wbc.machine.loads import SoleLoads
 from wbc.robots import RobotDescription
 
 
@@ -15,8 +15,8 @@ class SafeStart:
     """Ramp from the measured posture to half-sitting.
 
     The servos hold the measured posture while their stiffness rises, then the joints go to half-sitting along a
-    quintic. Feed-forward torques carry the limbs as they hang, less what the measured sole wrenches carry; they rise
-    with the stiffness.
+    quintic. Feed-forward torques carry the limbs as they hang, less what the sole wrenches carry; they rise with the
+    stiffness.
 
     Attributes:
         duration: Time until the joints have arrived, s.
@@ -27,6 +27,7 @@ class SafeStart:
         self,
         description: RobotDescription,
         first: Measurement,
+        loads: SoleLoads,
         *,
         fade: float,
         speed: float,
@@ -37,11 +38,12 @@ class SafeStart:
         Args:
             description: The robot.
             first: Measurement of the posture from which it starts.
+            loads: Wrenches on the soles.
             fade: Time in which stiffness and torques rise, s.
             speed: Largest mean speed of a joint on the way, rad/s.
             gains: kp and kd of the machine, each of shape (na,); the description's when None.
         """
-        self._robot = description.robot()
+        self._robot, self._loads = description.robot(), loads
         self._kp, self._kd = (description.kp, description.kd) if gains is None else gains
         self._from = np.array(first.joint_position)
         self._to = np.array(self._robot.half_sitting[7:])
@@ -50,8 +52,6 @@ class SafeStart:
         self.duration = fade + self._way
         self._zero = np.zeros(self._robot.na)
         self._soles = [self._robot.frame_id(sole.frame) for sole in self._robot.soles]
-        imu = self._robot.placement(self._robot.imu_frame).rotation
-        self._base_from_imu = np.array(self._robot.placement(self._robot.base_frame).rotation.T @ imu)
         self.done = False
 
     def command(self, measurement: Measurement, elapsed: float) -> Command:
@@ -76,16 +76,10 @@ class SafeStart:
         )
 
     def carry(self, measurement: Measurement) -> Array:
-        """Return the torques that hold the limbs against gravity and the measured sole wrenches, shape (na,), Nm."""
-        robot, q = self._robot, np.array(self._robot.half_sitting)
-        q[7:] = measurement.joint_position
-        up = self._base_from_imu @ measurement.specific_force
-        size = float(np.linalg.norm(up))
-        if size > 0.5 * GRAVITY:
-            upright = pin.Quaternion.FromTwoVectors(up / size, np.array([0.0, 0.0, 1.0]))
-            q[3:7] = upright.coeffs()
+        """Return the torques that hold the limbs against gravity and the sole wrenches, shape (na,), Nm."""
+        robot, q = self._robot, self._loads.posture(measurement)
         torque = np.array(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6:])
-        for frame, wrench in zip(self._soles, measurement.wrenches, strict=True):
+        for frame, wrench in zip(self._soles, self._loads.wrenches(measurement), strict=True):
             if np.isfinite(wrench).all() and wrench[2] > 0.0:
                 jacobian = pin.computeFrameJacobian(robot.model, robot.data, q, frame, pin.LOCAL)
                 torque -= jacobian[:, 6:].T @ wrench

@@ -6,14 +6,14 @@ A packet is little-endian: the header, then arrays of 8-byte floats, in the orde
 |---|---|---|
 | 4 bytes | `wbc1` | |
 | u8 | kind | 0 hello, 1 measurement, 2 command, 3 damp |
-| u8 | flags | bit 0: joint torques (measurement), references (command); bit 1: gains (command) |
+| u8 | flags | bit 0: joint torques (measurement), references (command); bit 1: sole wrenches, gains |
 | u16 | number of joints | |
 | u32 | running number of the sender | |
 | f64 | time of the sensors, s (measurement); 0 | |
 
 | Kind | Arrays |
 |---|---|
-| measurement | positions, velocities, [torques], gyroscope (3), accelerometer (3), sole wrenches (2 × 6) |
+| measurement | positions, velocities, [torques], gyroscope (3), accelerometer (3), [sole wrenches (2 × 6)] |
 | command | torques, [reference positions, reference velocities], [kp, kd] |
 
 The robot sends measurements to the address from which the last hello or command came. Numbers that do not grow are old
@@ -48,8 +48,10 @@ def pack_measurement(m: Measurement, number: int) -> bytes:
     parts = [m.joint_position, m.joint_velocity]
     if m.joint_torque is not None:
         parts.append(m.joint_torque)
-    parts += [m.angular_velocity, m.specific_force, m.wrenches.ravel()]
-    flags = int(m.joint_torque is not None)
+    parts += [m.angular_velocity, m.specific_force]
+    if m.sole_wrench is not None:
+        parts.append(m.sole_wrench.ravel())
+    flags = int(m.joint_torque is not None) | 2 * int(m.sole_wrench is not None)
     return _packet(MEASUREMENT, flags, m.joint_position.size, number, m.time, parts)
 
 
@@ -79,7 +81,7 @@ def unpack(data: bytes, joints: int) -> tuple[int, int, Measurement | Command | 
     if kind in (HELLO, DAMP):
         return kind, number, None
     counts = {
-        MEASUREMENT: [joints, joints, *([joints] if flags & 1 else []), 3, 3, 12],
+        MEASUREMENT: [joints, joints, *([joints] if flags & 1 else []), 3, 3, *([12] if flags & 2 else [])],
         COMMAND: [joints, *([joints] * 2 if flags & 1 else []), *([joints] * 2 if flags & 2 else [])],
     }.get(kind)
     if counts is None or size != joints or len(data) != HEADER.size + 8 * sum(counts):
@@ -90,12 +92,9 @@ def unpack(data: bytes, joints: int) -> tuple[int, int, Measurement | Command | 
     parts = np.split(values, np.cumsum(counts)[:-1])
     if kind == MEASUREMENT:
         torque = parts.pop(2) if flags & 1 else None
-        q, v, gyroscope, accelerometer, wrench = parts
-        return (
-            kind,
-            number,
-            Measurement(stamp, q, v, gyroscope, accelerometer, wrench.reshape(2, 6), joint_torque=torque),
-        )
+        q, v, gyroscope, accelerometer = parts[:4]
+        wrench = parts[4].reshape(2, 6) if flags & 2 else None
+        return kind, number, Measurement(stamp, q, v, gyroscope, accelerometer, wrench, joint_torque=torque)
     references, gains = bool(flags & 1), bool(flags & 2)
     return (
         kind,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -167,7 +167,8 @@ class UnitreeDriver:
     """Driver of a G1 in its low-level mode.
 
     It echoes mode_machine, enables the motors of its joints, signs what it sends and drops what is signed wrongly. It
-    sends nothing before the first state has come. The G1 has no force sensors in its feet: `wrenches` estimates them.
+    sends nothing before the first state has come. The G1 has no force sensors in its feet: controls estimate the
+    wrenches from the torques that it reports.
 
     Attributes:
         description: The robot.
@@ -182,7 +183,6 @@ class UnitreeDriver:
         interface: str = "lo",
         *,
         domain: int = 1,
-        wrenches: Callable[..., object] | None = None,
     ) -> None:
         """Store the settings; DDS begins at the first call.
 
@@ -190,7 +190,6 @@ class UnitreeDriver:
             description: A G1: its joints have the names of `G1_MOTORS`.
             interface: Network interface of the robot.
             domain: DDS domain: 0 on the machine, 1 in simulators.
-            wrenches: Function of a measurement that returns the sole wrenches, shape (2, 6); zeros when None.
 
         Raises:
             InputError: Joints that the machine has not.
@@ -198,18 +197,13 @@ class UnitreeDriver:
         self.description, self._interface, self._domain = description, interface, domain
         self._index = _motors(description, G1_MOTORS)
         self.gains = _machine_gains(description)
-        self._wrenches = wrenches
         self._topics: _Topics | None = None
         self._machine: int | None = None
         self._position = np.zeros(len(description.joint_names))
         self.refused = 0
 
     def __getstate__(self) -> dict[str, object]:
-        return self.__dict__ | {
-            "_topics": None,
-            "description": None,
-            "_wrenches": None,
-        }  # the guard only damps
+        return self.__dict__ | {"_topics": None, "description": None}  # the guard only damps
 
     def _open(self) -> _Topics:
         if self._topics is None:
@@ -228,18 +222,15 @@ class UnitreeDriver:
         motors, imu = state["motor"][self._index], state["imu"]
         self._position = motors["q"].astype(float)
         stamp = float(state["tick"]) * 1e-3 if state["tick"] else time.monotonic()
-        measurement = Measurement(
+        return Measurement(
             stamp,
             self._position,
             motors["dq"].astype(float),
             imu["gyroscope"].astype(float),
             imu["accelerometer"].astype(float),
-            np.zeros((2, 6)),
+            None,
             joint_torque=motors["tau_est"].astype(float),
         )
-        if self._wrenches is not None:
-            measurement.wrenches[:] = self._wrenches(measurement)  # type: ignore[call-overload]
-        return measurement
 
     def write(self, command: Command) -> None:
         """See `Driver`; without references the motors get the torque alone."""

@@ -126,7 +126,6 @@ class BodyChecks(Session):
         good = self.add("weight", abs(total / weight - 1.0) < 0.08 and bool((normal > -0.05 * weight).all()),
                          f"normal forces are {total / weight:.2f} of the weight", cause)  # fmt: skip
         self._loads(rest, good=good)
-        self._soles()
 
     def _loads(self, rest: Array, *, good: bool) -> None:
         """Shift the centre of mass to the left and forward; loads and centres of pressure go with it."""
@@ -174,8 +173,8 @@ class BodyChecks(Session):
             total += place.act(pin.Force(part)).vector
         return np.array([-total[4], total[3]]) / max(float(total[2]), 1.0)
 
-    def _soles(self) -> None:
-        """Both soles are flat and level where the encoders see them, against each other and against gravity."""
+    def check_soles(self) -> None:
+        """Check that both soles are flat and level by the encoders, against each other and against gravity."""
         if self.bad("joint order", "joint sign", "joint unit"):
             self.add("soles", "unknown", "joints are not measured as they should")
             return

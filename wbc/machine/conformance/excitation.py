@@ -22,7 +22,7 @@ class Record:
         torque: Measured joint torques, shape (ticks, na); NaN where there are none.
         gyroscope: Shape (ticks, 3).
         accelerometer: Shape (ticks, 3).
-        wrench: Sole wrenches, shape (ticks, soles, 6).
+        wrench: Sole wrenches, shape (ticks, soles, 6); NaN without force sensors.
         time: Time stamps, shape (ticks,).
     """
 
@@ -136,14 +136,14 @@ class Excitation:
             self._loop.step(command)
             rows.append(self._loop.measure())
         self.count += len(rows)
-        none = np.full(self.robot.na, np.nan)
+        none, no_wrench = np.full(self.robot.na, np.nan), np.full((len(self.robot.soles), 6), np.nan)
         record = Record(
             np.array([m.joint_position for m in rows]),
             np.array([m.joint_velocity for m in rows]),
             np.array([none if m.joint_torque is None else m.joint_torque for m in rows]),
             np.array([m.angular_velocity for m in rows]),
             np.array([m.specific_force for m in rows]),
-            np.array([m.wrenches for m in rows]),
+            np.array([no_wrench if m.sole_wrench is None else m.sole_wrench for m in rows]),
             np.array([m.time for m in rows]),
         )
         self.records.append(record)

@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
+from wbc.core.signals import Measurement
 from wbc.machine.conformance.excitation import Excitation
+from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Loop
 
 State = Literal["ok", "wrong", "unknown"]
@@ -70,6 +75,8 @@ class Session:
         excite: Its motions.
         robot: The robot at half-sitting.
         checks: Results so far.
+        standing: True if the robot stands, by its force sensors or else by the torques of its joints.
+        force_sensors: True if the loop measures sole wrenches.
     """
 
     def __init__(self, loop: Loop, delay: float) -> None:
@@ -87,8 +94,27 @@ class Session:
     def settle(self) -> None:
         """Hold half-sitting, and see whether the robot stands."""
         self.rest = self.excite.hold(0.15)
-        load = float(abs(self.rest.settled("wrench")[:, 2]).sum())
+        wrench = self.rest.settled("wrench")
+        self.force_sensors = bool(np.isfinite(wrench).all())
+        load = float(abs(wrench if self.force_sensors else self._felt_wrench())[:, 2].sum())
         self.standing = load > 0.05 * self.robot.mass * GRAVITY
+
+    def _felt_wrench(self) -> Array:
+        """Return the wrenches that the torques of the joints say, shape (soles, 6); zero if these are not measured."""
+        settled, description = self.rest.settled, self.loop.description
+        loads = SoleLoads(description, self.loop.control_period, (description.kp, description.kd))
+        torque = settled("torque")
+        return loads.wrenches(
+            Measurement(
+                0.0,
+                settled("position"),
+                settled("velocity"),
+                settled("gyroscope"),
+                settled("accelerometer"),
+                None,
+                joint_torque=torque if np.isfinite(torque).all() else None,
+            )
+        )
 
     def add(self, name: str, state: State | bool, found: str, cause: str = "") -> bool:
         """Add a result; True if it is good."""

@@ -1,0 +1,76 @@
+"""Account of a machine's run: its phases, why it ended, and the times of all its ticks."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.machine.clock import Quiet
+
+BUCKETS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Upper ends of the classes of the histogram, ms."""
+
+
+class Phase(enum.Enum):
+    """State of the loop."""
+
+    START = "start"
+    WAIT = "waiting for the feet to be loaded"
+    RUN = "run"
+    STOP = "stop"
+    DAMPED = "damped"
+
+
+@dataclass(frozen=True, eq=False)
+class RunReport:
+    """Account of a run.
+
+    Attributes:
+        reason: Why it ended.
+        phases: Phases with the time at which each began, s.
+        ticks: Ticks made.
+        missed: Ticks that ended after the next one should have begun.
+        skipped: Periods without a tick because of that.
+        late: Lateness of the wake-up of each tick, s.
+        busy: Time from the wake-up to the end of the command, s.
+        ages: Largest time between two measurements, s.
+        quiet: What was got from the operating system.
+        period: Control period, s.
+    """
+
+    reason: str
+    phases: tuple[tuple[Phase, float], ...]
+    ticks: int
+    missed: int
+    skipped: int
+    late: Array = field(repr=False)
+    busy: Array = field(repr=False)
+    ages: float
+    quiet: Quiet
+    period: float
+
+    def histogram(self) -> dict[str, list[int]]:
+        """Return the number of ticks in each class of lateness and of busy time; the last class has no upper end."""
+        edges = np.array([0.0, *BUCKETS, np.inf]) * 1e-3
+        return {
+            name: np.histogram(values, edges)[0].tolist()
+            for name, values in (("late", self.late), ("busy", self.busy))
+        }
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.reason} after {self.ticks} ticks of {1e3 * self.period:g} ms",
+            f"deadlines missed: {self.missed}, periods skipped: {self.skipped}; "
+            f"longest time between measurements {1e3 * self.ages:.1f} ms",
+            f"memory locked: {'yes' if self.quiet.memory_locked else 'no'}, real-time priority: "
+            f"{self.quiet.priority or 'no'}, page faults from disk {self.quiet.page_faults[0]}, garbage collections "
+            f"{self.quiet.collections}",
+            f"{'ms up to':>12}{'late':>10}{'busy':>10}",
+        ]
+        counts = self.histogram()
+        for i, end in enumerate([*BUCKETS, np.inf]):
+            lines.append(f"{end:>12g}{counts['late'][i]:>10}{counts['busy'][i]:>10}")
+        return "\n".join(lines)
