@@ -35,7 +35,7 @@ copyright = f"2026, {author}"
 version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-exclude_patterns = ["README.md"]
+exclude_patterns = ["README.md", "journals"]
 suppress_warnings = ["ref.python"]  # a type that two modules have, such as SoleContact
 
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline"]

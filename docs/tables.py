@@ -9,6 +9,7 @@ The words are the name of a study, its journal (JSON lines, plain or compressed 
 `--margin`, `--seeds`, `--cell` and `--arm` of `wbc study table`, and `--as` for another kind of table:
 
     choice      `wbc study choice`: which arm is best on which ground, and what choosing it there is worth
+    short       without how the walks of each ground ended; the completed ones of all grounds stand in a line
     table4      the study 'table4' beside the paper's table
     optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II
 
@@ -30,6 +31,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from wbc.sim.studies.catalog import study_by_name
+from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import authority_heights, table_four
@@ -76,11 +78,16 @@ class Mark:
 
     @property
     def study(self) -> Study:
-        """The part of the study that the table is about: grounds with walks."""
+        """The part of the study that the table is about: grounds and layouts with walks."""
         seeds = self.option("--seeds")
         part = self.whole.narrowed(seeds=None if seeds is None else int(seeds))
-        walked = {trial.cell for trial, entry in study_entries(part, self.entries, any_code=True) if entry}
-        return replace(part, cells=tuple(cell for cell in part.cells if cell.name in walked) or part.cells)
+        walked = [trial for trial, entry in study_entries(part, self.entries, any_code=True) if entry]
+        grounds, layouts = {trial.cell for trial in walked}, {trial.seed for trial in walked}
+        return replace(
+            part,
+            cells=tuple(cell for cell in part.cells if cell.name in grounds) or part.cells,
+            seeds=tuple(seed for seed in part.seeds if seed in layouts) or part.seeds,
+        )
 
     def table(self) -> StudyTable:
         """Return the table of the study."""
@@ -113,6 +120,8 @@ def made(words: str, journals: Path) -> str:
         text = choice(mark.study, mark.entries, mark.options.get("--arm", ()), any_code=True).markdown()
     elif kind == "table4":
         text = table_four(mark.table())
+    elif kind == "short":
+        text = _short(mark.table())
     elif kind == "table":
         text = mark.table().markdown()
     else:
@@ -120,6 +129,18 @@ def made(words: str, journals: Path) -> str:
     whole = mark.whole.size
     count = f"{len(used)} walks" if len(used) == whole else f"Partial: {len(used)} of {whole:,} walks"
     return f"\n{text}\n\n*{count} of `{mark.name}`, {_code(mark.code(used))}*\n\n"
+
+
+def _short(table: StudyTable) -> str:
+    """Return means and differences, and of all grounds together the completed walks."""
+    parts = []
+    for arm in table.study.arms:
+        outcomes = table.by_name[table.rows[-1], arm].outcomes
+        total = sum(outcomes.values())
+        if total:
+            parts.append(f"{arm} {share_text(outcomes.get('completed', 0), total)}")
+    ended = f"Of all walks: {'; '.join(parts)}."
+    return "\n\n".join([table.markdown().partition("\n\nHow they ended")[0], ended])
 
 
 def _code(code: str) -> str:

@@ -20,8 +20,6 @@ from wbc.sim.studies.stiffness_studies import (
     arches,
     dataset,
     halfway,
-    stiffness_question,
-    unknown_ground,
 )
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
 
@@ -122,10 +120,8 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "push_recovery": push_recovery,
         "dataset": dataset,
         "halfway": halfway,
-        "stiffness": stiffness_question,
         "arches": arches,
         "tuned_fixed": tuned_fixed,
-        "unknown_ground": unknown_ground,
         "authority": authority,
         "damping": damping,
         "oracle": oracle,

@@ -30,6 +30,13 @@ MANY = 2000
 normal (the ends of an interval differ by a hundredth of its width), and resampling takes a second and a gigabyte."""
 
 
+FEW = 5
+"""Number of layouts below which an interval is not shown: a bootstrap of fewer values is far too narrow."""
+
+EQUAL = 20
+"""Number of layouts without any difference from which two arms count as equivalent: at most 14 % of all differ then."""
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """A mean with its confidence interval.
@@ -49,10 +56,10 @@ class Estimate:
     layouts: int
 
     def text(self, digits: int = 3) -> str:
-        """Return a text such as "20.4 [18.2, 21.7]"."""
+        """Return a text such as "20.4 [18.2, 21.7]"; without the interval of a few layouts."""
         if self.mean is None:
             return "–"
-        if self.low is None or self.high is None:
+        if self.low is None or self.high is None or self.layouts < FEW:
             return f"{self.mean:.{digits}g}"
         return f"{self.mean:.{digits}g} [{self.low:.{digits}g}, {self.high:.{digits}g}]"
 
@@ -225,7 +232,7 @@ def equivalence(
 ) -> Equivalence:
     """Test whether a mean difference is smaller than a margin, by two one-sided t-tests over layouts.
 
-    Differences that are all zero are equivalent with p = 0: no pair differs.
+    Differences that are all the same are equivalent (p = 0) on 20 layouts or more: of fewer, others may well differ.
 
     Args:
         differences: Differences of pairs.
@@ -246,7 +253,7 @@ def equivalence(
     mean = float(sums.sum() / counts.sum())
     error = _standard_error(sums, counts)
     if error == 0.0:
-        p = 0.0 if abs(mean) < margin else 1.0
+        p = 0.0 if abs(mean) < margin and sums.size >= EQUAL else 1.0
     else:
         p = float(t.sf((margin - abs(mean)) / error, sums.size - 1))
     return Equivalence(margin, p, p < 0.05)

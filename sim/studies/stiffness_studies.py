@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,8 +13,6 @@ from pydantic import Field
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 from wbc.feet.soles.actuator import SOFTEST, STIFFEST
-from wbc.feet.stiffness.dataset import StiffnessTable
-from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, ground_of, study_entries
 from wbc.sim.terrain import terrain
@@ -124,11 +121,8 @@ QUESTION_GROUNDS = (
 HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)
 """Heights of the study 'halfway', m."""
 
-SWINGS = (0.06, 0.09)
-"""Swing heights, m: the paper's and a higher one."""
-
-QUESTION_DISTANCE = 1.5
-"""Length of a walk of the stiffness question, m: twelve steps, the first two of them on flat floor."""
+ARCHES_DISTANCE = 1.5
+"""Length of a walk of the study 'arches', m: twelve steps, the first two of them on flat floor."""
 
 
 def halfway(seeds: int = 3) -> Study:
@@ -154,50 +148,22 @@ def halfway(seeds: int = 3) -> Study:
     )
 
 
-def stiffness_question(seeds: int = 6) -> Study:
-    """Return walks that tell when the stiffness of a sole matters.
-
-    A rigid sole of the same footprint, and soft ones from 1 to 100 Nm/rad, two of them with a twentieth of the paper's
-    damping, too, on every rough family at the height where half of the walks fall; and all of it with a higher
-    swing, too, as a foot that does not touch needs no softness. Gains are tuned on other seeds.
-    """
-    heights = halfway_heights()
-    arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
-    for k in (1.0, 3.2, 10.0, 32.0, 100.0):
-        arms[f"{k:g}"] = {"foot": "soft", "stiffness": k}
-    for k in (3.2, 32.0):
-        arms[f"{k:g}, b/20"] = {"foot": "soft", "stiffness": k, "foot_changes": {"damping": 0.1}}
-    return Study(
-        name="stiffness",
-        about="when does the stiffness of a sole matter? every rough family, at heights that half of the walks survive",
-        base={"noise": "realistic", "plan": {"distance": QUESTION_DISTANCE}},
-        cells=tuple(
-            Cell(
-                f"{cell_name(name, height)}, swing {1e3 * swing:g} mm",
-                {"terrain": name, "amplitude": height, "gait": {"swing_height": swing}},
-            )
-            for swing in SWINGS
-            for name, height in heights.items()
-        ),
-        arms=arms,
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-        reference="100",
-    )
-
-
 def arches(seeds: int = 6) -> Study:
-    """Return walks that compare a soft foot whose arch reaches to the toe with the paper's."""
+    """Return walks that compare a soft foot whose arch reaches to the toe with the paper's, and with a rigid sole."""
     arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
     for k in (3.2, 32.0):
         arms[f"soft, {k:g}"] = {"foot": "soft", "stiffness": k}
         arms[f"long arch, {k:g}"] = {"foot": "long_arch", "stiffness": k}
-    question = stiffness_question(seeds)
-    return replace(
-        question,
+    return Study(
         name="arches",
-        about="a soft foot whose arch reaches to the toe against the paper's, where the stiffness question was asked",
-        cells=tuple(cell for cell in question.cells if cell.values["gait"]["swing_height"] == SWINGS[0]),
+        about="a soft foot whose arch reaches to the toe against the paper's, on every rough family",
+        base={"noise": "realistic", "plan": {"distance": ARCHES_DISTANCE}},
+        cells=tuple(
+            Cell(cell_name(name, height), {"terrain": name, "amplitude": height})
+            for name, height in halfway_heights().items()
+        ),
         arms=arms,
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         reference="soft, 3.2",
     )
 
@@ -245,58 +211,6 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
         ends = np.interp(-0.5, -share, tried), np.interp(0.5, share[::-1], tried[::-1])
         result[name] = float(np.round(np.mean(ends), 4))
     return result
-
-
-UNKNOWN_GROUNDS: dict[str, tuple[float, float]] = {
-    "stones": (0.040, 0.055),
-    "roof_tiles": (0.040, 0.055),
-    "stone_bricks": (0.040, 0.055),
-    "small_stones": (0.010, 0.025),
-    "large_floor_tiles": (0.010, 0.025),
-}
-"""Grounds that no model is trained on, at the least and the greatest amplitude of the paper's table IV, m."""
-
-
-def _unknown_cells() -> tuple[Cell, ...]:
-    return tuple(
-        Cell(cell_name(name, amplitude), {"terrain": name, "amplitude": amplitude})
-        for name, amplitudes in UNKNOWN_GROUNDS.items()
-        for amplitude in amplitudes
-    )
-
-
-def unknown_ground(seeds: int = 20) -> Study:
-    """Return walks that tell whether a sole whose stiffness follows the ground walks further over unknown ground.
-
-    The arms: the robot's own flat sole; a rigid one of the soft footprint, which separates size from softness; soft
-    ones of the paper's 5 Nm/rad and of the median of all best stiffnesses that the model was trained on; the variable
-    one; and, if there is a result of the study 'tuned_fixed', a fixed stiffness that was tuned to each kind and height
-    of ground on other seeds.
-    """
-    median = float(f"{np.median(StiffnessTable.load(DEFAULT_TABLE).stiffness):.3g}")
-    arms: dict[str, dict[str, Any]] = {
-        "flat": {"foot": "flat"},
-        "rigid": {"foot": "rigid"},
-        "soft 5": {"foot": "soft", "stiffness": 5.0},
-        "soft, median": {"foot": "soft", "stiffness": median},
-        "variable": {"foot": "variable"},
-    }
-    cells = _unknown_cells()
-    best = tuned_fixed_stiffness()
-    if all(cell.name in best for cell in cells):
-        arms["tuned fixed"] = {"foot": "soft"}
-        cells = tuple(
-            replace(cell, arm_values={"tuned fixed": {"stiffness": best[cell.name]}}) for cell in cells
-        )
-    return Study(
-        name="unknown_ground",
-        about="3 m over ground that nothing was trained or tuned on, all soles",
-        base={"noise": "realistic", "plan": {"distance": 3.0}},
-        cells=cells,
-        arms=arms,
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-        reference="soft 5",
-    )
 
 
 def tuned_fixed_stiffness() -> dict[str, float]:

@@ -262,8 +262,7 @@ def _feed(
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 trial = running.pop(future)
-                # A cluster whose scheduler has died cancels what it had.
-                if isinstance(_error(future), (BrokenExecutor, CancelledError)):
+                if isinstance(_error(future), BrokenExecutor):
                     lost.append(trial)
                 else:
                     record(trial[1], _outcome(future))

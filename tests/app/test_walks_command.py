@@ -154,7 +154,7 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["study", "show", "flat_floor", "--arm", "hard"], "soft"),
         (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
         (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
-        (["study", "plot", "stiffness", "--journal", "empty.jsonl", "-o", "a.png"], "35 rows .* 7 at most"),
+        (["study", "plot", "arches", "--journal", "empty.jsonl", "-o", "a.png"], "18 rows .* 7 at most"),
         (["study", "export", "flat_floor", "--journal", "empty.jsonl", "-o", "a.xls"], r"\.csv"),
         (["study", "swings", "flat_floor", "--journal", "empty.jsonl"], "no walk .* variable stiffness"),
     ],

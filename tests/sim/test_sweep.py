@@ -33,7 +33,6 @@ from wbc.sim.studies.intervals import (
 )
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.stiffness_studies import DATA
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
@@ -452,10 +451,6 @@ TRAINING = ("dataset", "halfway", "tuned_fixed")
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_studies_of_the_project_can_be_run(name: str) -> None:
-    if name == "stiffness" and not (DATA / "halfway.json").is_file():
-        with pytest.raises(InputError, match="wbc study heights"):
-            study_by_name(name)
-        pytest.skip("rests on the study 'halfway'")
     study = study_by_name(name).narrowed(seeds=1)
     specs = [trial.spec for trial in study.trials()]
     assert len({json.dumps(spec.to_json()) for spec in specs}) == len(specs) == study.size
@@ -566,7 +561,8 @@ def test_sign_flips_and_equivalence_keep_their_level() -> None:
     assert sign_flip_p(exact) == 2 / 2**5
     assert sign_flip_p([*exact, *exact], [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]) == 2 / 2**5
     assert sign_flip_p([1.0]) is None and equivalence([1.0], 1.0).p is None
-    assert equivalence([0.0] * 9, 0.5).p == 0.0
+    # Equal pairs alone say little: of nine, three tenths of all may still differ.
+    assert equivalence([0.0] * 20, 0.5).p == 0.0 and not equivalence([0.0] * 9, 0.5).equivalent
     with pytest.raises(InputError, match="margin of equivalence"):
         equivalence([1.0, 2.0], 0.0)
 

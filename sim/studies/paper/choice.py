@@ -55,7 +55,8 @@ class Choice:
         arms: Arms to choose from.
         grounds: Results of the grounds.
         single: Arm of the greatest mean over all grounds.
-        gain: Arm chosen for the ground minus the single best one, both chosen on other layouts than judged.
+        gain: Arm chosen for the ground minus the single best one, both chosen on other layouts than judged; without a
+            mean if a ground has fewer than five layouts.
         over: Arm → arm chosen for the ground minus this one, on layouts it was not chosen on.
         equivalence: Test of the gain being less than a margin.
         missing: Number of layouts that were left out because not all arms were walked there.
@@ -88,6 +89,8 @@ class Choice:
             lines.append(
                 f"| {ground.row} ({ground.layouts}) | {' | '.join(means)} | {ground.best} | {same} |"
             )
+        if self.gain.mean is None:
+            return "\n".join(lines) + f"\n\nWhat choosing is worth needs {FOLDS} layouts on each ground."
         over = "; ".join(f"over {arm}: {each.text(2)}" for arm, each in self.over.items())
         small = self.equivalence.margin
         worth = (
@@ -139,7 +142,8 @@ def choice(
         )
     names = tuple(part.arms)
     pooled = np.mean([values.mean(axis=0) for values in cells.values()], axis=0)
-    scores = _judged(cells)
+    enough = min(len(values) for values in cells.values()) >= FOLDS
+    scores = _judged(cells) if enough else np.empty((0, 2 + len(names)))
     gain = mean_interval((scores[:, 0] - scores[:, 1]).tolist())
     grounds, p_values = [], []
     for row, values in cells.items():
@@ -200,7 +204,7 @@ def _best(values: Array, pooled: Array) -> int:
 
 def _judged(cells: Mapping[str, Array]) -> Array:
     """Return own choice, single choice and every arm on each layout, shape (layouts, 2 + arms)."""
-    folds = {name: np.arange(len(values)) % min(FOLDS, len(values)) for name, values in cells.items()}
+    folds = {name: np.arange(len(values)) % FOLDS for name, values in cells.items()}
     rows = []
     for fold in range(FOLDS):
         train = {name: values[folds[name] != fold] for name, values in cells.items()}

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.plot.style import BLUE, ORANGE, grid, new_figure
+from wbc.sim.studies.intervals import FEW
 from wbc.sim.studies.study import ground_of
 from wbc.sim.studies.study_table import ALL, StudyTable
 
@@ -61,7 +62,7 @@ def differences_figure(table: StudyTable) -> Figure:
             mean, low, high = cell.difference.mean, cell.difference.low, cell.difference.high
             sure = cell.p_corrected is not None and cell.p_corrected < 0.05
             colour = ORANGE if row == ALL else BLUE
-            if low is not None and high is not None:
+            if low is not None and high is not None and cell.difference.layouts >= FEW:
                 axes.plot([low, high], [place, place], color=colour, linewidth=1.2)
             axes.plot(mean, place, "o", color=colour, markersize=4.0, fillstyle="full" if sure else "none")
         axes.set_title(arms[i] if arms else "", fontsize=8)
