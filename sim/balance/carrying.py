@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -20,6 +21,7 @@ from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.load import LoadSettings, hand_frames
 from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.reach import Reach
 
 Natural = Annotated[int, Field(ge=0, le=10_000)]
 """A count."""
@@ -124,6 +126,7 @@ class CarryTrial:
         self.spec = spec
         description = load_robot(spec.robot)
         robot = description.robot()
+        standing = float(robot.com[2])
         chest = spec.hold == "chest"
         q = np.array(robot.half_sitting) if chest else arms_forward(robot, spec.forward, spec.load)
         self.plant = Plant(
@@ -143,19 +146,21 @@ class CarryTrial:
             self._at = torso.actInv(np.array([spec.forward, 0.0, torso.translation[2] + 0.2]))
         places = [robot.placement(frame).act(self._at) for frame in self._frames]
         self._forward = float(np.mean([place[0] for place in places]))
-        settings = WalkingControlSettings(load=LoadSettings(hands=hands) if spec.known else None)
+        settings = WalkingControlSettings(
+            com_height=_walkable(robot, standing), load=LoadSettings(hands=hands) if spec.known else None
+        )
         self.walking = WalkingControl(robot, FootstepPlan.standing(robot), PERIOD, settings)
         self._falls = TrueFallDetector(self.plant.robot)
         self._errors = [0.0, 0.0]
 
-    def run(self, hooks: tuple[Any, ...] = ()) -> CarryResult:
+    def run(self, after_tick: Callable[[], None] | None = None) -> CarryResult:
         """Carry and return the result.
 
         Args:
-            hooks: Functions without arguments, called after each control period.
+            after_tick: Called after each control period, for a viewer.
         """
         spec, plant, walking = self.spec, self.plant, self.walking
-        self._hooks = hooks
+        self._after_tick = after_tick
         stage = self._stages()
         upright = stage == "done"
         return CarryResult(
@@ -213,8 +218,8 @@ class CarryTrial:
         end = plant.time + seconds
         while plant.time < end - 0.5 * PERIOD:
             plant.step(walking.command(plant.measure()))
-            for hook in self._hooks:
-                hook()
+            if self._after_tick is not None:
+                self._after_tick()
             if plant.diverged is not None or walking.fallen or self._falls.fallen(plant.truth().q):
                 return False
         return True
@@ -249,6 +254,15 @@ def carry(spec: CarrySpec | None = None, **values: Any) -> CarryResult:
         InputError: A value out of range, or a robot without hands.
     """
     return CarryTrial(replace(spec or CarrySpec(), **values)).run()
+
+
+def _walkable(robot: Robot, standing: float) -> float | None:
+    """Return the height of the CoM for a walk, m: as the robot stands (None), or that without its arms raised."""
+    try:
+        Reach.of(robot, float(robot.com[2]))
+    except InputError:
+        return standing
+    return None
 
 
 def arms_forward(robot: Robot, forward: float, share: float = 0.2) -> Array:

@@ -367,6 +367,8 @@ class WalkingControl:
         """Follow the estimate of the load; the models have it from the next tick on."""
         outside = self.control.observer.outside
         assert outside is not None
+        if self.hands is not None and self.hands.active:  # what they press on is no load
+            return
         if load.update(outside, self.dt):
             mass = self._robot.mass
             self.stabilizer.mass = mass

@@ -99,7 +99,7 @@ def carry(
     for run in track(runs, "carrying", console=progress_console()) if options.seeds > 1 else runs:
         trial = CarryTrial(options.carry(run))
         with live.show(trial.plant, trial.walking) as watching:
-            results.append(trial.run((watching.after_tick,)))
+            results.append(trial.run(watching.after_tick))
         changes = watching.interventions
     lines = []
     for each in results:
