@@ -26,7 +26,7 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 INSTANTS = {
     "stand": 1.0,
     "squat": 2.5,
-    "reach": 3.0,
+    "reach_walking": 4.6,
     "push_recovery": 0.9,
     "walk": 4.6,
     "drive": 4.6,

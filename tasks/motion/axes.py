@@ -22,7 +22,11 @@ BASE = "base"
 
 
 class AxesTask(MotionTask):
-    """Base of motion tasks with a choice of axes and joints."""
+    """Base of motion tasks with a choice of axes and joints.
+
+    Attributes:
+        spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
+    """
 
     def __init__(self, name: str, choices: Sequence[str], options: MotionOptions) -> None:
         """Describe the task.
@@ -44,6 +48,22 @@ class AxesTask(MotionTask):
         self._linear_rows = int(mask[:3].sum())
         self._only_joints: Sequence[str] | None = gains.pop("joints", None)
         super().__init__(name, int(mask.sum()), **gains)
+        self.spared = np.zeros(0, dtype=np.intp)
+
+    @property
+    def spared(self) -> NDArray[np.intp]:
+        """Velocity coordinates whose motion counts but that the task does not use, shape (n,); none until they are set.
+
+        They are, for the centre of mass, those of an arm with a task of its own, and for a hand those of the body that
+        carries it. Assigning them sets their expected accelerations to zero. Joints that the option `joints` leaves out
+        do not count, either.
+        """
+        return self._spared
+
+    @spared.setter
+    def spared(self, value: NDArray[np.intp]) -> None:
+        self._spared = value
+        self.spared_acceleration = np.zeros(len(value))
 
     def bind(self, robot: Robot) -> None:
         """Resolve the joints.
@@ -73,6 +93,12 @@ class AxesTask(MotionTask):
             jacobian[:], error[:], drift[:] = full_jacobian[keep], full_error[keep], full_drift[keep]
         if self._unused is not None:
             jacobian[:, self._unused] = 0.0
+        if self._spared.size:
+            # What these coordinates do is part of the drift, with the damping that their columns would have had.
+            columns = jacobian[:, self._spared]
+            drift += columns.dot(self.spared_acceleration)
+            drift += self._rows.damping * columns.dot(self.robot.v[self._spared])
+            jacobian[:, self._spared] = 0.0
 
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:

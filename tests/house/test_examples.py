@@ -19,8 +19,17 @@ import pytest
 import wbc
 
 FOLDER = Path(__file__).parents[2] / "examples"
-STANDING = ("own_robot", "own_task", "push_recovery", "reach", "squat", "stand")
-WALKING = ("walk", "walk_push", "walk_soles", "walk_stairs", "walk_stones", "walk_tune", "drive")
+STANDING = ("own_robot", "own_task", "push_recovery", "squat", "stand")
+WALKING = (
+    "walk",
+    "walk_push",
+    "walk_soles",
+    "walk_stairs",
+    "walk_stones",
+    "walk_tune",
+    "drive",
+    "reach_walking",
+)
 NAMES = (*STANDING, *WALKING)
 
 Load = Callable[[str], ModuleType]
@@ -101,10 +110,9 @@ def test_squat_goes_as_deep_as_asked(load: Load) -> None:
     assert result["largest_error_mm"] < 2.0
 
 
-def test_reach_arrives(load: Load) -> None:
-    module = load("reach")
-    assert np.linalg.norm(module.REACH) > 0.3
-    assert run(module)["distance_mm"] < 1.0
+def test_reach_walking_carries_one_hand_and_arrives_with_the_other(load: Load) -> None:
+    result = run(load("reach_walking"), "--distance", "0.6")
+    assert result["upright"] and result["carried_rms_mm"] < 10.0 and result["distance_mm"] < 40.0
 
 
 @pytest.mark.parametrize(

@@ -290,6 +290,27 @@ class Robot:
         """
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
+    @checked
+    def joints_between(self, frame: str, trunk: str) -> list[int]:
+        """Return the joints that move a frame but not a trunk, those of the trunk's side first.
+
+        Args:
+            frame: Frame at the end of a limb, such as a sole or a hand.
+            trunk: Frame that the limb is fixed to, such as the torso.
+
+        Returns:
+            Indices in arrays of shape (na,).
+
+        Raises:
+            UnknownNameError: There is no such frame.
+        """
+        model = self.model
+        limb, behind = (
+            [j for j in model.supports[model.frames[self.frame_id(name)].parentJoint] if j > 1]
+            for name in (frame, trunk)
+        )
+        return [model.joints[j].idx_v - BASE_DOF for j in limb if j not in behind]
+
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Return half-sitting with some joints changed and the lower sole on the ground z = 0.
 

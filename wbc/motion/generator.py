@@ -16,7 +16,7 @@ from wbc.core.registry import Registry
 from wbc.core.robot import Robot
 from wbc.core.settings import Seed
 from wbc.motion.clip import MotionClip
-from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets, joints_between
+from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
 
 RATE = 100.0
 """Frames per second, Hz."""
@@ -68,7 +68,7 @@ def _dance(robot: Robot, rng: np.random.Generator) -> Array:
 def _waist(robot: Robot, rng: np.random.Generator) -> Array:
     """Every joint of the waist, and the arms a little."""
     t, q = _rest(robot, 6.0)
-    for joint in joints_between(robot, robot.torso_frame, robot.base_frame):
+    for joint in robot.joints_between(robot.torso_frame, robot.base_frame):
         _sway(robot, q, t, joint, rng.uniform(0.15, 0.35), rng.uniform(0.25, 0.5), rng)
     for hand in HANDS:
         for joint in _arm(robot, hand):
@@ -160,7 +160,7 @@ def _rest(robot: Robot, duration: float) -> tuple[Array, Array]:
 def _arm(robot: Robot, hand: str) -> list[int]:
     """Return the first four joints of an arm: shoulder and elbow."""
     frame = robot.frames.get(hand)
-    return [] if frame is None else joints_between(robot, frame, robot.torso_frame)[:4]
+    return [] if frame is None else robot.joints_between(frame, robot.torso_frame)[:4]
 
 
 def _sway(

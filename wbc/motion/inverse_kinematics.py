@@ -163,19 +163,6 @@ class InverseKinematics:
         return np.asarray(step)
 
 
-def joints_between(robot: Robot, frame: str, trunk: str) -> list[int]:
-    """Return joints that move a frame but not the trunk, base side first, as indices of shape (na,)."""
-    model = robot.model
-    behind = set(_chain(model, model.frames[robot.frame_id(trunk)].parentJoint))
-    chain = _chain(model, model.frames[robot.frame_id(frame)].parentJoint)
-    return [model.joints[j].idx_v - BASE_DOF for j in chain if j not in behind]
-
-
 def leg_joints(robot: Robot) -> list[int]:
     """Return the joints of both legs as indices of shape (na,)."""
-    return [j for sole in robot.soles[:2] for j in joints_between(robot, sole.frame, robot.base_frame)]
-
-
-def _chain(model: pin.Model, joint: int) -> list[int]:
-    """Return the joints from the base's first child to a joint."""
-    return [j for j in model.supports[joint] if j > 1]
+    return [j for sole in robot.soles[:2] for j in robot.joints_between(sole.frame, robot.base_frame)]

@@ -24,7 +24,6 @@ from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.reference import ClipReference, placed
-from wbc.tasks.motion.posture import PostureTask
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import FootstepPlan
@@ -118,9 +117,7 @@ class MotionControl(WalkingControl):
         self._early = [False, False]  # feet that stand before their time
         self._load, self._ahead = s.touch_down * robot.mass * GRAVITY, round(s.early / self.dt)
         self._fade = s.fade
-        posture = self.controller.task("posture")
-        assert isinstance(posture, PostureTask)
-        self._posture = posture
+        posture = self.tasks.posture
         posture.stiffness, posture.weight = s.posture_stiffness, s.posture_weight
 
     @property
@@ -186,6 +183,7 @@ class MotionControl(WalkingControl):
 
     def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
         motion, i = self.motion, self.tick
+        self.arms.update(reference.feet, reference.heading)
         self.tasks.move_feet(reference, output)
         true = reference._replace(
             pendulum=reference.pendulum._replace(com_acceleration=motion.com_acceleration[i])
@@ -197,7 +195,7 @@ class MotionControl(WalkingControl):
             output = output._replace(com_acceleration=acceleration)
         self.tasks.move_com(true, output, shifted=not self.stabilizer.com_still)
         self.tasks.pose_trunk(motion.trunk[i], self._lean(output))
-        self._posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
+        self.tasks.posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
 
 
 def first_configuration(robot: Robot, clip: MotionClip) -> Array:

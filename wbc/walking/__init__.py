@@ -3,6 +3,7 @@
 Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`, on feedback into `stabilizer`.
 """
 
+from wbc.walking.arms import Arm, Arms, ArmSettings
 from wbc.walking.control import WalkingControl, WalkingControlSettings
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings, HandState
@@ -42,6 +43,10 @@ __all__ = [
     # Control: a measurement in, a command out
     "WalkingControl",
     "WalkingControlSettings",
+    # Arms: hands that go to targets
+    "Arms",
+    "ArmSettings",
+    "Arm",
     "TaskGains",
     "HeldLoad",
     "LoadSettings",

@@ -32,6 +32,7 @@ from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.arms import Arms, ArmSettings
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings
@@ -74,6 +75,7 @@ class WalkingControlSettings:
         falls: Limits beyond which the robot has fallen.
         lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
         drive: Limits of a robot that is steered.
+        arms: Hands with targets, and arms that swing.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
         hands: Hands that press on things; None for hands that are only carried along.
@@ -94,6 +96,7 @@ class WalkingControlSettings:
     drive: DriveSettings = field(default_factory=DriveSettings)
     hands: HandSettings | None = None
     load: LoadSettings | None = None
+    arms: ArmSettings = field(default_factory=ArmSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)
 
 
@@ -117,6 +120,7 @@ class WalkingControl:
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         controller: Whole-body controller with all tasks and contacts of the walk.
         tasks: The tasks and contacts.
+        arms: Hands, which can be given targets at any tick.
         control: Position or torque control, with the observer.
         reference: References of the last tick with a good measurement; None before the first one.
         output: Output of the stabilizer in that tick; None before the first one.
@@ -174,6 +178,7 @@ class WalkingControl:
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
         self.hands: Hands | None = None
+        self.arms = Arms(self.controller, self.tasks.com, self.tasks.posture, self.dt, s.arms)
         self.control: PositionControl | TorqueControl
         if s.mode == "hybrid":
             self.control = HybridControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
@@ -359,6 +364,7 @@ class WalkingControl:
 
     def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
         """Hand targets to the tasks."""
+        self.arms.update(reference.feet, reference.heading)
         self.tasks.move_feet(reference, output)
         self.tasks.move_com(reference, output, shifted=not self.stabilizer.com_still)
         self.tasks.turn_trunk(reference.heading, self._lean(output))

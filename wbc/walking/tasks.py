@@ -63,6 +63,8 @@ class WalkTasks:
 
     Attributes:
         contacts: Contacts of the left and of the right sole.
+        com: Task of the centre of mass.
+        posture: Task of all joints.
     """
 
     def __init__(self, controller: Controller, gains: TaskGains, friction: float, *, torque: bool) -> None:
@@ -76,10 +78,10 @@ class WalkTasks:
         """
         robot = controller.robot
         self._torque, self._swing_weight = torque, gains.swing_weight
-        self._com = controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
+        self.com = controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
         if torque:  # horizontally the stabilizer gives the acceleration; the task holds the height
-            self._com.stiffness = (0.0, 0.0, gains.com_stiffness)
-            self._com.damping = (0.0, 0.0, 2.0 * math.sqrt(gains.com_stiffness))
+            self.com.stiffness = (0.0, 0.0, gains.com_stiffness)
+            self.com.damping = (0.0, 0.0, 2.0 * math.sqrt(gains.com_stiffness))
         self._swings = [
             controller.add(
                 PoseTask(sole.frame, name=f"{sole.name} swing", weight=0.0, stiffness=gains.swing_stiffness)
@@ -100,7 +102,9 @@ class WalkTasks:
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        controller.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness))
+        self.posture = controller.add(
+            PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness)
+        )
         controller.add(JointLimits())
         self.contacts = [
             controller.add(
@@ -166,7 +170,7 @@ class WalkTasks:
             com[:2] += output.com_offset
             velocity[:2] += output.com_velocity_offset
             acceleration[:2] += output.com_acceleration_offset
-        self._com.follow(com, velocity, acceleration)
+        self.com.follow(com, velocity, acceleration)
 
     def turn_trunk(self, yaw: float, lean: LeanMotion) -> None:
         """Turn pelvis and torso to a heading and let them lean.

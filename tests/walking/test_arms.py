@@ -1,0 +1,170 @@
+"""Arms of a walk: references within their limits, hands that count what they do not use, targets out of reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import load_robot
+from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import BASE_DOF
+from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
+from wbc.tasks import CoMTask, PostureTask
+from wbc.walking import ArmSettings, FootstepPlan, WalkingControl
+from wbc.walking.arms import Arms, approach
+from wbc.walking.pattern.swing import FootMotion
+
+DT = 0.005
+
+
+def control() -> WalkingControl:
+    robot = load_robot("hrp4_class").robot()
+    return WalkingControl(robot, FootstepPlan.standing(robot), DT)
+
+
+@pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[float, ...]) -> None:
+    place, velocity = np.zeros(3), np.array([0.0, 0.3, 0.0])
+    speeds, changes = [], []
+    for _ in range(2000):
+        now = approach(np.array(goal) - place, velocity, 0.5, 2.0, DT)
+        changes.append(np.linalg.norm(now - velocity) / DT)
+        velocity = now
+        place = place + DT * velocity
+        speeds.append(np.linalg.norm(velocity))
+    assert max(speeds) < 0.5 + 1e-9 and max(changes) < 2.0 + 1e-9
+    np.testing.assert_allclose(place, goal, atol=1e-4)
+    assert np.linalg.norm(velocity) < 1e-3
+
+
+def test_the_balance_counts_an_arm_that_it_does_not_use() -> None:
+    """Columns of spared joints are zero, and what these joints do is in the drift and in the damping."""
+    robot = load_robot("hrp4_class").robot()
+    rng = np.random.default_rng(0)
+    robot.update(robot.half_sitting, rng.normal(size=robot.nv))
+    controller = Controller(robot, DT)
+    com = controller.add(CoMTask(stiffness=25.0))
+    whole, sparing = (_rows(com, robot.nv) for _ in range(2))
+    arm = np.array(robot.joints_between(robot.frames["left_hand"], robot.torso_frame)) + BASE_DOF
+    com.spared = arm
+    com.spared_acceleration = rng.normal(size=arm.size)
+    sparing = _rows(com, robot.nv)
+    assert not sparing[0][:, arm].any()
+    acceleration = rng.normal(size=robot.nv)
+    acceleration[arm] = com.spared_acceleration
+
+    def demand(rows: tuple[Array, Array, Array]) -> Array:
+        jacobian, error, drift = rows
+        return np.asarray(25.0 * error - com.damping * (jacobian @ robot.v) - drift - jacobian @ acceleration)
+
+    np.testing.assert_allclose(demand(sparing), demand(whole), atol=1e-9)
+
+
+def _rows(task: CoMTask, nv: int) -> tuple[Array, Array, Array]:
+    jacobian, error, drift = np.zeros((3, nv)), np.zeros(3), np.zeros(3)
+    task.evaluate(jacobian, error, drift)
+    return jacobian, error, drift
+
+
+def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothing() -> None:
+    walking = control()
+    rows = walking.controller.problem.n_soft
+    feet = (walking.walk._feet[0], walking.walk._feet[1])
+    hand = walking.arms["left_hand"]
+    assert not hand.active and hand.target is None and np.isnan(hand.error).all()
+    hand.reach([0.3, 0.2, 1.0])
+    assert hand.active and rows == walking.controller.problem.n_soft
+    for _ in range(100):
+        walking.arms.update(feet, 0.0)
+    assert walking.controller.task("left_hand").weight[0] == pytest.approx(walking.arms.settings.weight)
+    assert not walking.controller.task("left_hand").weight[3:].any(), "a point has no rotation"
+    hand.release()
+    for _ in range(100):
+        walking.arms.update(feet, 0.0)
+    assert not hand.active and walking.controller.task("left_hand").idle
+    assert walking.tasks.com.spared.size == 0
+
+
+def test_a_target_in_the_frame_of_an_object_moves_with_it() -> None:
+    walking = control()
+    hand = walking.arms["right_hand"]
+    box = pin.SE3(pin.utils.rotate("z", 0.5), np.array([0.4, -0.2, 0.9]))
+    walking.arms.place("box", box, [0.1, 0.0, 0.0, 0.0, 0.0, 0.2])
+    hand.reach([0.0, -0.1, 0.0], "box")
+    here = walking.controller.robot.placement(hand.frame).translation
+    away = box.rotation @ hand.error[:3]
+    np.testing.assert_allclose(here + away, box.act(np.array([0.0, -0.1, 0.0])), atol=1e-12)
+    task = walking.controller.task("right_hand")
+    walking.arms.update((walking.walk._feet[0], walking.walk._feet[1]), 0.0)
+    arm = here - box.translation
+    moving = np.array([0.1, 0.0, 0.0]) + np.cross([0.0, 0.0, 0.2], arm)
+    np.testing.assert_allclose(task.feedforward_velocity[:3], moving, atol=2.0 * DT)
+
+
+def test_bad_targets_are_refused_with_the_choices() -> None:
+    arms = control().arms
+    with pytest.raises(UnknownNameError, match="no hand 'left'.*left_hand"):
+        arms["left"]
+    with pytest.raises(UnknownNameError, match="choices: pelvis, world"):
+        arms["left_hand"].reach([0.0, 0.0, 0.0], "box")
+    with pytest.raises(InputError, match="target of 'left_hand'.*finite"):
+        arms["left_hand"].reach([np.nan, 0.0, 0.0])
+    with pytest.raises(InputError, match="must not be 'world'"):
+        arms.place("world", pin.SE3.Identity())
+    with pytest.raises(InputError, match="speed"):
+        ArmSettings(speed=0.0)
+
+
+def test_arms_swing_with_the_opposite_foot() -> None:
+    robot = load_robot("hrp4_class").robot()
+    controller = Controller(robot, DT)
+    com, posture = controller.add(CoMTask()), controller.add(PostureTask())
+    rest = posture.target.copy()
+    arms = Arms(controller, com, posture, DT, ArmSettings(swing=0.5))
+    ahead = FootMotion(pin.SE3(np.eye(3), np.array([0.2, -0.1, 0.0])), np.full(6, 0.3), np.zeros(6))
+    arms.update((FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))), ahead), 0.0)
+    moved = posture.target - rest
+    assert (moved != 0.0).sum() == 2, "one joint of each arm"
+
+    def hand(name: str, change: Array) -> float:
+        q = robot.half_sitting.copy()
+        q[7:] += change
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, q)
+        return float(data.oMf[robot.frame_id(robot.frames[name])].translation[0])
+
+    still = np.zeros(robot.na)
+    assert hand("left_hand", moved) - hand("left_hand", still) == pytest.approx(0.1, abs=0.02)
+    assert hand("right_hand", moved) - hand("right_hand", still) == pytest.approx(-0.1, abs=0.02)
+    speeds = posture.feedforward_velocity[moved != 0.0] / moved[moved != 0.0]
+    np.testing.assert_allclose(speeds, 0.3 / 0.2)
+
+
+class Reach(WalkHook):
+    """Gives a hand a target after half a second of a walk."""
+
+    def __init__(self, target: tuple[float, float, float], frame: str) -> None:
+        self.target, self.frame, self.errors = target, frame, []
+
+    def tick(self, tick: WalkTick) -> None:
+        hand = tick.walking.arms["left_hand"]
+        if not hand.active and tick.walking.time > 0.5:
+            hand.reach(self.target, self.frame)
+        if tick.walking.time > 2.5:
+            self.errors.append(hand.error[:3])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("target", [(3.0, 0.0, 0.5), (0.0, 2.0, 0.5), (0.0, 0.0, 2.0)])
+def test_a_hand_sent_two_metres_away_makes_no_walk_fall(
+    robot: str, mode: str, target: tuple[float, float, float]
+) -> None:
+    trial = WalkTrial(WalkSpec(robot=robot, mode=mode, plan=WalkPlan(distance=0.8)))  # type: ignore[arg-type]
+    hook = Reach(target, "pelvis" if target[2] == 2.0 else "world")
+    result = trial.run([hook])
+    assert result.outcome == "completed" and result.failures == 0
+    assert np.linalg.norm(hook.errors[-1]) > 0.5, "it is out of reach"

@@ -1,0 +1,411 @@
+"""Arms of a robot that walks: hands that go to targets and stay there, and arms that swing with the steps.
+
+    target  →  reference that moves with bounded speed and acceleration  →  pose or position task of the hand
+
+A target is given in the world, in the frame of the pelvis, or in that of an object whose pose is told as it moves. The
+error of the task is bounded, and the reference waits for a hand that cannot follow. The hand moves its arm alone, and
+the task of the centre of mass all joints but those of arms with targets; each counts the motion of the others. So the
+balance does not shake the hand, and a hand that strains for a target out of reach does not pull at the balance. Without
+a target an arm is held by the posture, or swings with the opposite foot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import NonNegative, Positive, settings
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.frame import PoseTask, pose
+from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.motion.relative import RelativeFrameTask
+from wbc.walking.pattern.swing import FootMotion
+
+WORLD, PELVIS = "world", "pelvis"
+"""Frames of targets that are always there."""
+
+HANDS = ("left_hand", "right_hand")
+"""Roles of the hands in `Robot.frames`."""
+
+
+@settings
+class ArmSettings:
+    """Settings of the arms in a walk.
+
+    Attributes:
+        weight: Hand with a target, cost per (m/s²)² and (rad/s²)².
+        stiffness: 1/s².
+        error_bound: Greatest error of the hand that acts, m.
+        turn_bound: The same of its rotation, rad.
+        speed: Greatest speed of the reference of a hand, m/s.
+        acceleration: Its greatest acceleration, m/s².
+        turn_speed: Greatest angular speed of the reference, rad/s.
+        turn_acceleration: Its greatest angular acceleration, rad/s².
+        lead: Error of the hand at which its reference waits, m (of the rotation, rad).
+        blend: Time in which a hand is taken to its task, and let go, s.
+        waist: Hands with targets move the joints of the waist as well.
+        swing: Swing of arms without targets: way of a hand forward for each metre that the other side's foot is ahead
+            of its own. 0 holds them still.
+    """
+
+    weight: Positive = 100.0
+    stiffness: Annotated[Positive, "1/s²"] = 100.0
+    error_bound: Annotated[Positive, "m"] = 0.05
+    turn_bound: Annotated[Positive, "rad"] = 0.3
+    speed: Annotated[Positive, "m/s"] = 0.5
+    acceleration: Annotated[Positive, "m/s²"] = 2.0
+    turn_speed: Annotated[Positive, "rad/s"] = 1.5
+    turn_acceleration: Annotated[Positive, "rad/s²"] = 6.0
+    lead: Annotated[Positive, "m"] = 0.1
+    blend: Annotated[Positive, "s"] = 0.3
+    waist: bool = False
+    swing: Annotated[NonNegative, "m/m"] = 0.0
+
+
+class Arm:
+    """Arm of one hand: a target, and the reference on its way to it.
+
+    Attributes:
+        name: Role, "left_hand" or "right_hand".
+        frame: Frame of the robot.
+        joints: Joints of the arm, as indices in arrays of shape (na,).
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        name: str,
+        dt: float,
+        settings: ArmSettings,
+        objects: Mapping[str, tuple[pin.SE3, Array]],
+    ) -> None:
+        """Leave the arm to the posture.
+
+        Args:
+            controller: Controller of the walk.
+            name: Role of the hand.
+            dt: Control period, s.
+            settings: Settings.
+            objects: Objects in whose frames targets may be given: name → pose and velocity, shape (6,), as they are.
+        """
+        self._objects = objects
+        robot = controller.robot
+        self.name, self.frame = name, robot.frames[name]
+        trunk = robot.base_frame if settings.waist else robot.torso_frame
+        self.joints = robot.joints_between(self.frame, trunk)
+        self._spared = np.setdiff1d(np.arange(robot.nv), np.array(self.joints, dtype=int) + BASE_DOF)
+        self._controller, self._robot, self._dt, self._settings = controller, robot, dt, settings
+        self._tasks: dict[bool, PoseTask | RelativeFrameTask] = {}  # in the world, and in the pelvis
+        self._within = WORLD
+        self._goal: pin.SE3 | None = None
+        self._point = False
+        self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
+        self._share = 0.0  # of the weight
+        self._on = False
+
+    @property
+    def target(self) -> pin.SE3 | None:
+        """Target in its frame; None without one. Of a target that is a point, the rotation means nothing."""
+        return None if self._goal is None or not self._on else self._goal.copy()
+
+    @property
+    def active(self) -> bool:
+        """True while the hand has a task: from `reach` on until it has been let go."""
+        return self._share > 0.0 or self._on
+
+    @property
+    def error(self) -> Array:
+        """Target minus hand as it is commanded, position (m) and rotation (rad), shape (6,), in the target's frame.
+
+        The rotation is zero where the target is a point. Without a target all is NaN.
+        """
+        if self._goal is None or not self._on:
+            return np.full(6, np.nan)
+        here = self._frame_pose.actInv(self._robot.placement(self.frame))
+        error = np.concatenate(
+            [self._goal.translation - here.translation, pin.log3(self._goal.rotation @ here.rotation.T)]
+        )
+        if self._point:
+            error[3:] = 0.0
+        return error
+
+    @checked
+    def reach(self, target: ArrayLike | pin.SE3, frame: str = WORLD) -> None:
+        """Go to a target and stay there, from the next tick on.
+
+        Args:
+            target: Point, shape (3,), m, or pose of the hand.
+            frame: "world", "pelvis" or the name of an object that `Arms.place` knows.
+
+        Raises:
+            UnknownNameError: No such frame.
+            InputError: Not a point or a pose, or one that is not finite.
+        """
+        choose("frame of a hand's target", frame, (WORLD, PELVIS, *self._objects))
+        what = f"target of '{self.name}'"
+        point = not isinstance(target, pin.SE3)
+        goal = (
+            pin.SE3(np.eye(3), finite_array(f"{what} (m)", target, (3,)))
+            if not isinstance(target, pin.SE3)
+            else pose(what, target)
+        )
+        moved = frame != self._within or not self.active
+        self._within, self._goal, self._point, self._on = frame, goal, point, True
+        if moved:  # the reference begins where the hand is
+            self._reference = self._frame_pose.actInv(self._robot.placement(self.frame))
+            self._velocity = np.zeros(6)
+        if point:
+            self._goal.rotation = self._reference.rotation
+        self._task_of(frame == PELVIS)
+        for within, task in self._tasks.items():
+            if within != (frame == PELVIS):
+                task.weight = 0.0
+
+    def release(self) -> None:
+        """Let the arm go back to its posture."""
+        self._on = False
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def update(self) -> None:
+        """Move the reference on and hand it to the task; does nothing without one."""
+        s, dt = self._settings, self._dt
+        self._share = (
+            min(1.0, self._share + dt / s.blend) if self._on else max(0.0, self._share - dt / s.blend)
+        )
+        task = self._tasks[self._within == PELVIS]
+        weight = np.full(6, s.weight * self._share**2 * (3.0 - 2.0 * self._share))
+        if self._point:
+            weight[3:] = 0.0
+        task.weight = weight
+        solution = self._controller.solution
+        if solution is not None:
+            task.spared_acceleration = solution.accelerations[self._spared]
+        assert self._goal is not None
+        error = task.error
+        goal, reference = self._goal, self._reference
+        way = np.concatenate(
+            [goal.translation - reference.translation, pin.log3(goal.rotation @ reference.rotation.T)]
+        )
+        if self._point:
+            way[3:] = 0.0
+        before = self._velocity.copy()
+        for part, speed, acceleration in (
+            (slice(0, 3), s.speed, s.acceleration),
+            (slice(3, 6), s.turn_speed, s.turn_acceleration),
+        ):
+            behind = float(np.linalg.norm(error[part]))
+            granted = speed * min(1.0, max(0.0, 2.0 - 2.0 * behind / s.lead))
+            self._velocity[part] = approach(way[part], before[part], granted, acceleration, dt)
+        reference.translation = reference.translation + dt * self._velocity[:3]
+        reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
+        self._follow(task, reference, self._velocity, (self._velocity - before) / dt)
+
+    def _follow(
+        self, task: PoseTask | RelativeFrameTask, reference: pin.SE3, velocity: Array, acceleration: Array
+    ) -> None:
+        if isinstance(task, RelativeFrameTask) or self._within == WORLD:
+            task.target = reference
+        else:
+            place, moving = self._objects[self._within]
+            there = place * reference
+            task.target = there
+            arm = there.translation - place.translation
+            turn = place.rotation
+            velocity = np.concatenate([turn @ velocity[:3], turn @ velocity[3:]]) + moving
+            velocity[:3] += np.cross(moving[3:], arm)
+            acceleration = np.concatenate([turn @ acceleration[:3], turn @ acceleration[3:]])
+        task.feedforward_velocity = velocity
+        task.feedforward_acceleration = acceleration
+
+    @property
+    def _frame_pose(self) -> pin.SE3:
+        """Pose in the world of the frame that the target is given in."""
+        if self._within == WORLD:
+            return pin.SE3.Identity()
+        if self._within == PELVIS:
+            return self._robot.placement(self._robot.base_frame)
+        return self._objects[self._within][0]
+
+    def _task_of(self, within_pelvis: bool) -> PoseTask | RelativeFrameTask:
+        """Return the task, added to the controller when it is used for the first time."""
+        if within_pelvis not in self._tasks:
+            s = self._settings
+            bound = np.repeat([s.error_bound, s.turn_bound], 3)
+            task: PoseTask | RelativeFrameTask
+            if within_pelvis:
+                task = RelativeFrameTask(
+                    self.frame,
+                    self._robot.base_frame,
+                    name=f"{self.name} in the pelvis",
+                    weight=0.0,
+                    stiffness=s.stiffness,
+                    error_bound=bound,
+                )
+            else:
+                task = PoseTask(
+                    self.frame, name=self.name, weight=0.0, stiffness=s.stiffness, error_bound=bound
+                )
+            task.spared = self._spared
+            self._tasks[within_pelvis] = self._controller.add(task)
+        return self._tasks[within_pelvis]
+
+
+class Arms:
+    """Both arms of a robot that walks.
+
+        walking.arms["left_hand"].reach([0.4, 0.3, 1.0])              # a point in the world
+        walking.arms["right_hand"].reach(pose, "pelvis")
+        walking.arms.place("box", box_pose)                             # in every tick in which it has moved
+        walking.arms["right_hand"].reach([0.0, -0.1, 0.0], "box")
+
+    Attributes:
+        settings: Settings.
+    """
+
+    def __init__(
+        self, controller: Controller, com: CoMTask, posture: PostureTask, dt: float, settings: ArmSettings
+    ) -> None:
+        """Leave both arms to the posture; no task is added before a hand is given a target.
+
+        Args:
+            controller: Controller of the walk.
+            com: Its task of the centre of mass.
+            posture: Its posture task.
+            dt: Control period, s.
+            settings: Settings.
+        """
+        self.settings = settings
+        self._com, self._posture, self._controller = com, posture, controller
+        robot = controller.robot
+        self._objects: dict[str, tuple[pin.SE3, Array]] = {}
+        self._hands = {
+            name: Arm(controller, name, dt, settings, self._objects) for name in HANDS if name in robot.frames
+        }
+        self._swing = _ArmSwing(robot, self._hands, posture) if settings.swing > 0.0 else None
+        self._spared: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Arm:
+        """Return a hand by its role.
+
+        Raises:
+            UnknownNameError: The robot has no such hand.
+        """
+        return self._hands[choose("hand", name, self._hands)]
+
+    @property
+    def hands(self) -> tuple[Arm, ...]:
+        """Hands of the robot."""
+        return tuple(self._hands.values())
+
+    @checked
+    def place(self, name: str, where: pin.SE3, velocity: ArrayLike | None = None) -> None:
+        """State where an object is; call it again whenever it has moved.
+
+        Args:
+            name: Name of the object.
+            where: Its pose in the world.
+            velocity: Velocity of its origin and angular velocity in world axes, shape (6,), m/s and rad/s; at rest when
+                None.
+
+        Raises:
+            InputError: A pose or velocity that is not finite, a name that is taken by a frame of the robot.
+        """
+        if name in (WORLD, PELVIS):
+            raise InputError(f"the name of an object must not be '{name}'")
+        moving = np.zeros(6) if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
+        self._objects[name] = pose(f"pose of '{name}'", where), moving
+
+    def update(self, feet: Sequence[FootMotion], yaw: float) -> None:
+        """Move all references by one tick.
+
+        Args:
+            feet: References of left and right sole.
+            yaw: Heading of the robot, rad.
+        """
+        active = tuple(name for name, hand in self._hands.items() if hand.active)
+        if active:
+            for name in active:
+                self._hands[name].update()
+        if active or self._spared:
+            self._spare(active)
+        if self._swing is not None:
+            self._swing.update(feet, yaw, self.settings.swing)
+
+    def _spare(self, active: tuple[str, ...]) -> None:
+        """Keep the balance from using the arms of active hands."""
+        if active != self._spared:
+            self._spared = active
+            joints = [joint for name in active for joint in self._hands[name].joints]
+            self._com.spared = np.array(joints, dtype=np.intp) + BASE_DOF
+        solution = self._controller.solution
+        if solution is not None and self._spared:
+            self._com.spared_acceleration = solution.accelerations[self._com.spared]
+
+
+class _ArmSwing:
+    """Arms that swing with the opposite foot: by the joint of each arm that moves its hand forward most."""
+
+    def __init__(self, robot: Robot, hands: dict[str, Arm], posture: PostureTask) -> None:
+        self._posture = posture
+        self._rest = np.array(posture.target)
+        self._joints: list[tuple[int, int, float]] = []  # joint, side, hand's way forward per radian
+        for side, name in enumerate(HANDS):
+            hand = hands.get(name)
+            if hand is None or not hand.joints:
+                continue
+            rows = pin.getFrameJacobian(
+                robot.model, robot.data, robot.frame_id(hand.frame), pin.LOCAL_WORLD_ALIGNED
+            )
+            forward = robot.placement(robot.base_frame).rotation[:, 0]
+            gains = [float(forward @ rows[:3, BASE_DOF + joint]) for joint in hand.joints]
+            best = max(range(len(gains)), key=lambda i: abs(gains[i]))
+            self._joints.append((hand.joints[best], side, gains[best]))
+
+    def update(self, feet: Sequence[FootMotion], yaw: float, swing: float) -> None:
+        """Set the targets of the posture and their velocities."""
+        c, s = math.cos(yaw), math.sin(yaw)
+        (left, right), velocity = feet, np.zeros(self._posture.dim)
+        x, y, _ = (right.placement.translation - left.placement.translation).tolist()
+        ahead = c * x + s * y
+        u, v = (right.velocity - left.velocity)[:2].tolist()
+        speed = c * u + s * v
+        target = self._rest.copy()
+        for joint, side, gain in self._joints:
+            way = (1.0, -1.0)[side] * swing / gain
+            target[joint] += way * ahead
+            velocity[joint] = way * speed
+        self._posture.follow(target, velocity, np.zeros(self._posture.dim))
+
+
+def approach(way: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
+    """Return the next velocity of a point on its way to rest at a goal.
+
+    Args:
+        way: From the point to the goal, shape (n,), m or rad.
+        velocity: Velocity now, shape (n,), per second.
+        speed: Greatest speed.
+        acceleration: Greatest acceleration; half of it brakes before the goal.
+        dt: Control period, s.
+
+    Returns:
+        Velocity, shape (n,), changed by `acceleration` · dt at most.
+    """
+    distance = math.sqrt(float(way @ way))
+    wanted = np.zeros_like(way)
+    if distance > 0.0:
+        wanted = way * (min(speed, math.sqrt(acceleration * distance), 8.0 * distance) / distance)
+    change = wanted - velocity
+    size = math.sqrt(float(change @ change))
+    if size > acceleration * dt:
+        change *= acceleration * dt / size
+    return np.asarray(velocity + change)
