@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError, choose
 from wbc.core.robot import Robot
 
-REACH = 0.2
+REACH = 0.25
 """Greatest distance between the frame of a hand and a handle that it grips, m: the length of a hand."""
 
 

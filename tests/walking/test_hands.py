@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -173,6 +175,17 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
     assert np.linalg.norm(stand.plant.data.site("left_hand site").xpos - start) < 0.6
     stand.hands.release("left_hand")
     assert stand.hands.all["left_hand"].state is HandState.FREE
+
+
+@pytest.mark.slow
+def test_a_robot_leans_on_a_rail_with_its_mass_beyond_its_toes() -> None:
+    path = Path(__file__).parents[2] / "examples" / "hands" / "lean.py"
+    example = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("lean", path))  # type: ignore[arg-type]
+    spec.loader.exec_module(example)  # type: ignore[union-attr]
+    facts = example.main(["--seconds", "10"])
+    assert facts["upright"]
+    assert facts["force_N"] == pytest.approx(40.0, rel=0.1)
+    assert facts["beyond_toes_mm"] > 100.0
 
 
 @pytest.mark.slow

@@ -342,11 +342,13 @@ class WalkingControl:
             self._switch_contacts(reference.contact)
         outside = None
         if self.hands is not None:
+            self.controller.outside = None
             outside = self.hands.update(measurement, reference, self.dt)
             if outside is not None:
                 self.reference = reference = reference._replace(
                     pendulum=self.hands.shifted(reference.pendulum)
                 )
+                self.controller.outside = self.hands.forces()
         self.output = output = self.stabilizer.update(
             reference.pendulum,
             com,
@@ -424,8 +426,6 @@ class WalkingControl:
         x[solution.layout.nv :] = self._wrench_targets.reshape(-1)
         torques: Array = np.dot(self.controller.problem.torque_matrix, x)
         torques += self._robot.bias[BASE_DOF:]
-        if self.hands is not None and self.hands.active:
-            torques += self.hands.torques()
         return torques
 
     def _schedule_stiffness(self, scheduler: StiffnessScheduler, measurement: Measurement) -> Array:

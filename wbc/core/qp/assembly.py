@@ -277,16 +277,20 @@ class Assembly:
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
-    def write(self, dt: float, torques: Array | None) -> None:
+    def write(self, dt: float, torques: Array | None, outside: Array | None = None) -> None:
         """Write the present state of robot, tasks, contacts and limits into the problem.
 
         Args:
             dt: Control period, s.
             torques: Torques of the last tick, shape (na,), Nm; None at the first one.
+            outside: Generalised forces of the surroundings beside the contacts, shape (nv,).
         """
         v, joint_bias = self._robot.v, self.joint_bias
         self._base_mass[:], self._joint_mass[:] = self._mass
         np.negative(self._base_bias, out=self._base_target)
+        if outside is not None:
+            self._base_target += outside[:BASE_DOF]
+            joint_bias -= outside[BASE_DOF:]
         for slot in self._slots:
             self._write_contact(slot, dt)
         np.negative(self._contact_base_t, out=self._base_force)

@@ -36,6 +36,8 @@ class Controller:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
         dt: Control period, s.
         model_time: Wall time of the last model update, s; reported in the timings of the next solution.
+        outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: what a hand presses
+            on. They enter the dynamics of every tick, and the robot's bias forces of its joints; None for none.
     """
 
     @checked
@@ -68,6 +70,7 @@ class Controller:
         self._limits: list[Limit] = []
         self.model_time = 0.0
         self._solution: Solution | None = None
+        self.outside: Array | None = None
         self._torques: Array | None = None  # of the last tick
         self._assembly = self._assemble()
         self._solver = self._solver_of(self._assembly)
@@ -211,7 +214,7 @@ class Controller:
         if measurement is not None:
             for task in assembly.listening:
                 task.observe(measurement, self.dt)
-        assembly.write(self.dt, self._torques)
+        assembly.write(self.dt, self._torques, self.outside)
         assembled = perf_counter()
         status = solver.solve()
         solved = perf_counter()

@@ -49,7 +49,8 @@ class HandSettings:
 
     Attributes:
         weight: Position of the hand, cost per (m/s²)².
-        turn_weight: Its orientation, cost per (rad/s²)².
+        turn_weight: Its orientation on its way, cost per (rad/s²)².
+        hold_weight: Its orientation while it presses: an arm that has to fold turns the hand.
         stiffness: Of both, 1/s².
         reach: Time in which a hand goes before a surface, s.
         clearance: Distance of the tip of the hand before a surface from which it is approached, m.
@@ -71,6 +72,7 @@ class HandSettings:
 
     weight: Positive = 50.0
     turn_weight: NonNegative = 5.0
+    hold_weight: NonNegative = 0.3
     stiffness: Annotated[Positive, "1/s²"] = 100.0
     reach: Annotated[Positive, "s"] = 3.0
     clearance: Annotated[NonNegative, "m"] = 0.05
@@ -174,6 +176,7 @@ class Hand:
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force with which it is to press now.
+        excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the arm has less force than is asked for.
         lost_for: Time since the contact was lost, s; NaN while it is not.
     """
@@ -205,6 +208,7 @@ class Hand:
         self.force = Ramp()
         self.pressed = 0.0
         self.bounded = False
+        self.excess = np.zeros(3)
         self.lost_for = math.nan
         self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
         self._start = pin.SE3.Identity()
@@ -289,7 +293,7 @@ class Hand:
             task.measured_wrench[:] = task.target_wrench
             return
         if self.state is HandState.GRIP:
-            self._carry(wrench, middle)
+            self._carry(rotation, middle)
             return
         if self.state is HandState.HOLD:
             self.force.advance(dt)
@@ -333,24 +337,23 @@ class Hand:
         motion[0, :3], motion[1, :3] = velocity @ place.rotation, acceleration @ place.rotation
         task.feedforward_velocity, task.feedforward_acceleration = motion
 
-    def _carry(self, wrench: Array, middle: MovingFrame) -> None:
-        """Go with the robot; yield to the part of a force that is more than it may be."""
+    def _carry(self, rotation: Array, middle: MovingFrame) -> None:
+        """Go with the robot; yield to the part of the force of all hands that is more than it may be."""
         task, place = self.task, middle.placement * self._held
         lever = place.translation - middle.placement.translation
         velocity = middle.velocity + middle.turning * np.array((-lever[1], lever[0], 0.0))
         self._rotation = place.rotation
         self._move(place.translation, velocity, np.zeros(3))
-        size = float(np.linalg.norm(wrench[:3]))
         task.measured_wrench[:] = task.target_wrench[:] = 0.0
-        self.bounded = size > self.force.goal
-        if self.bounded:
-            task.measured_wrench[:3] = (1.0 - self.force.goal / size) * wrench[:3]
+        task.measured_wrench[:3] = self.excess @ rotation
+        self.bounded = bool(np.abs(self.excess[:2]).max() > self._settings.touch)
 
     def _approach(self, dt: float) -> None:
         settings, task = self._settings, self.task
         self._felt = self._felt + dt if self.pressed > settings.touch else 0.0
         if self._felt >= 2.0 * dt - 1e-9:
             self.state, self._short = HandState.HOLD, 0.0
+            task.weight = (*[settings.weight] * 3, *[settings.hold_weight] * 3)
             task.feedforward_velocity = np.zeros(6)
             goal = self.force.goal
             self.force = Ramp(min(settings.touch, goal))

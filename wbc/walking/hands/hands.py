@@ -102,6 +102,7 @@ class Hands:
             hands[role] = Hand(self._robot, role, index, task, self._axis(frame), settings)
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
+        self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._middle = MovingFrame(settings.follow)
         self._heading = np.eye(2)
@@ -189,7 +190,8 @@ class Hands:
             hand: Role of the hand.
             at: The handle, in the world of the robot's estimate, shape (3,), m.
             direction: Direction in which the hand points there, in the world, shape (3,).
-            limit: Greatest force with which it pushes or pulls, N; above it the hand yields.
+            limit: Greatest force with which it pushes or pulls, N; where all hands that grip feel more than their
+                limits together, they yield.
 
         Raises:
             UnknownNameError: No such hand.
@@ -305,7 +307,7 @@ class Hands:
         self._heading = np.array(((c, -sine), (sine, c)))
         feet = [motion.placement.translation for motion in reference.feet]
         self._middle.update(feet, reference.heading, dt)
-        wrenches = measurement.hand_wrenches
+        wrenches, quick = measurement.hand_wrenches, -math.expm1(-dt / FILTER_TIME)
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         for name, hand in self.all.items():
             if not hand.active:
@@ -321,7 +323,12 @@ class Hands:
                 planned[3:] += np.cross(place.translation, push)
             elif hand.state is HandState.GRIP:
                 pulled += place.act(pin.Force(wrench)).vector
-        self._outside += -math.expm1(-dt / FILTER_TIME) * (felt + pulled - self._outside)
+                axes = np.concatenate((place.rotation @ wrench[:3], place.rotation @ wrench[3:]))
+                self._felt[hand.index] += quick * (axes - self._felt[hand.index])
+            else:
+                self._felt[hand.index] = 0.0
+        self._yield()
+        self._outside += quick * (felt + pulled - self._outside)
         self._slow += -math.expm1(-dt / SLOW_TIME) * (pulled - self._slow)
         self._move_com(-zmp_offset(planned + self._slow, zmp, self._weight), dt)
         still = float(np.abs(self.shift).max() + np.abs(self._speed).max()) < 1e-5
@@ -331,6 +338,29 @@ class Hands:
             self._middle = MovingFrame(self.settings.follow)
             self.shift, self._speed, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
         return self._outside
+
+    def _yield(self) -> None:
+        """Let hands that grip yield to what is of no use, and to what is too much.
+
+        Of no use are vertical forces, and the squeeze of two hands along the line between them. Too much is what all
+        hands together feel above their limits; a couple, which turns what they hold, may be more.
+        """
+        gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
+        if not gripping:
+            return
+        forces = self._felt[[hand.index for hand in gripping], :3]
+        mean = forces.mean(axis=0)
+        size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
+        excess = np.tile((max(0.0, size - limit) / max(size, 1e-9)) * mean, (len(gripping), 1))
+        if len(gripping) == 2:
+            first, second = (
+                self._estimate.data.oMf[self._frames[hand.name]].translation for hand in gripping
+            )
+            line = (second - first) / max(float(np.linalg.norm(second - first)), 1e-6)
+            excess += np.outer((forces - mean) @ line, line)
+        excess[:, 2] = forces[:, 2]
+        for hand, part in zip(gripping, excess, strict=True):
+            hand.excess = part
 
     def _move_com(self, goal: Array, dt: float) -> None:
         """Follow the planned shift like a critically damped mass."""
@@ -357,14 +387,21 @@ class Hands:
         zmp[:2] += self.shift - self._acceleration / pendulum.omega**2
         return pendulum._replace(com=com, com_velocity=velocity, com_acceleration=acceleration, zmp=zmp)
 
-    def torques(self) -> Array:
-        """Return the joint torques that press as planned, shape (na,), Nm: those of the servos' feed-forward."""
+    def forces(self) -> Array:
+        """Return the generalised forces on the controller's robot that its dynamics have to know, shape (nv,).
+
+        Hands that press feel what is planned, hands that grip what is measured.
+        """
         robot = self._robot
-        torque = np.zeros(robot.na)
+        total = np.zeros(robot.nv)
         for name, hand in self.all.items():
-            if hand.force.value > 0.0 and hand.state is HandState.HOLD:
-                jacobian = pin.getFrameJacobian(
-                    robot.model, robot.data, self._frames[name], pin.LOCAL_WORLD_ALIGNED
-                )
-                torque += (hand.force.value * hand.direction) @ jacobian[:3, BASE_DOF:]
-        return torque
+            if hand.state is HandState.HOLD:
+                wrench = np.concatenate((-hand.force.value * hand.direction, np.zeros(3)))
+            elif hand.state is HandState.GRIP:
+                wrench = self._felt[hand.index]
+            else:
+                continue
+            total += wrench @ pin.getFrameJacobian(
+                robot.model, robot.data, self._frames[name], pin.LOCAL_WORLD_ALIGNED
+            )
+        return total
