@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from wbc.robots import load
 from wbc.sim import Plant, TrueFallDetector, make_scene
 from wbc.walking import (
     FootstepPlan,
+    Gait,
     HandSettings,
     HandState,
     WalkingControl,
@@ -186,6 +188,29 @@ def test_a_robot_leans_on_a_rail_with_its_mass_beyond_its_toes() -> None:
     assert facts["upright"]
     assert facts["force_N"] == pytest.approx(40.0, rel=0.1)
     assert facts["beyond_toes_mm"] > 100.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hand", [True, False])
+def test_a_hand_on_a_wall_keeps_a_robot_on_one_foot_that_is_pushed(hand: bool) -> None:
+    plant = Plant(load("hrp4_class"), scene=make_scene("wall", distance=0.5, angle=90.0))
+    robot = load("hrp4_class").robot()
+    base = FootstepPlan.standing(robot, Gait(single_support=4.0, initial_double_support=6.0))
+    settings = WalkingControlSettings(hands=HandSettings(help=1.0))
+    walking = WalkingControl(robot, replace(base, steps=(base.left,)), plant.control_period, settings)
+    assert walking.hands is not None
+    if hand:
+        walking.hands.press("left_hand", 15.0, (0.0, 1.0, 0.0), at=(0.1, 0.5, 0.95), firm=True)
+    pushed = False
+    while plant.time < 9.5 and walking.fallen is None:
+        if plant.time > 7.5 and not pushed:
+            pushed = True
+            plant.push("torso", (0.0, 0.12 * robot.mass / 0.1, 0.0), 0.1)
+        plant.step(walking.command(plant.measure()))
+    assert (walking.fallen is None) == hand
+    if hand:
+        assert walking.walk.phases.contact == (False, True)
+        assert walking.hands.all["left_hand"].state is HandState.HOLD
 
 
 @pytest.mark.slow

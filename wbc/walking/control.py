@@ -362,6 +362,8 @@ class WalkingControl:
             outside=outside,
         )
         self._wrench_targets = output.feet.wrenches
+        if outside is not None and self.hands is not None and not output.in_air:
+            self.hands.help(output.feet.shortfall[3:5], output.zmp, self.dt)
         self._move(reference, output)
 
     def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:

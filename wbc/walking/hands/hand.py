@@ -63,6 +63,7 @@ class HandSettings:
         lag: Delay of force sensor and servos, T above, s.
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
         follow: Time constant, twice, with which a hand that grips follows the feet, s.
+        help: Share of the moment that the feet cannot give which hands that press take over; 0 leaves it to the trunk.
         loss: Share of the force below which a contact is lost.
         loss_time: Time below that share after which the contact counts as lost, s.
         loss_ramp: Time in which the balance forgets a force that is lost, s.
@@ -85,6 +86,7 @@ class HandSettings:
     lag: Annotated[Positive, "s"] = 0.06
     compliance: Annotated[Positive, "m/N"] = 3e-4
     follow: Annotated[Positive, "s"] = 0.25
+    help: Share = 0.0
     loss: Share = 0.3
     loss_time: Annotated[NonNegative, "s"] = 0.02
     loss_ramp: Annotated[Positive, "s"] = 0.15
@@ -176,6 +178,7 @@ class Hand:
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force with which it is to press now.
+        extra: Force for the balance on top of the one that is asked for, N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the arm has less force than is asked for.
         lost_for: Time since the contact was lost, s; NaN while it is not.
@@ -206,8 +209,9 @@ class Hand:
         self.state = HandState.FREE
         self.direction = np.zeros(3)
         self.force = Ramp()
-        self.pressed = 0.0
+        self.pressed = self.extra = 0.0
         self.bounded = False
+        self.extra = 0.0
         self.excess = np.zeros(3)
         self.lost_for = math.nan
         self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
@@ -216,6 +220,11 @@ class Hand:
         self._way = self._elapsed = 0.0
         self._grips = False
         self._held = pin.SE3.Identity()  # in the frame that goes with the robot
+
+    @property
+    def target(self) -> float:
+        """Force with which it is to press now, with its part of the balance, N."""
+        return self.force.value + self.extra
 
     @property
     def active(self) -> bool:
@@ -304,7 +313,10 @@ class Hand:
             if self.force.goal == 0.0 and self.force.value == 0.0:
                 self._free()
                 return
-            task.target_wrench[:3] = rotation.T @ (-self.force.value * self.direction)
+            self.extra = min(
+                max(self.extra, min(0.0, self._settings.touch - self.force.value)), most - self.force.value
+            )
+            task.target_wrench[:3] = rotation.T @ (-self.target * self.direction)
             task.measured_wrench[:] = wrench
             task.measured_wrench[3:] = 0.0
             return
@@ -371,8 +383,8 @@ class Hand:
     def _watch(self, dt: float) -> None:
         """Notice that there is nothing to press on any more."""
         short = (
-            self.pressed < self._settings.loss * self.force.value
-            and self.force.value > 2.0 * self._settings.touch
+            self.pressed < self._settings.loss * min(self.force.value, self.target)
+            and min(self.force.value, self.target) > 2.0 * self._settings.touch
         )
         self._short = self._short + dt if short else 0.0
         if self._short > self._settings.loss_time + 1e-9:
@@ -381,6 +393,7 @@ class Hand:
     def _lose(self) -> None:
         self.state, self.lost_for = HandState.LOST, 0.0
         self.force.to(0.0, self._settings.loss_ramp)
+        self.extra = 0.0
         self.task.target_wrench[:] = 0.0
         self.task.feedforward_velocity = np.zeros(6)
 

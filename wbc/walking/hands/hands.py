@@ -40,6 +40,12 @@ SHIFT_TIME = 0.15
 SLOW_TIME = 1.0
 """Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest."""
 
+HELP_TIME = 0.02
+"""Time constant with which hands take over a moment that the feet cannot give, s."""
+
+HELP_LEAK = 0.05
+"""Share of their help that they give back in that time, once the feet are enough."""
+
 FARTHEST = 0.6
 """Longest way of a hand to the point on which it presses, m."""
 
@@ -103,6 +109,7 @@ class Hands:
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
+        self._missing = np.zeros(2)
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._middle = MovingFrame(settings.follow)
         self._heading = np.eye(2)
@@ -387,6 +394,28 @@ class Hands:
         zmp[:2] += self.shift - self._acceleration / pendulum.omega**2
         return pendulum._replace(com=com, com_velocity=velocity, com_acceleration=acceleration, zmp=zmp)
 
+    def help(self, missing: Array, zmp: Array, dt: float) -> None:
+        """Let hands that press take over a moment that the feet cannot give: theirs is shared by least squares.
+
+        Args:
+            missing: Desired less given moment of the feet, about the horizontal axes through the ZMP, shape (2,), Nm.
+            zmp: That ZMP, shape (3,), m.
+            dt: Control period, s.
+        """
+        pressing = [hand for hand in self.all.values() if hand.state is HandState.HOLD]
+        if not pressing or self.settings.help == 0.0:
+            return
+        arms = [self._estimate.data.oMf[self._frames[hand.name]].translation - zmp for hand in pressing]
+        levers = np.array(
+            [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
+        ).T
+        # The moment that the hands give already is in what they measure: `missing` is what lacks beside it.
+        self._missing += -math.expm1(-dt / HELP_TIME) * (missing - self._missing)
+        square = levers @ levers.T + 1e-3 * np.eye(2)
+        wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
+        for hand, force in zip(pressing, wanted.tolist(), strict=True):
+            hand.extra += dt / HELP_TIME * (force - HELP_LEAK * hand.extra)
+
     def forces(self) -> Array:
         """Return the generalised forces on the controller's robot that its dynamics have to know, shape (nv,).
 
@@ -396,7 +425,7 @@ class Hands:
         total = np.zeros(robot.nv)
         for name, hand in self.all.items():
             if hand.state is HandState.HOLD:
-                wrench = np.concatenate((-hand.force.value * hand.direction, np.zeros(3)))
+                wrench = np.concatenate((-hand.target * hand.direction, np.zeros(3)))
             elif hand.state is HandState.GRIP:
                 wrench = self._felt[hand.index]
             else:
