@@ -393,6 +393,9 @@ class WalkingControl:
             return estimator.bias
         if self.load is not None and self.load.changing:
             return estimator.bias
+        if self.driver.capturing:  # the last ticks were those of a push, which is no error of the model
+            estimator.reset()
+            return estimator.bias
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 
     def _update_walk(self, bias: Array | None) -> WalkReference:
