@@ -17,6 +17,7 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, Journal, JournalError, read_journal, trial_key
+from wbc.sim.studies.speed import SpeedLimitSpec
 from wbc.sim.studies.study import Cell, Study, StudyTrial, study_entries
 from wbc.sim.studies.study_table import StudyTable, TableCell, study_rows, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
@@ -43,6 +44,7 @@ __all__ = [
     # trials
     "Check",
     "Outcome",
+    "SpeedLimitSpec",
     "Trial",
     "TrialKind",
     "TrialTimeout",

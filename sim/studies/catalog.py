@@ -111,6 +111,29 @@ def push_recovery(seeds: int = 1) -> Study:
     )
 
 
+def speed(seeds: int = 4) -> Study:
+    """Return the highest speeds of a robot that is steered: three robots, four directions, two modes."""
+    highest = {"forward": 0.8, "back": 0.8, "left": 0.4, "turn": 1.2}
+    return Study(
+        name="speed",
+        about="highest speed walked by a robot that is steered, m/s, turning rad/s; the median over seeds is that at "
+        "which half of the walks fail",
+        kind="speed_limit",
+        base={"terrain": "flat", "noise": "realistic"},
+        cells=tuple(
+            Cell(
+                f"{robot}, {heading}",
+                {"robot": robot, "heading": heading, "highest": most, "resolution": most / 16},
+            )
+            for robot in ("hrp4_class", "talos", "g1")
+            for heading, most in highest.items()
+        ),
+        arms={"position": {}, "torque": {"mode": "torque"}},
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="position",
+    )
+
+
 STUDIES: Registry[Callable[[], Study]] = Registry(
     "study",
     {
@@ -118,6 +141,7 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground": rough_ground,
         "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
         "push_recovery": push_recovery,
+        "speed": speed,
         "dataset": dataset,
         "halfway": halfway,
         "arches": arches,

@@ -21,7 +21,7 @@ import pytest
 from sweep_trials import MadeUpTrial, killed_at_start
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.sim.studies import trials
+from wbc.sim.studies import speed, trials
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.intervals import (
     equivalence,
@@ -33,6 +33,7 @@ from wbc.sim.studies.intervals import (
 )
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.speed import SpeedLimitSpec
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
@@ -328,6 +329,34 @@ def test_the_search_for_a_push_limit_ends_with_its_last_interval_or_where_the_ph
     outcome = run_trial(WalkPushLimitSpec(walk=walk, highest=0.8, resolution=0.2))
     assert outcome.result is not None and (outcome.status, outcome.result["impulse"]) == (status, impulse)
     assert [one["impulse"] for one in outcome.result["tried"]] == pytest.approx(tried)
+
+
+def test_a_speed_counts_if_the_walk_ends_well_and_the_robot_is_as_fast(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A robot that moves at 0.5 m/s at the most, whatever it is told, and falls from 0.7 m/s on."""
+
+    def made_up(spec: WalkSpec, hooks: Any) -> SimpleNamespace:
+        assert spec.plan.drive is not None
+        told = -spec.plan.drive[0][1]
+        place = 0.0
+        for i in range(400):
+            place -= 0.01 * min(told, 0.5)
+            pose = np.array([place, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0])
+            plant = SimpleNamespace(time=0.01 * i, truth=lambda pose=pose: SimpleNamespace(q=pose))
+            hooks[1].tick(SimpleNamespace(plant=plant))
+        return SimpleNamespace(outcome="fell" if told >= 0.7 else "completed", steps_done=3)
+
+    monkeypatch.setattr(speed, "walk", made_up)
+    spec = SpeedLimitSpec(
+        walk=WalkSpec(noise="none"), heading="back", seconds=4.0, highest=0.8, resolution=0.1
+    )
+    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
+    result = run_trial(spec).result
+    assert result is not None and result["speed"] == 0.5 and result["moved"] == pytest.approx(0.5)
+    assert [one["walked"] for one in result["tried"]] == [False, True, False, True]
+    with pytest.raises(InputError, match="resolution must be at most"):
+        SpeedLimitSpec(walk=WalkSpec(), highest=0.1, resolution=0.2)
 
 
 # Studies and tables

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
@@ -14,6 +15,7 @@ from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, Reach, WalkingControl, check_plan, walk_distance
 from wbc.walking.driver import Driver
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings
+from wbc.walking.planning.reach import bent_height
 from wbc.walking.planning.sources import (
     AT_REST,
     DriveSettings,
@@ -88,7 +90,7 @@ def test_every_velocity_gives_steps_within_reach(name: str) -> None:
             plan = source.footsteps(now._replace(begun=begun, time=float(begun)))
             check_plan(plan, robot, reach)
             assert len(plan) >= 3
-            limits = (0.3 if x > 0 else 0.2, 0.15, 0.4)
+            limits = (0.4 if x > 0 else 0.2, 0.15, 0.4)
             for granted, wish, limit in zip(source.granted, (x, y, turn), limits, strict=True):
                 assert abs(granted) <= min(abs(wish), limit) + 1e-9 and granted * wish >= 0.0
             step = plan.steps[0]
@@ -269,6 +271,23 @@ def test_gait_for_a_speed() -> None:
     assert cycles == sorted(cycles, reverse=True) and Gait.for_speed((0.0, 0.0, 0.0)) == Gait()
     slow = Gait.for_speed((0.4, 0.0, 0.0), Gait(single_support=0.9))
     assert slow.single_support == 0.9 and slow.double_support < 0.3
+    assert Gait.for_speed((0.15, 0.0, 0.0)) == Gait()
+    quick = Gait.for_speed((0.4, 0.0, 0.0))
+    assert quick.swing_height < Gait().swing_height and quick.landing_height < Gait().landing_height
+
+
+@pytest.mark.parametrize(("name", "least"), [("hrp4_class", 0.4), ("talos", 0.4), ("g1", 0.34)])
+def test_the_reach_of_every_robot_grants_its_speed(name: str, least: float) -> None:
+    """Short legs get it by quick steps, straight ones by bent knees, which robots with bent ones keep."""
+    robot = ROBOTS[name]
+    height = bent_height(robot, DriveSettings().stretch)
+    assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
+    source = VelocitySource(Reach.of(robot, height), SIZES[name])
+    source.target = (0.4, 0.0, 0.0)
+    now = standing(name)
+    for i in range(30):
+        source.footsteps(now._replace(time=0.1 * i))
+    assert source.granted[0] >= least
 
 
 @pytest.mark.slow
@@ -302,3 +321,43 @@ def test_commands_do_not_jump_between_standing_and_walking(mode: str) -> None:
         plant.step(command)
     assert len(jumps) == 2 and max(jumps) < 0.01, jumps
     assert walking.fallen is None and walking.walk.phases.phase is Phase.STANDING and walking.steps_done >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_tasks_of_ones_own_stay_from_a_stand_over_a_walk_to_a_stand(mode: str) -> None:
+    """An arm's posture, a gaze and a place for a hand beside the chest, while the robot stands, walks and stands."""
+    description = load("talos")
+    dt = 0.005 if mode == "position" else 0.002
+    plant = wbc.Plant(description, noise="realistic", seed=3, control_period=dt)
+    robot = description.robot()
+    walking = WalkingControl(
+        robot,
+        FootstepPlan.standing(robot),
+        dt,
+        wbc.walking.WalkingControlSettings(mode=mode),  # type: ignore[arg-type]
+    )
+    raised = {"arm_right_2_joint": -0.6, "arm_right_4_joint": -1.2}
+    look = wbc.tasks.PostureTask({"head_2_joint": 0.9}, joints=("head_2_joint",), name="gaze", weight=10.0)
+    hand = wbc.tasks.RelativeFrameTask(
+        robot.frames["left_hand"], robot.torso_frame, axes=("x", "y", "z"), weight=300.0, stiffness=60.0
+    )
+    add = walking.controller.add
+    add(wbc.tasks.PostureTask(raised, joints=tuple(raised), name="right arm", weight=10.0))
+    add(look)
+    add(hand)
+    hand.target = hand.target * pin.SE3(np.eye(3), np.array([0.05, 0.0, 0.05]))
+    index = {name: 7 + robot.joint_index(name) for name in (*raised, "head_2_joint")}
+    wanted = {**raised, "head_2_joint": 0.9}
+    worst, moved = 0.0, 0
+    while plant.time < 9.0:
+        walking.velocity = (0.15, 0.0, 0.1) if 2.0 <= plant.time < 6.0 else None
+        plant.step(walking.command(plant.measure()))
+        if plant.time > 2.0:
+            estimate = walking.control.observer.robot
+            joints = max(abs(estimate.q[index[name]] - value) for name, value in wanted.items())
+            chest, tip = (estimate.placement(f) for f in (robot.torso_frame, robot.frames["left_hand"]))
+            away = float(np.linalg.norm(chest.actInv(tip).translation - hand.target.translation))
+            worst, moved = max(worst, joints, away), walking.steps_done
+    assert walking.fallen is None and walking.finished and moved >= 4
+    assert worst < 0.03, worst

@@ -18,6 +18,9 @@ from wbc.walking.walk import WalkReference
 _NONE = (math.nan,) * 5
 """Side and landing after the last step."""
 
+_NO_VELOCITY = (math.nan,) * 3
+"""Commanded velocity of a robot whose footsteps come from elsewhere."""
+
 
 class WalkSource(Source):
     """Phase, references and stabilizer of a walk; NaN and null in ticks without a reference.
@@ -62,6 +65,9 @@ class WalkSource(Source):
             "walk/lean", ("roll", "pitch"), ("rad", "rad"), "of the trunk, about x and y of the world"
         )
         columns.group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world")
+        velocity, units = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
+        columns.group("drive/commanded", velocity, units, "commanded velocity; NaN while none is")
+        columns.group("drive/granted", velocity, units, "velocity that the planned footsteps give")
         columns.add("stabilizer/in_air", "1", "neither foot has contact", "flag")
         for foot in feet:
             columns.add(f"foot/{foot}/contact", "1", "planned contact", "flag")
@@ -113,6 +119,8 @@ class WalkSource(Source):
             pendulum.omega,
             *(walk.lean.angle if walk.lean is not None else (0.0, 0.0)),
             *(walk.bias.bias.tolist() if walk.bias is not None else (0.0, 0.0)),
+            *(walk.velocity or _NO_VELOCITY),
+            *walk.granted_velocity,
             output.in_air,
             reference.contact[0],
             left.roll,

@@ -27,15 +27,36 @@ SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
 
 
 SPEEDS: dict[float, dict[str, float]] = {
-    0.0: {"single_support": 0.8, "double_support": 0.3, "landing_time": 0.1, "initial_double_support": 0.8},
-    0.15: {"single_support": 0.8, "double_support": 0.3, "landing_time": 0.1, "initial_double_support": 0.8},
-    0.3: {"single_support": 0.6, "double_support": 0.2, "landing_time": 0.1, "initial_double_support": 0.6},
-    0.5: {"single_support": 0.4, "double_support": 0.1, "landing_time": 0.08, "initial_double_support": 0.6},
+    speed: dict(
+        zip(
+            (
+                "single_support",
+                "double_support",
+                "initial_double_support",
+                "landing_time",
+                "swing_height",
+                "landing_height",
+                "landing_speed",
+                "apex",
+            ),
+            values,
+            strict=True,
+        )
+    )
+    for speed, values in {
+        0.0: (0.8, 0.3, 0.8, 0.1, 0.06, 0.02, 0.1, 0.4),
+        0.15: (0.8, 0.3, 0.8, 0.1, 0.06, 0.02, 0.1, 0.4),
+        0.3: (0.55, 0.17, 0.6, 0.1, 0.05, 0.01, 0.12, 0.42),
+        0.4: (0.45, 0.12, 0.6, 0.08, 0.04, 0.005, 0.15, 0.45),
+        0.5: (0.4, 0.1, 0.6, 0.08, 0.04, 0.005, 0.15, 0.45),
+    }.items()
 }
-"""Timings (s) by speed (m/s): the greatest of forward speed, twice the sideways speed and 0.6 m of the turning one."""
+"""Timings (s), heights (m) and shape of the swing by speed (m/s): the greatest of forward speed, twice the sideways
+speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first: a knee's greatest speed
+is needed to lift the foot."""
 
-GRID = 0.01
-"""Timings of a gait for a speed are multiples of this, s."""
+GRID = {name: 0.01 for name in (*TIMINGS, "landing_time")}
+"""Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
 
 
 @settings
@@ -147,5 +168,6 @@ def _at_speed(speed: float, gait: Gait) -> Gait:
     for name in rows[0]:
         value = float(np.interp(speed, speeds, [row[name] for row in rows]))
         if getattr(gait, name) == getattr(default, name):
-            values[name] = round(value / GRID) * GRID
+            grid = GRID.get(name, 0.001)
+            values[name] = round(value / grid) * grid
     return replace(gait, **values)

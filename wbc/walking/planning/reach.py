@@ -25,6 +25,9 @@ STRETCHED = 0.98
 STANDING = 0.979
 """Share of its length to which a standing leg may stretch: a leg that is straight already can take no step."""
 
+STRAIGHT = 0.95
+"""Share of its length from which a leg in half-sitting is too straight for long steps."""
+
 
 @settings
 class Reach:
@@ -157,6 +160,19 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
         high=high,
     )
     return float(com_height) + offset
+
+
+def bent_height(robot: Robot, stretch: float) -> float:
+    """Return the CoM height over the soles of a robot that is driven, m: with bent knees if it stands straight.
+
+    Args:
+        robot: Robot with two soles.
+        stretch: Share of its length to which a leg then stretches between hip and ankle.
+    """
+    leg = leg_geometry(robot)
+    if leg.hip_height <= STRAIGHT * leg.length:
+        return leg.com_height
+    return leg.com_height - max(0.0, leg.hip_height - max(stretch * leg.length, leg.shortest))
 
 
 def sole_spacing(robot: Robot) -> float:

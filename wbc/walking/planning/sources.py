@@ -55,6 +55,9 @@ class DriveSettings:
             `talos` walks at 0.5 m/s.
         fastest_back: Greatest velocity granted backwards.
         reach: Share of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
+        stretch: Share of its length to which the legs stretch of a robot that is driven and whose legs are
+            straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
+            first.
         steps: Steps that are planned ahead, before the one that closes up.
         stopping: Length of a step above which the robot takes a shorter one before it closes up, m.
         replan: Time between plans of the footsteps on both feet, s.
@@ -64,9 +67,10 @@ class DriveSettings:
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
-    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.3, 0.15, 0.4)
+    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.15, 0.4)
     fastest_back: Annotated[NonNegative, "m/s"] = 0.2
     reach: Share = 0.75
+    stretch: Share = 0.92
     steps: Annotated[int, Field(ge=2, le=20)] = 4
     stopping: Annotated[NonNegative, "m"] = 0.1
     replan: Annotated[Positive, "s"] = 0.1
@@ -137,6 +141,11 @@ class VelocitySource:
         self.settings = settings or DriveSettings()
         self.target: Velocity = AT_REST
         self.granted: Velocity = granted
+        self._wish: Velocity = granted  # before the limits of the reach
+        self._shared: tuple[tuple[Velocity, float, float] | None, float] = (
+            None,
+            1.0,
+        )  # its share within reach
         self._reach, self._sizes = reach, dict(zip(SIDES, sizes, strict=True))
         self._time: float | None = None
         self._stop: int | None = None  # steps begun when the stop was commanded
@@ -148,10 +157,14 @@ class VelocitySource:
             return self._stopping(now)
         self._stop = None
         self._ramp(0.0 if past is None else now.time - past)
-        gait = Gait.for_speed(self.granted, now.start.gait)
+        # Quick steps of short legs: the gait is that of the speed wished for, also where the reach grants less.
+        gait = Gait.for_speed(self._wish, now.start.gait)
         cycle = gait.single_support + gait.double_support
         side = now.first or self.leader()
-        self.granted = _scaled(self.granted, self._share(self.granted, cycle, now.start.spacing))
+        asked = self._wish, cycle, now.start.spacing
+        if asked != self._shared[0]:  # a constant velocity keeps its share
+            self._shared = asked, self._share(*asked)
+        self.granted = _scaled(self._wish, self._shared[1])
         dx, dy, turn = (cycle * part for part in self.granted)
         moves = [(dx, dy, turn)] * self.settings.steps
         return replace(now.start, gait=gait, steps=self._steps(now.start, side, moves))
@@ -162,31 +175,31 @@ class VelocitySource:
         return "right" if (left or turn) < 0.0 else "left"
 
     def _ramp(self, time: float) -> None:
-        """Let the granted velocity follow the commanded one for a time (s)."""
+        """Let the velocity wished for follow the commanded one for a time (s)."""
         s = self.settings
         fastest = (s.fastest[0] if self.target[0] > 0.0 else s.fastest_back, *s.fastest[1:])
         parts = []
-        for now, wish, most, rate in zip(self.granted, self.target, fastest, s.acceleration, strict=True):
+        for now, target, most, rate in zip(self._wish, self.target, fastest, s.acceleration, strict=True):
             # A robot that stands sets off with what it reaches in half a second.
             step = rate * (0.5 if self.granted == AT_REST else time)
-            change = max(-most, min(most, wish)) - now
+            change = max(-most, min(most, target)) - now
             parts.append(now + max(-step, min(step, change)))
-        self.granted = (parts[0], parts[1], parts[2])
+        self._wish = (parts[0], parts[1], parts[2])
 
     def _stopping(self, now: Standing) -> FootstepPlan:
         """Come to a stand: a shorter step where the last one was long, then the foot that closes up."""
         if self._stop is None:
             self._stop = now.begun - now.swings  # the step that has begun is the first of two
-        gait = Gait.for_speed(self.granted, now.start.gait)
+        gait = Gait.for_speed(self._wish, now.start.gait)
         start = replace(now.start, gait=gait)
         cycle = gait.single_support + gait.double_support
         left = 2 - (now.begun - self._stop)
         dx, dy, turn = (0.5 * cycle * part for part in self.granted)
         if now.first is None:
-            self.granted = AT_REST
+            self.granted = self._wish = AT_REST
             return start
         if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < self.settings.stopping:
-            self.granted = AT_REST
+            self.granted = self._wish = AT_REST
             return close_up(start, now.first)
         return replace(start, steps=self._steps(start, now.first, [(dx, dy, turn)]))
 
