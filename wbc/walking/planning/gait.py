@@ -26,36 +26,33 @@ SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
 """One that may be zero."""
 
 
+_BY_SPEED = (
+    "single_support",
+    "double_support",
+    "initial_double_support",
+    "takeoff_time",
+    "landing_time",
+    "swing_height",
+    "landing_height",
+    "landing_speed",
+    "apex",
+)
+
 SPEEDS: dict[float, dict[str, float]] = {
-    speed: dict(
-        zip(
-            (
-                "single_support",
-                "double_support",
-                "initial_double_support",
-                "landing_time",
-                "swing_height",
-                "landing_height",
-                "landing_speed",
-                "apex",
-            ),
-            values,
-            strict=True,
-        )
-    )
+    speed: dict(zip(_BY_SPEED, values, strict=True))
     for speed, values in {
-        0.0: (0.8, 0.3, 0.8, 0.1, 0.06, 0.02, 0.1, 0.4),
-        0.15: (0.8, 0.3, 0.8, 0.1, 0.06, 0.02, 0.1, 0.4),
-        0.3: (0.55, 0.17, 0.6, 0.1, 0.05, 0.01, 0.12, 0.42),
-        0.4: (0.45, 0.12, 0.6, 0.08, 0.04, 0.005, 0.15, 0.45),
-        0.5: (0.4, 0.1, 0.6, 0.08, 0.04, 0.005, 0.15, 0.45),
+        0.0: (0.8, 0.3, 0.8, 0.05, 0.1, 0.06, 0.02, 0.1, 0.4),
+        0.15: (0.8, 0.3, 0.8, 0.05, 0.1, 0.06, 0.02, 0.1, 0.4),
+        0.3: (0.57, 0.15, 0.6, 0.03, 0.08, 0.05, 0.01, 0.12, 0.42),
+        0.4: (0.47, 0.1, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
+        0.5: (0.42, 0.08, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
     }.items()
 }
 """Timings (s), heights (m) and shape of the swing by speed (m/s): the greatest of forward speed, twice the sideways
 speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first: a knee's greatest speed
 is needed to lift the foot."""
 
-GRID = {name: 0.01 for name in (*TIMINGS, "landing_time")}
+GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 """Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
 
 

@@ -67,8 +67,8 @@ class DriveSettings:
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
-    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.15, 0.4)
-    fastest_back: Annotated[NonNegative, "m/s"] = 0.2
+    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.15, 0.5)
+    fastest_back: Annotated[NonNegative, "m/s"] = 0.3
     reach: Share = 0.75
     stretch: Share = 0.92
     steps: Annotated[int, Field(ge=2, le=20)] = 4
