@@ -39,7 +39,7 @@ from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.load import HeldLoad, LoadSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
-from wbc.walking.planning.reach import bent_height
+from wbc.walking.planning.reach import Reach, bent_height
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import (
     DriveSettings,
@@ -163,9 +163,12 @@ class WalkingControl:
         self._robot = robot
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
+        reach = None
         if s.com_height is None and not len(plan):
             height = min(height, bent_height(robot, s.drive.stretch))
-        self.walk = Walk(robot, plan, height, dt, s.walk, extent=extent, com=np.array(robot.com))
+            # Bent knees reach further ahead; to the side the hips must carry what the step is wide.
+            reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
+        self.walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
         self.driver = Driver(self.walk, robot, s.drive, extent)
         self._extent = extent
         self._omega = scalar(self.walk.omega)
