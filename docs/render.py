@@ -177,6 +177,7 @@ def main() -> None:
     print(f"wrote {folder / 'push.png'}")
     render_ground.draw_all(folder)
     render_walk.draw(folder / "walk.webp")
+    render_walk.draw(folder / "drive.webp", render_walk.DRIVE)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Film the walk of the README: `python docs/render.py` calls it; on a machine without a display set MUJOCO_GL=egl."""
+"""Film the walks of the README: `python docs/render.py` calls it; on a machine without a display set MUJOCO_GL=egl."""
 
 from __future__ import annotations
 
 import re
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -13,22 +14,52 @@ from PIL import Image
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import Replay
 from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.sim import WalkPlan, WalkSpec, walk
-
-SPEC = WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.6))
-"""The walk that is filmed."""
-
-START, SECONDS = 7.0, 4.0
-"""Beginning and length of the film, s: four steps in the middle of the walk."""
-
-RATE = 15.0
-"""Pictures per second of the film, 1/s."""
-
-SIZE = (560, 480)
-"""Width and height of the film, pixels."""
+from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
 
 
-def draw(path: Path) -> None:
+@dataclass(frozen=True)
+class Film:
+    """A walk, and what of it is filmed.
+
+    Attributes:
+        spec: The walk.
+        start: Beginning of the film, s.
+        seconds: Length of what is filmed, s.
+        rate: Pictures per second of the walk, 1/s.
+        pace: Seconds of the walk in one second of the film.
+        size: Width and height, pixels.
+        camera: Distance (m), azimuth and elevation (degrees).
+        smooth: Time over which the camera's way is averaged, s.
+    """
+
+    spec: WalkSpec
+    start: float
+    seconds: float
+    rate: float
+    pace: float
+    size: tuple[int, int]
+    camera: tuple[float, float, float]
+    smooth: float
+
+
+WALK = Film(
+    WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.6)),
+    start=7.0, seconds=4.0, rate=15.0, pace=1.0, size=(560, 480), camera=(2.35, 118.0, -16.0), smooth=4.0,
+)  # fmt: skip
+"""Four steps in the middle of a walk over stones."""
+
+DRIVE = Film(
+    WalkSpec(
+        plan=WalkPlan(drive=((0.0, 0.3, 0.0, 0.4), (5.5, 0.3, 0.0, -0.4), (13.5, 0.0, 0.0, 0.0))),
+        pushes=(WalkPush(impulse=0.2, direction=1.2, time=9.0),),
+        seed=3,
+    ),
+    start=0.5, seconds=14.5, rate=6.0, pace=2.5, size=(480, 411), camera=(4.0, 205.0, -28.0), smooth=3.0,
+)  # fmt: skip
+"""A robot that is driven in an S, pushed at 9 s, and goes on."""
+
+
+def draw(path: Path, what: Film = WALK) -> None:
     """Walk, record the walk, and film it as an animated WebP, or another format that Pillow knows by the ending.
 
     Raises:
@@ -36,35 +67,37 @@ def draw(path: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "walk.arrow"
-        if walk(SPEC, hooks=[Recorder(log)]).fell:
+        if walk(what.spec, hooks=[Recorder(log)]).fell:
             raise RuntimeError("the filmed robot has fallen")
-        frames = film(Replay(Log.open(log)))
+        frames = film(Replay(Log.open(log)), what)
     frames[0].save(
         path,
         save_all=True,
         append_images=frames[1:],
-        duration=round(1000.0 / RATE),
+        duration=round(1000.0 / (what.rate * what.pace)),
         loop=0,
         quality=60,
-        method=6,
+        method=4,
     )
 
 
-def film(replay: Replay) -> list[Image.Image]:
-    """Return the pictures; the camera moves beside the robot at the mean velocity of the walk."""
-    width, height = SIZE
+def film(replay: Replay, what: Film) -> list[Image.Image]:
+    """Return the pictures; the camera goes where the robot goes in the mean over a while."""
+    width, height = what.size
     drawn = MujocoScene(replay.scene, replay.plant.terrain, width, height, replay.sole_paths)
     brighten(drawn.model)
     places, times = replay.log["truth/base/position"], replay.log.time
-    ticks = [int(np.searchsorted(times, START + i / RATE)) for i in range(round(SECONDS * RATE))]
-    first, last = places[ticks[0]], places[ticks[-1]]
+    pictures = round(what.seconds * what.rate)
+    ticks = [int(np.searchsorted(times, what.start + i / what.rate)) for i in range(pictures)]
+    way = np.array([places[min(tick, len(places) - 1)][:2] for tick in ticks])
+    half = max(1, round(0.5 * what.smooth * what.rate))
     camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 2.35, 118.0, -16.0
+    camera.distance, camera.azimuth, camera.elevation = what.camera
     frames = []
     with mujoco.Renderer(drawn.model, height, width) as renderer:
         for i, tick in enumerate(ticks):
-            share = i / (len(ticks) - 1)
-            camera.lookat[:] = (*((1.0 - share) * first + share * last)[:2], replay.scene.floor + 0.74)
+            near = way[max(0, i - half) : i + half + 1]
+            camera.lookat[:] = (*near.mean(axis=0), replay.scene.floor + 0.74)
             drawn.set(replay.frame(tick), replay.sole_colours(tick))
             renderer.update_scene(drawn.data, camera)
             frames.append(Image.fromarray(renderer.render()))
@@ -86,3 +119,4 @@ def brighten(model: mujoco.MjModel) -> None:
 
 if __name__ == "__main__":
     draw(Path(__file__).parent / "images" / "walk.webp")
+    draw(Path(__file__).parent / "images" / "drive.webp", DRIVE)

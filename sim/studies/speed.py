@@ -69,8 +69,8 @@ class SpeedLimitSpec:
 
     def at(self, speed: float) -> WalkSpec:
         """Return the walk at a speed (m/s or rad/s), with limits of the drive that allow it."""
-        velocity = tuple(speed * part for part in _DIRECTIONS[self.heading])
-        plan = WalkPlan(drive=((0.0, *velocity), (self.seconds, 0.0, 0.0, 0.0)))
+        forward, left, turn = (speed * part for part in _DIRECTIONS[self.heading])
+        plan = WalkPlan(drive=((0.0, forward, left, turn), (self.seconds, 0.0, 0.0, 0.0)))
         limits = {"drive.fastest": (self.highest,) * 3, "drive.fastest_back": self.highest}
         return replace(self.walk, plan=plan, changes=as_changes({**limits, **dict(self.walk.changes)}))
 
