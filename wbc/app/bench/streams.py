@@ -80,7 +80,9 @@ class ProblemStream:
             self.controller.add(PoseTask(s.frame, name=f"swing {s.name}", weight=0.0)) for s in robot.soles
         ]
         self._hands = [
-            self.controller.add(PositionTask(frame, name=role, weight=rng.uniform(0.1, 5.0), stiffness=50.0))
+            self.controller.add(
+                PositionTask(frame, name=role, weight=rng.uniform(0.1, 5.0), stiffness=50.0, error_bound=10.0)
+            )
             for role, frame in robot.frames.items()
         ]
         for foot in self._feet:
