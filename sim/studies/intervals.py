@@ -30,7 +30,7 @@ MANY = 2000
 normal (the ends of an interval differ by a hundredth of its width), and resampling takes a second and a gigabyte."""
 
 
-FEW = 5
+FEW = 8
 """Number of layouts below which an interval is not shown: a bootstrap of fewer values is far too narrow."""
 
 EQUAL = 20
