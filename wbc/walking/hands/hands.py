@@ -264,8 +264,8 @@ class Hands:
         robot, arm = self._robot, self._arms[hand]
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self._frames[hand], pin.LOCAL_WORLD_ALIGNED)
         lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
-        # A hand at rest: what carries the arm is left out of what may press.
-        weight = np.abs(robot.data.g[BASE_DOF:][arm])
+        # A hand at rest: what carries the arm is left out of what may press, or helps.
+        weight = np.sign(lever) * robot.data.g[BASE_DOF:][arm]
         room = np.maximum(self.settings.share * robot.torque_limit[arm] - weight, 0.0)
         most = room / np.maximum(np.abs(lever), 1e-6)
         least = int(np.argmin(most))
