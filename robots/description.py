@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -43,8 +44,8 @@ class RobotDescription:
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
         gains: Joint → (kp, kd) where the rule does not apply, Nm/rad and Nms/rad.
-        damping: Joint → passive damping where there is any, Nms/rad; no model here has it.
-        frictionloss: Joint → dry friction where there is any, Nm; no model here has it.
+        damping: Joint → passive damping where there is any, Nms/rad; the plant has it, the controller's model not.
+        frictionloss: Joint → dry friction where there is any, Nm; likewise.
         sensors: Role → sensor of the file: "gyroscope", "accelerometer", "<body> force", "<body> torque".
         package_dirs: Folders for `package://` in the URDF, for viewers.
         height: Standing height with straight legs, m; None when unknown.
@@ -361,6 +362,23 @@ class RobotDescription:
     def joint_names(self) -> tuple[str, ...]:
         """Actuated joints in the order of the velocity vector, length na."""
         return tuple(list(self._model.names)[2:])
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of everything that a model is made of, 12 hex digits."""
+        content = (
+            self.urdf,
+            self.soles,
+            self.imu,
+            self.torso,
+            self.servo,
+            *(
+                sorted(values.items())
+                for values in (self.half_sitting, self.armature, self.hands, self.gains)
+            ),
+            *(sorted(values.items()) for values in (self.damping, self.frictionloss)),
+        )
+        return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property
     def armature_array(self) -> Array:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 from wbc.core.arguments import checked
-from wbc.core.errors import unknown_name
+from wbc.core.errors import InputError, unknown_name
 from wbc.core.registry import Registry
 from wbc.robots import saved
 from wbc.robots.description import RobotDescription
@@ -58,6 +59,36 @@ def register(name: str, factory: Callable[[], RobotDescription]) -> None:
     _FACTORIES.add(name, factory)
 
 
+STAMPED = re.compile(r"(.+)#([0-9a-f]{12})", re.DOTALL)
+"""Name of a robot in a file with the hash of what was in the file."""
+
+
+def stamped(name: str) -> str:
+    """Return a robot's name as specs keep it: that of a robot in a file with the hash of its content behind it.
+
+    So results of one file are not taken for those of another that has its name.
+
+    Args:
+        name: As for `load`.
+
+    Raises:
+        UnknownNameError: No such robot.
+        InputError: A file that cannot be used, or one that has changed since the name was stamped.
+    """
+    description = load(name)
+    if name in _FACTORIES or STAMPED.fullmatch(name) or _file(name) is None:
+        return name
+    return f"{name}#{description.digest}"
+
+
+def _file(name: str) -> Path | None:
+    """Return the file of a robot that is in one, None for a robot that is not."""
+    if saved.is_path(name):
+        return Path(name).expanduser()
+    own = saved.folder() / f"{name}.toml"
+    return own if own.is_file() else None
+
+
 @checked
 def load(name: str) -> RobotDescription:
     """Return the description of a robot, the same object at every call.
@@ -69,12 +100,16 @@ def load(name: str) -> RobotDescription:
         UnknownNameError: No such robot; the nearest names are given.
         InputError: A file that cannot be used, or a wheel that is not installed.
     """
+    if name not in _FACTORIES and (stamp := STAMPED.fullmatch(name)):
+        description = load(stamp[1])
+        if description.digest != stamp[2]:
+            raise InputError(
+                f"robot {stamp[1]} has changed: a spec has its content {stamp[2]}, now it is {description.digest}"
+            )
+        return description
     if name in _FACTORIES:
         return _load(name)
-    own = saved.folder() / f"{name}.toml"
-    if saved.is_path(name):
-        own = Path(name).expanduser()
-    if saved.is_path(name) or own.is_file():
+    if (own := _file(name)) is not None:
         return _read(str(own), own.stat().st_mtime_ns if own.is_file() else 0)
     if name in _OTHERS:
         return _load(name)

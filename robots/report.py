@@ -148,7 +148,11 @@ def _drives(robot: Any) -> list[str]:
             f"given servo gains are soft: kp of '{name}' is {kp:.0f} Nm/rad, {kp / tipping:.2f} m g h; position "
             f"control needs {ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
         )
-    undamped = [name for name, (kp, kd) in robot.gains.items() if kp > 0.0 and kd == 0.0]
+    undamped = [
+        name
+        for name, (kp, kd) in robot.gains.items()
+        if kp > 0.0 and kd + robot.damping.get(name, 0.0) == 0.0
+    ]
     if undamped:
         found.append(f"given servo gains without damping: {_listed(undamped)}")
     bare = [name for name in robot.joint_names if robot.armature[name] == 0.0]
@@ -158,7 +162,8 @@ def _drives(robot: Any) -> list[str]:
     if rubbing:
         found.append(
             f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
-            f"{max(robot.frictionloss.values(), default=0.0):g} Nm of {len(rubbing)} joints are in no model here"
+            f"{max(robot.frictionloss.values(), default=0.0):g} Nm of {len(rubbing)} joints are "
+            "not in the controller's model"
         )
     return found
 

@@ -10,6 +10,7 @@ import time
 
 import wbc
 from wbc.machine import UdpRobot
+from wbc.machine.clock import ask_priority
 from wbc.sim import MujocoLoop, Plant, RobotServer
 
 
@@ -20,11 +21,13 @@ def main(arguments: list[str] | None = None) -> RobotServer:
     parser.add_argument("--port", type=int, default=7700)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--hang", type=float, default=0.0, help="let down from a band after this time, s")
+    parser.add_argument("--priority", type=int, default=0, help="of the real-time scheduler, 1 to 99")
     options = parser.parse_args(arguments)
     description = wbc.load_robot(options.robot)
     loop = MujocoLoop(description, Plant(description).model, control_period=0.002)
     wire = UdpRobot(description, options.port)
     server = RobotServer(loop, wire, band=options.hang)
+    ask_priority(options.priority)
     end = time.monotonic() + options.seconds
     print(f"listening at port {wire.port}", flush=True)
     server.run(lambda: time.monotonic() > end)

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import argparse
 
+import numpy as np
+
 import wbc
-from wbc.machine import RunReport, UdpDriver, run
+from wbc.machine import RunReport, RunSettings, UdpDriver, run
 
 
 def main(arguments: list[str] | None = None) -> RunReport:
@@ -18,12 +20,18 @@ def main(arguments: list[str] | None = None) -> RunReport:
     parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument("--port", type=int, default=7700)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--priority", type=int, default=None, help="of the real-time scheduler, 1 to 99")
     options = parser.parse_args(arguments)
     description = wbc.load_robot(options.robot)
     control = wbc.TorqueControl(wbc.balance_controller(description.robot(), 0.002))
     driver = UdpDriver(description, options.host, options.port)
-    report = run(driver, control, rate=500, until=options.seconds)
+    settings = RunSettings(priority=options.priority)
+    report = run(driver, control, rate=500, until=options.seconds, settings=settings)
     print(report)
+    for what, times in (("late", report.late), ("busy", report.busy)):
+        print(
+            what, *(f"{share} %: {1e3 * np.percentile(times, share):.2f} ms" for share in (50, 99, 99.9, 100))
+        )
     return report
 
 

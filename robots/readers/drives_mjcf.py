@@ -74,10 +74,7 @@ def read_drives(tree: Tree) -> Drives:
     if bare := [name for name in tree.joints if name not in sums]:
         listed = ", ".join(bare[:6]) + (f" and {len(bare) - 6} more" if len(bare) > 6 else "")
         tree.notes.append(f"no actuator in the file for {len(bare)} joints, taken as driven: {listed}")
-    # A controller that commands a servo commands its damping with it: the joint's own adds to it.
-    drives.gains = {
-        name: (kp, kd + drives.damping[name]) for name, (kp, kd) in drives.gains.items() if kp > 0.0
-    }
+    drives.gains = {name: (kp, kd) for name, (kp, kd) in drives.gains.items() if kp > 0.0}
     drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
     drives.frictionloss = {name: value for name, value in drives.frictionloss.items() if value > 0.0}
     return drives

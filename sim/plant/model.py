@@ -185,8 +185,7 @@ def build_model(
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
     _add_imu(spec, robot, base)
-    if machine is not None:
-        _add_flaws(spec, robot, machine)
+    _add_flaws(spec, description, robot, machine or Machine())
     sensors = scene is not None or (machine is not None and machine.hand_sensors)
     if sensors:
         add_hand_sensors(spec, robot)
@@ -311,11 +310,15 @@ def _thin_flat_soles(model: mujoco.MjModel) -> None:
         model.geom_conaffinity[mine[outside & (distance > furthest)]] = 0
 
 
-def _add_flaws(spec: mujoco.MjSpec, robot: Robot, machine: Machine) -> None:
-    """Add dry friction to every joint, and a point mass at the centre of mass of the torso's link."""
-    if machine.friction > 0.0:
-        for name in robot.joint_names:
-            spec.joint(name).frictionloss = machine.friction
+def _add_flaws(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot, machine: Machine) -> None:
+    """Add damping and dry friction to the joints, and a point mass at the centre of mass of the torso's link."""
+    for name in robot.joint_names:
+        friction = machine.friction + description.frictionloss.get(name, 0.0)
+        damping = description.damping.get(name, 0.0)
+        if friction > 0.0:
+            spec.joint(name).frictionloss = friction
+        if damping > 0.0:
+            spec.joint(name).damping[0] = damping
     if machine.payload > 0.0:
         spec.body(robot.torso_frame).mass += machine.payload
 

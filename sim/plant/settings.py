@@ -78,7 +78,7 @@ class Machine:
         torque_sensors: True for drives that report their torque: `Measurement.joint_torque`.
         hand_sensors: True for force sensors at the wrists: `Measurement.hand_wrenches`; a plant with a scene always has
             them.
-        friction: Dry friction of every joint, Nm (or N).
+        friction: Dry friction of every joint on top of the description's, Nm (or N).
         payload: Mass at the centre of mass of the torso's link which the description does not have, kg.
     """
 

@@ -17,6 +17,7 @@ from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, 
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
+from wbc.robots.registry import stamped
 from wbc.sim.balance.standing import CONTROL_PERIOD, chosen_mode
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.sensors import NOISE_PRESETS
@@ -53,7 +54,7 @@ class WalkSpec:
     Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
+        robot: Robot, one of those that `wbc robots` lists, or the path of a file, whose hash is added.
         foot: Foot under both ankles: flat is the robot's own sole.
         stiffness: Stiffness of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when None.
         foot_changes: Further parameters of the foot, such as "damping" or "contact.row_spacing".
@@ -117,6 +118,7 @@ class WalkSpec:
         def store(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        store("robot", stamped(self.robot))
         store("mode", chosen_mode(load(self.robot).with_servos(self.servo), self.mode))
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(

@@ -47,7 +47,7 @@ def test_what_the_file_says_is_kept() -> None:
     names = description.joint_names
     torque = dict(zip(names, description.torque_limit, strict=True))
     assert torque["left_knee"] == 80.0 and torque["waist"] == 60.0
-    assert description.gains == {"waist": (200.0, 10.5)}
+    assert description.gains == {"waist": (200.0, 10.0)}  # the damping of its joint, 0.5, acts beside it
     assert set(description.armature.values()) == {0.02}
     assert description.damping["left_knee"] == 0.5 and description.frictionloss["left_knee"] == 0.1
     assert description.imu.frame == "imu_here" and description.imu.link == "pelvis"

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.sim import WalkSpec
 from wbc.sim.studies.intervals import mean_interval
 from wbc.sim.studies.journal import (
     Entry,
@@ -233,3 +234,18 @@ def test_refuses(tmp_path: Path) -> None:
     journal.close()
     with pytest.raises(JournalError, match="closed"):
         journal.add(entry(1))
+
+
+def test_an_edited_robot_file_is_another_robot(tmp_path: Path) -> None:
+    path = tmp_path / "mine.xml"
+    text = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text()
+    path.write_text(text)
+    spec = WalkSpec(robot=str(path))
+    assert spec.robot.startswith(f"{path}#") and WalkSpec.from_json(spec.to_json()) == spec
+    path.write_text(text.replace('mass="', 'mass="1', 1))
+    os.utime(path, ns=(0, 0))
+    edited = WalkSpec(robot=str(path))
+    assert trial_key(edited.to_json()) != trial_key(spec.to_json())
+    with pytest.raises(InputError, match=r"mine\.xml has changed"):
+        WalkSpec.from_json(spec.to_json())
+    assert WalkSpec(robot="g1").robot == "g1"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,13 +12,14 @@ from wbc.core.errors import Array
 from wbc.core.signals import Command
 from wbc.feet import ContactSpheres, FlatFoot
 from wbc.feet.soles.common_mjcf import CONTACT_GROUP
-from wbc.robots import load
-from wbc.sim import PhysicsSettings, Plant, real_time_factor
+from wbc.robots import RobotDescription, load
+from wbc.sim import Machine, PhysicsSettings, Plant, real_time_factor
 from wbc.sim.terrain import terrain, terrain_families
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 IN_SPACE = PhysicsSettings(gravity=0.0)
+EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
 
 
 def state_in_the_air(plant: Plant, rng: np.random.Generator, speed: float) -> tuple[Array, Array]:
@@ -323,3 +326,14 @@ def test_real_time_factor_runs_the_plant_for_the_time_it_is_given() -> None:
     plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
     assert real_time_factor(plant, 0.05) > 0.0
     assert plant.time == pytest.approx(0.05)
+
+
+def test_joints_have_the_damping_and_friction_of_their_file() -> None:
+    description = RobotDescription.from_mjcf(EXAMPLE)
+    for friction in (0.0, 0.3):
+        model = Plant(description, machine=Machine(friction=friction)).model
+        for name in description.joint_names:
+            dof = int(model.joint(name).dofadr[0])
+            assert model.dof_damping[dof] == description.damping[name] == 0.2
+            assert model.dof_frictionloss[dof] == pytest.approx(0.1 + friction)
+    assert not Plant(load("g1")).model.dof_damping.any()
