@@ -22,11 +22,14 @@ def main(arguments: list[str] | None = None) -> RobotServer:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--hang", type=float, default=0.0, help="let down from a band after this time, s")
     parser.add_argument("--priority", type=int, default=0, help="of the real-time scheduler, 1 to 99")
+    parser.add_argument(
+        "--watchdog", type=float, default=0.015, help="longest time for which a command acts, s"
+    )
     options = parser.parse_args(arguments)
     description = wbc.load_robot(options.robot)
     loop = MujocoLoop(description, Plant(description).model, control_period=0.002)
     wire = UdpRobot(description, options.port)
-    server = RobotServer(loop, wire, band=options.hang)
+    server = RobotServer(loop, wire, watchdog=options.watchdog, band=options.hang)
     ask_priority(options.priority)
     end = time.monotonic() + options.seconds
     print(f"listening at port {wire.port}", flush=True)
