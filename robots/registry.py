@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from wbc.core.arguments import checked
@@ -21,10 +21,10 @@ _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
 
 _OTHERS: dict[str, tuple[str, Callable[[], RobotDescription]]] = {
     "jvrc1": (other_wheels.JVRC, other_wheels.jvrc1),
-    "h1": (other_wheels.PLAYGROUND, other_wheels.h1),
-    "t1": (other_wheels.PLAYGROUND, other_wheels.t1),
-    "op3": (other_wheels.PLAYGROUND, other_wheels.op3),
-    "berkeley_humanoid": (other_wheels.PLAYGROUND, other_wheels.berkeley_humanoid),
+    **{
+        name: (other_wheels.PLAYGROUND, partial(other_wheels.playground, name))
+        for name in other_wheels.PLAYGROUND_ROBOTS
+    },
 }
 """Robots whose files are in wheels that are no dependencies: name → wheel and factory."""
 

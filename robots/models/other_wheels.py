@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from wbc.core.errors import InputError
 from wbc.robots.description import RobotDescription
@@ -44,10 +45,6 @@ def _file(requirement: str, relative: str) -> Path:
     return path
 
 
-def _playground(relative: str) -> Path:
-    return _file(PLAYGROUND, f"mujoco_playground/_src/locomotion/{relative}")
-
-
 @cache
 def jvrc1() -> RobotDescription:
     """Return JVRC-1, the virtual robot of the Japan Virtual Robotics Challenge, fingers fixed.
@@ -71,58 +68,32 @@ def jvrc1() -> RobotDescription:
     )
 
 
-@cache
-def h1() -> RobotDescription:
-    """Return Unitree H1, 19 joints; its ankles pitch but do not roll."""
-    return RobotDescription.from_mjcf(
-        _playground("h1/xmls/h1_mjx_feetonly.xml"),
-        name="h1",
-        meshes=False,
-        use_gains=False,
-        torso="torso_link",
-        height=1.80,
-        provenance=f"{PLAYGROUND}: h1_mjx_feetonly.xml",
-        licence="BSD-3-Clause (Unitree)",
-    )
+BSD, APACHE = "BSD-3-Clause", "Apache-2.0"
+
+PLAYGROUND_ROBOTS: dict[str, dict[str, Any]] = {
+    "h1": {"height": 1.80, "torso": "torso_link", "licence": f"{BSD} (Unitree)"},
+    "t1": {"height": 1.18, "licence": APACHE},
+    "op3": {"height": 0.51, "licence": APACHE},
+    "berkeley_humanoid": {"height": 0.85, "licence": BSD},
+}
+"""Robots of MuJoCo Playground: name, also of its folder → what their files do not say.
+
+- h1: Unitree H1, 19 joints; its ankles pitch but do not roll.
+- t1: Booster T1, 23 joints; both its legs hang below the waist joint, its root is the trunk.
+- op3: Robotis OP3, 20 joints, 3.1 kg; its joints have no position limits in the file.
+- berkeley_humanoid: 12 joints: two legs under a body without arms.
+"""
 
 
 @cache
-def t1() -> RobotDescription:
-    """Return Booster T1, 23 joints; both its legs hang below the waist joint, its root is the trunk."""
+def playground(name: str) -> RobotDescription:
+    """Return a robot of `PLAYGROUND_ROBOTS`; its servo gains are derived, the file's are those of a simulator."""
+    file = f"{name}_mjx_feetonly.xml"
     return RobotDescription.from_mjcf(
-        _playground("t1/xmls/t1_mjx_feetonly.xml"),
-        name="t1",
+        _file(PLAYGROUND, f"mujoco_playground/_src/locomotion/{name}/xmls/{file}"),
+        name=name,
         meshes=False,
         use_gains=False,
-        height=1.18,
-        provenance=f"{PLAYGROUND}: t1_mjx_feetonly.xml",
-        licence="Apache-2.0",
-    )
-
-
-@cache
-def op3() -> RobotDescription:
-    """Return Robotis OP3, 20 joints, 3.1 kg; its joints have no position limits in the file."""
-    return RobotDescription.from_mjcf(
-        _playground("op3/xmls/op3_mjx_feetonly.xml"),
-        name="op3",
-        meshes=False,
-        use_gains=False,
-        height=0.51,
-        provenance=f"{PLAYGROUND}: op3_mjx_feetonly.xml",
-        licence="Apache-2.0",
-    )
-
-
-@cache
-def berkeley_humanoid() -> RobotDescription:
-    """Return Berkeley Humanoid, 12 joints: two legs under a body without arms."""
-    return RobotDescription.from_mjcf(
-        _playground("berkeley_humanoid/xmls/berkeley_humanoid_mjx_feetonly.xml"),
-        name="berkeley_humanoid",
-        meshes=False,
-        use_gains=False,
-        height=0.85,
-        provenance=f"{PLAYGROUND}: berkeley_humanoid_mjx_feetonly.xml",
-        licence="BSD-3-Clause",
+        provenance=f"{PLAYGROUND}: {file}",
+        **PLAYGROUND_ROBOTS[name],
     )
