@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -26,7 +25,7 @@ from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
-from wbc.walking.pattern.quintic import Quintic
+from wbc.walking.hands.motion import MovingFrame, Ramp, least_turn, quintic_part
 
 GAP = 0.01
 """Distance between the tip of a hand and a handle that it is to grip, m."""
@@ -92,79 +91,6 @@ class HandSettings:
     loss_ramp: Annotated[Positive, "s"] = 0.15
     share: Share = 0.9
     margin: Annotated[NonNegative, "m"] = 0.01
-
-
-class Ramp:
-    """A value that goes to its goal along a quintic.
-
-    Attributes:
-        value: Present value.
-        goal: Value in the end.
-    """
-
-    def __init__(self, value: float = 0.0) -> None:
-        """Rest at a value."""
-        self.value = self.goal = value
-        self._curve: Quintic | None = None
-        self._elapsed = 0.0
-
-    def to(self, goal: float, duration: float) -> None:
-        """Go to a goal within a time, s, from rest."""
-        self._curve = Quintic((self.value, 0.0, 0.0), (goal, 0.0, 0.0), duration)
-        self.goal, self._elapsed = goal, 0.0
-
-    def advance(self, dt: float) -> None:
-        """Advance by a period, s."""
-        if self._curve is None:
-            return
-        self._elapsed += dt
-        if self._elapsed >= self._curve.duration:
-            self.value, self._curve = self.goal, None
-        else:
-            self.value = self._curve.at(self._elapsed)[0]
-
-
-class MovingFrame:
-    """Middle of both feet as planned, on the ground, smoothed: what a hand holds goes with it.
-
-    Attributes:
-        placement: In the world.
-        velocity: Of its origin, shape (3,), m/s.
-        turning: Speed about the vertical, rad/s.
-    """
-
-    def __init__(self, time_constant: float) -> None:
-        """Begin at the first update.
-
-        Args:
-            time_constant: Of both filters in a row, s.
-        """
-        self._rate = 1.0 / time_constant
-        self._yaw = self.turning = 0.0
-        self._began = False
-        self.placement, self.velocity = pin.SE3.Identity(), np.zeros(3)
-
-    def update(self, feet: Sequence[Array], yaw: float, dt: float) -> None:
-        """Follow the feet.
-
-        Args:
-            feet: Planned places of both feet, each of shape (3,), m.
-            yaw: Heading, rad.
-            dt: Control period, s.
-        """
-        middle = 0.5 * (feet[0] + feet[1])
-        if not self._began:
-            self._began, self._yaw, self._point = True, yaw, middle
-        rate = self._rate
-        # Critically damped.
-        self.velocity = self.velocity + dt * (
-            rate * rate * (middle - self._point) - 2.0 * rate * self.velocity
-        )
-        self._point = self._point + dt * self.velocity
-        error = math.remainder(yaw - self._yaw, 2.0 * math.pi)
-        self.turning += dt * (rate * rate * error - 2.0 * rate * self.turning)
-        self._yaw += dt * self.turning
-        self.placement = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, self._yaw), self._point)
 
 
 class Hand:
@@ -258,7 +184,7 @@ class Hand:
         if at is not None:
             self.state = HandState.REACH
             self._path = at - (settings.clearance + settings.length) * direction - self._start.translation
-            self._turn = _turn_to(self._axis, self._rotation.T @ direction)
+            self._turn = least_turn(self._axis, self._rotation.T @ direction)
 
     def grip(self, direction: Array, limit: float, at: Array) -> None:
         """Go to a handle, and keep it before the robot from then on.
@@ -329,13 +255,13 @@ class Hand:
         duration = self._settings.reach
         self._elapsed = min(self._elapsed + dt, duration)
         along = float(self._path @ self.direction)
-        early, late = (_part(self._elapsed, duration, *part) for part in ((0.0, 0.6), (0.4, 1.0)))
+        early, late = (quintic_part(self._elapsed, duration, *part) for part in ((0.0, 0.6), (0.4, 1.0)))
         first, last = (early, late) if along < 0.0 else (late, early)
         straight = along * self.direction
         point, velocity, acceleration = (
             first[i] * straight + last[i] * (self._path - straight) for i in range(3)
         )
-        turned = _part(self._elapsed, duration, 0.0, 1.0)[0]
+        turned = quintic_part(self._elapsed, duration, 0.0, 1.0)[0]
         self._rotation = self._start.rotation @ pin.exp3(turned * self._turn)
         self._move(self._start.translation + point, velocity, acceleration)
         if self._elapsed < duration:
@@ -403,19 +329,3 @@ class Hand:
         self.task.reset()
         self.force = Ramp()
         self.pressed = 0.0
-
-
-def _part(time: float, duration: float, begin: float, end: float) -> tuple[float, float, float]:
-    """Quintic from 0 to 1 between two shares of a duration, with its derivatives."""
-    span = (end - begin) * duration
-    elapsed = min(max(time - begin * duration, 0.0), span)
-    return Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), span).at(elapsed)
-
-
-def _turn_to(axis: Array, direction: Array) -> Array:
-    """Return the least rotation vector that turns an axis to a direction, both of length 1."""
-    cross = np.cross(axis, direction)
-    sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
-    if sine < 1e-6:
-        return np.zeros(3)
-    return math.atan2(sine, cosine) / sine * cross

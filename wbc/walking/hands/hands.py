@@ -29,7 +29,8 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
-from wbc.walking.hands.hand import Hand, HandSettings, HandState, MovingFrame
+from wbc.walking.hands.hand import Hand, HandSettings, HandState
+from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.stabilizer.zmp import zmp_offset
 from wbc.walking.walk import WalkReference
