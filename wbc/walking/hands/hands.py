@@ -26,9 +26,10 @@ from numpy.typing import ArrayLike
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.pattern.lipm import Pendulum
@@ -91,11 +92,13 @@ class Hands:
         self.settings = settings
         self._edges, self._height = edges, height
         self._weight = self._robot.mass * GRAVITY
-        self._frames = {role: self._robot.frame_id(frame) for role, frame in self._robot.frames.items()}
-        self._arms = {role: self._arm(frame) for role, frame in self._robot.frames.items()}
+        self._arms = {role: HandArm(self._robot, frame) for role, frame in self._robot.frames.items()}
+        self._frames = {role: arm.frame for role, arm in self._arms.items()}
         hands = {}
         for index, (role, frame) in enumerate(self._robot.frames.items()):
-            compliance = self._compliance(frame)
+            arm = self._arms[role]
+            given = arm.compliance()
+            compliance = settings.compliance if given is None else given
             task = controller.add(
                 AdmittanceTask(
                     frame,
@@ -106,7 +109,7 @@ class Hands:
                     velocity_bound=(2.0 * settings.approach, 0.1),
                 )
             )
-            hands[role] = Hand(self._robot, role, index, task, self._axis(frame), settings)
+            hands[role] = Hand(self._robot, role, index, task, arm.axis(), settings)
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
@@ -116,39 +119,6 @@ class Hands:
         self._heading = np.eye(2)
         self._acting = False
         self.shift, self._speed, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
-
-    def _compliance(self, frame: str) -> float:
-        """Compliance of the servos between trunk and hand, m/N, as it gives way most."""
-        servos = self._robot.servos
-        if servos is None:
-            return self.settings.compliance
-        robot = self._robot
-        jacobian = pin.computeFrameJacobian(
-            robot.model, robot.data, robot.q, robot.frame_id(frame), pin.LOCAL_WORLD_ALIGNED
-        )[:3, BASE_DOF:]
-        arm = self._arm(frame)
-        return float(np.linalg.norm((jacobian[:, arm] / servos.kp[arm]) @ jacobian[:, arm].T, 2))
-
-    def _axis(self, frame: str) -> Array:
-        """Direction from the frame of a hand to its mass, in that frame."""
-        model = self._robot.model
-        found = model.frames[self._robot.frame_id(frame)]
-        mass, moment = 0.0, np.zeros(3)
-        data = model.createData()
-        pin.framesForwardKinematics(model, data, self._robot.half_sitting)
-        for joint in model.subtrees[found.parentJoint]:
-            inertia = model.inertias[joint]
-            mass += inertia.mass
-            moment += inertia.mass * data.oMi[joint].act(inertia.lever)
-        arm = data.oMf[self._robot.frame_id(frame)].actInv(moment / mass)
-        return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
-
-    def _arm(self, frame: str) -> Array:
-        """Joints from the chest to a hand, among all joints."""
-        model = self._robot.model
-        chest = set(model.supports[model.frames[self._robot.frame_id(self._robot.torso_frame)].parentJoint])
-        joints = model.supports[model.frames[self._robot.frame_id(frame)].parentJoint]
-        return np.array([joint - 2 for joint in joints if joint not in chest and joint > 1], dtype=np.intp)
 
     @property
     def active(self) -> bool:
@@ -262,15 +232,7 @@ class Hands:
             hand: Role of the hand.
             direction: In the world, of length 1, shape (3,).
         """
-        robot, arm = self._robot, self._arms[hand]
-        jacobian = pin.getFrameJacobian(robot.model, robot.data, self._frames[hand], pin.LOCAL_WORLD_ALIGNED)
-        lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
-        # A hand at rest: what carries the arm is left out of what may press, or helps.
-        weight = np.sign(lever) * robot.data.g[BASE_DOF:][arm]
-        room = np.maximum(self.settings.share * robot.torque_limit[arm] - weight, 0.0)
-        most = room / np.maximum(np.abs(lever), 1e-6)
-        least = int(np.argmin(most))
-        return float(most[least]), robot.joint_names[arm[least]]
+        return self._arms[hand].strength(direction, self.settings.share)
 
     def _check_loss(self, hand: str, along: Array, force: float) -> None:
         """Check that the robot survives if what it presses on gives way."""

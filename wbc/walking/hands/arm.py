@@ -1,0 +1,75 @@
+"""The arm that carries a hand: its joints, how it gives way, and with what force it can press."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.robot import BASE_DOF, Robot
+
+
+class HandArm:
+    """Arm of one hand, in the present posture of a robot.
+
+    Attributes:
+        frame: Index of the frame of the hand.
+        joints: Joints from the chest to the hand, among all joints, shape (n,).
+    """
+
+    def __init__(self, robot: Robot, hand: str) -> None:
+        """Find the joints of an arm.
+
+        Args:
+            robot: The robot.
+            hand: Frame of the hand.
+        """
+        self._robot = robot
+        self.frame = robot.frame_id(hand)
+        model = robot.model
+        chest = set(model.supports[model.frames[robot.frame_id(robot.torso_frame)].parentJoint])
+        joints = model.supports[model.frames[self.frame].parentJoint]
+        self.joints = np.array(
+            [joint - 2 for joint in joints if joint not in chest and joint > 1], dtype=np.intp
+        )
+
+    def compliance(self) -> float | None:
+        """Return the compliance of the servos between trunk and hand, m/N, as it gives way most; None without gains."""
+        robot, arm = self._robot, self.joints
+        servos = robot.servos
+        if servos is None:
+            return None
+        jacobian = pin.computeFrameJacobian(
+            robot.model, robot.data, robot.q, self.frame, pin.LOCAL_WORLD_ALIGNED
+        )[:3, BASE_DOF:]
+        return float(np.linalg.norm((jacobian[:, arm] / servos.kp[arm]) @ jacobian[:, arm].T, 2))
+
+    def axis(self) -> Array:
+        """Return the direction from the frame of the hand to its mass, in that frame, shape (3,)."""
+        model = self._robot.model
+        mass, moment = 0.0, np.zeros(3)
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, self._robot.half_sitting)
+        for joint in model.subtrees[model.frames[self.frame].parentJoint]:
+            inertia = model.inertias[joint]
+            mass += inertia.mass
+            moment += inertia.mass * data.oMi[joint].act(inertia.lever)
+        arm = data.oMf[self.frame].actInv(moment / mass)
+        return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
+
+    def strength(self, direction: Array, share: float) -> tuple[float, str]:
+        """Return the greatest force of the arm along a direction, N, and the joint that bounds it.
+
+        Args:
+            direction: In the world, of length 1, shape (3,).
+            share: Share of the torque limits, beside the arm's weight, that a force may take.
+        """
+        robot, arm = self._robot, self.joints
+        jacobian = pin.getFrameJacobian(robot.model, robot.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
+        # A hand at rest: what carries the arm is left out of what may press, or helps.
+        weight = np.sign(lever) * robot.data.g[BASE_DOF:][arm]
+        room = np.maximum(share * robot.torque_limit[arm] - weight, 0.0)
+        most = room / np.maximum(np.abs(lever), 1e-6)
+        least = int(np.argmin(most))
+        return float(most[least]), robot.joint_names[arm[least]]
