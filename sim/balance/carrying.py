@@ -18,10 +18,11 @@ from wbc.robots import load as load_robot
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.control import WalkingControl
 from wbc.walking.load import LoadSettings, hand_frames
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.reach import Reach
+from wbc.walking.settings import WalkingControlSettings
 
 Natural = Annotated[int, Field(ge=0, le=10_000)]
 """A count."""

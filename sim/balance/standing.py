@@ -25,8 +25,9 @@ from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.balance import BalanceGains, balance_controller
-from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.settings import WalkingControlSettings
 
 Feedback = Literal["open", "closed"]
 

@@ -24,7 +24,7 @@ from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick
-from wbc.walking.control import WalkingControlSettings
+from wbc.walking.settings import WalkingControlSettings
 
 LOADED = 0.05
 """Load of a sole that stands, as a share of the weight: with less it may move, and is about to leave."""

@@ -24,10 +24,11 @@ from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.reference import ClipReference, placed
-from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.control import WalkingControl
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.walk import WalkReference
 

@@ -4,7 +4,7 @@ Whatever decides on footsteps goes into `planning`, on reference motion into `pa
 """
 
 from wbc.walking.arms import Arm, Arms, ArmSettings
-from wbc.walking.control import WalkingControl, WalkingControlSettings
+from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.hands import Hands
@@ -28,6 +28,7 @@ from wbc.walking.planning.sources import (
     Standing,
     VelocitySource,
 )
+from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.stabilizer.admittance import FootCorrection
 from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings

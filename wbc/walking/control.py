@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import Mode, PositionControl, SafetySettings, TorqueControl
+from wbc.core.control import PositionControl, TorqueControl
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
@@ -29,76 +28,25 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
-from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.walking.arms import Arms, ArmSettings
+from wbc.walking.arms import Arms
 from wbc.walking.driver import Driver
-from wbc.walking.falls import FallDetector, FallReason, FallSettings
+from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.hands import Hands
-from wbc.walking.load import HeldLoad, LoadSettings
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.load import HeldLoad
+from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, check_start
 from wbc.walking.planning.reach import Reach, bent_height
 from wbc.walking.planning.schedule import SoleSizes, support_area
-from wbc.walking.planning.sources import (
-    DriveSettings,
-    FootstepSource,
-    GoalSource,
-    PlanSource,
-    Velocity,
-    VelocitySource,
-    checked_velocity,
-)
-from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
-from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
-from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanMotion, LeanSettings
+from wbc.walking.planning.sources import FootstepSource, Velocity
+from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.stabilizer.bias import BiasEstimator
+from wbc.walking.stabilizer.distribution import WrenchDistribution
+from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
-from wbc.walking.tasks import TaskGains, WalkTasks
-from wbc.walking.walk import Walk, WalkReference, WalkSettings
-
-
-@settings
-class WalkingControlSettings:
-    """Settings of a walk: all but its footsteps.
-
-    Attributes:
-        mode: "position": servos follow an integrated motion; "torque": torques are sent; "hybrid": torques, with
-            the machine's soft servos around the motion that they make.
-        com_height: Height of the CoM over the support while walking, m, reached in the first double support; that of
-            the robot as it stands when None.
-        feedforward: In position control, add the torques of the desired wrenches to the servos.
-        walk: Phases, pattern, step adjustment.
-        gains: Of the stabilizer.
-        distribution: Of the desired wrench over the feet; a desired CoP at the very edge would tip the foot.
-        tasks: Weights and gains of the tasks.
-        falls: Limits beyond which the robot has fallen.
-        lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
-        drive: Limits of a robot that is steered.
-        arms: Hands with targets, and arms that swing.
-        bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
-            are off by millimetres. None takes both as measured.
-        hands: Hands that press on things; None for hands that are only carried along.
-        load: Estimate of a load of unknown mass in the hands, which the models then carry; None for empty hands.
-        safety: Ranges of measurements and commands.
-    """
-
-    mode: Mode = "position"
-    com_height: Annotated[Positive, "m"] | None = None
-    feedforward: bool = True
-    walk: WalkSettings = field(default_factory=WalkSettings)
-    gains: StabilizerGains = field(default_factory=StabilizerGains)
-    distribution: DistributionSettings = field(default_factory=lambda: DistributionSettings(margin=0.008))
-    tasks: TaskGains = field(default_factory=TaskGains)
-    falls: FallSettings = field(default_factory=FallSettings)
-    lean: LeanSettings | None = field(default_factory=LeanSettings)
-    bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
-    drive: DriveSettings = field(default_factory=DriveSettings)
-    hands: HandSettings | None = None
-    load: LoadSettings | None = None
-    arms: ArmSettings = field(default_factory=ArmSettings)
-    safety: SafetySettings = field(default_factory=SafetySettings)
+from wbc.walking.tasks import WalkTasks
+from wbc.walking.walk import Walk, WalkReference
 
 
 class WalkingControl:
@@ -157,7 +105,7 @@ class WalkingControl:
         """
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
-        _check_start(robot, plan)
+        check_start(robot, plan)
         self.settings = s = settings or WalkingControlSettings()
         self.dt = positive("control period (s)", dt)
         self._robot = robot
@@ -170,7 +118,6 @@ class WalkingControl:
             reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
         self.walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
         self.driver = Driver(self.walk, robot, s.drive, extent)
-        self._extent = extent
         self._omega = scalar(self.walk.omega)
         self._sizes: SoleSizes = self.walk.sole_sizes
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
@@ -250,10 +197,7 @@ class WalkingControl:
 
     def stop(self) -> None:
         """Come to a stand safely."""
-        if self.driver.source is None:
-            self.walk.stop()
-        else:
-            self.velocity = None
+        self.driver.stop()
 
     @property
     def velocity(self) -> Velocity | None:
@@ -263,16 +207,11 @@ class WalkingControl:
         steps. None as well while another source gives the footsteps. A velocity that is not three finite numbers is an
         `InputError`; one that cannot be had is limited (`granted_velocity`).
         """
-        source = self.driver.source
-        return source.target if isinstance(source, VelocitySource) else None
+        return self.driver.velocity
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        target, source = checked_velocity(velocity), self.driver.source
-        if not isinstance(source, VelocitySource):
-            source = self.driver.velocity_source()
-            self.driver.follow(source)
-        source.target = target
+        self.driver.velocity = velocity
 
     @property
     def steered(self) -> bool:
@@ -296,14 +235,7 @@ class WalkingControl:
         Raises:
             InputError: A place beyond the ground.
         """
-        if self._extent is not None:
-            low_x, high_x, low_y, high_y = self._extent
-            if not (low_x <= x <= high_x and low_y <= y <= high_y):
-                raise InputError(
-                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
-                    f"got the goal ({x:g}, {y:g})"
-                )
-        self.driver.follow(GoalSource((x, y, yaw), self.driver.velocity_source()))
+        self.driver.go_to(x, y, yaw)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan, or from a planner of one's own, from the next tick on.
@@ -312,7 +244,7 @@ class WalkingControl:
             source: Footsteps in the world, or an object with the method of `FootstepSource`. A plan that cannot be
                 walked from where the robot is brings it to a stand (`driver.reason`).
         """
-        self.driver.follow(PlanSource(source) if isinstance(source, FootstepPlan) else source)
+        self.driver.follow(source)
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -478,18 +410,3 @@ class WalkingControl:
             dcm_distance=self._beyond,
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
-
-
-def _check_start(robot: Robot, plan: FootstepPlan) -> None:
-    """Check that a plan begins where the robot stands, as closely as a first step can make good."""
-    for sole, foot in zip(robot.soles, (plan.left, plan.right), strict=True):
-        stands = Footstep.of(foot.side, robot.placement(sole.frame))
-        forward, left, up, turn = stands.seen_from(foot)
-        if math.hypot(forward, left) > 0.02 or abs(up) > 0.05 or abs(turn) > 0.05:
-            planned, real = (
-                f"({X.x:.3f}, {X.y:.3f}, {X.z:.3f}) m and {X.yaw:.3f} rad" for X in (foot, stands)
-            )
-            raise InputError(
-                f"the plan must begin where the robot stands, within 0.02 m (0.05 m in height) and 0.05 rad; its "
-                f"{foot.side} foot is at {planned}, that of the robot at {real}"
-            )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from wbc.core.errors import Array, InputError
@@ -24,9 +25,11 @@ from wbc.walking.planning.sources import (
     DriveSettings,
     FootstepSource,
     GoalSource,
+    PlanSource,
     Standing,
     Velocity,
     VelocitySource,
+    checked_velocity,
     close_up,
 )
 from wbc.walking.walk import Walk
@@ -92,10 +95,54 @@ class Driver:
             return AT_REST if self._walk.finished else source.granted
         return _mean_velocity(self._walk)
 
-    def follow(self, source: FootstepSource) -> None:
-        """Take the footsteps from a source, from the next tick on."""
-        self.source, self.reason, self.steered = source, "", True
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None while another source gives the steps.
+
+        A velocity that is not three finite numbers is an `InputError`; None brings the robot to a stand.
+        """
+        return self.source.target if isinstance(self.source, VelocitySource) else None
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        target, source = checked_velocity(velocity), self.source
+        if not isinstance(source, VelocitySource):
+            source = self.velocity_source()
+            self.follow(source)
+        source.target = target
+
+    def stop(self) -> None:
+        """Come to a stand."""
+        if self.source is None:
+            self._walk.stop()
+        else:
+            self.velocity = None
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan or a source, from the next tick on."""
+        self.source = PlanSource(source) if isinstance(source, FootstepPlan) else source
+        self.reason, self.steered = "", True
         self._next = 0.0
+
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place and stand there.
+
+        Args:
+            x: Place of the middle between the feet in the world, m.
+            y: The same, m.
+            yaw: Heading there, rad.
+
+        Raises:
+            InputError: A place beyond the ground.
+        """
+        if self._extent is not None:
+            low_x, high_x, low_y, high_y = self._extent
+            if not (low_x <= x <= high_x and low_y <= y <= high_y):
+                raise InputError(
+                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
+                    f"got the goal ({x:g}, {y:g})"
+                )
+        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
 
     def update(self, time: float, dcm: Array | None = None, beyond: float = -math.inf) -> None:
         """Plan the footsteps anew if it is time to.

@@ -231,3 +231,26 @@ class FootstepPlan:
             for side, sole in zip(SIDES, robot.soles[:2], strict=True)
         )
         return FootstepPlan(left, right, (), gait or Gait())
+
+
+def check_start(robot: Robot, plan: FootstepPlan) -> None:
+    """Check that a plan begins where the robot stands, as closely as a first step can make good.
+
+    Args:
+        robot: The robot, as it stands.
+        plan: The plan.
+
+    Raises:
+        InputError: A foot stands elsewhere.
+    """
+    for sole, foot in zip(robot.soles, (plan.left, plan.right), strict=True):
+        stands = Footstep.of(foot.side, robot.placement(sole.frame))
+        forward, left, up, turn = stands.seen_from(foot)
+        if math.hypot(forward, left) > 0.02 or abs(up) > 0.05 or abs(turn) > 0.05:
+            planned, real = (
+                f"({X.x:.3f}, {X.y:.3f}, {X.z:.3f}) m and {X.yaw:.3f} rad" for X in (foot, stands)
+            )
+            raise InputError(
+                f"the plan must begin where the robot stands, within 0.02 m (0.05 m in height) and 0.05 rad; its "
+                f"{foot.side} foot is at {planned}, that of the robot at {real}"
+            )

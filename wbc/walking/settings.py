@@ -1,0 +1,62 @@
+"""Settings of a walk, gathered from its parts: all but its footsteps."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Annotated
+
+from wbc.core.control import Mode, SafetySettings
+from wbc.core.settings import Positive, settings
+from wbc.walking.arms import ArmSettings
+from wbc.walking.falls import FallSettings
+from wbc.walking.hands.hand import HandSettings
+from wbc.walking.load import LoadSettings
+from wbc.walking.planning.sources import DriveSettings
+from wbc.walking.stabilizer.bias import BiasSettings
+from wbc.walking.stabilizer.distribution import DistributionSettings
+from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stabilizer.lean import LeanSettings
+from wbc.walking.tasks import TaskGains
+from wbc.walking.walk import WalkSettings
+
+
+@settings
+class WalkingControlSettings:
+    """Settings of a walk: all but its footsteps.
+
+    Attributes:
+        mode: "position": servos follow an integrated motion; "torque": torques are sent; "hybrid": torques, with
+            the machine's soft servos around the motion that they make.
+        com_height: Height of the CoM over the support while walking, m, reached in the first double support; that of
+            the robot as it stands when None.
+        feedforward: In position control, add the torques of the desired wrenches to the servos.
+        walk: Phases, pattern, step adjustment.
+        gains: Of the stabilizer.
+        distribution: Of the desired wrench over the feet; a desired CoP at the very edge would tip the foot.
+        tasks: Weights and gains of the tasks.
+        falls: Limits beyond which the robot has fallen.
+        lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
+        drive: Limits of a robot that is steered.
+        arms: Hands with targets, and arms that swing.
+        bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
+            are off by millimetres. None takes both as measured.
+        hands: Hands that press on things; None for hands that are only carried along.
+        load: Estimate of a load of unknown mass in the hands, which the models then carry; None for empty hands.
+        safety: Ranges of measurements and commands.
+    """
+
+    mode: Mode = "position"
+    com_height: Annotated[Positive, "m"] | None = None
+    feedforward: bool = True
+    walk: WalkSettings = field(default_factory=WalkSettings)
+    gains: StabilizerGains = field(default_factory=StabilizerGains)
+    distribution: DistributionSettings = field(default_factory=lambda: DistributionSettings(margin=0.008))
+    tasks: TaskGains = field(default_factory=TaskGains)
+    falls: FallSettings = field(default_factory=FallSettings)
+    lean: LeanSettings | None = field(default_factory=LeanSettings)
+    bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
+    drive: DriveSettings = field(default_factory=DriveSettings)
+    hands: HandSettings | None = None
+    load: LoadSettings | None = None
+    arms: ArmSettings = field(default_factory=ArmSettings)
+    safety: SafetySettings = field(default_factory=SafetySettings)
