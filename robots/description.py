@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import check_fields, checked
+from wbc.core.arguments import check_fields, checked, spelled_out
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.registry import named_parameters
@@ -23,6 +23,7 @@ from wbc.robots.derivation import inertia, posture
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, leg_joints, read_gains
 from wbc.robots.frames import FrameDescription, SoleDescription
+from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import from_pinocchio
 from wbc.robots.report import doubts, facts, report
 
@@ -95,6 +96,7 @@ class RobotDescription:
     @classmethod
     @named_parameters("RobotDescription.from_urdf")
     @checked
+    @spelled_out
     def from_urdf(
         cls,
         source: str | Path,
@@ -104,22 +106,8 @@ class RobotDescription:
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
         package_dirs: tuple[str | Path, ...] = (),
-        lock: Mapping[str, float] | None = None,
-        half_sitting: Mapping[str, float] | None = None,
-        torso: str | None = None,
-        imu: str | FrameDescription | None = None,
-        hands: Mapping[str, str] | None = None,
-        armature: float | Mapping[str, float] | None = None,
-        servo: ServoRule | None = None,
-        gains: Mapping[str, tuple[float, float]] | None = None,
-        position_limits: Mapping[str, tuple[float, float]] | None = None,
-        velocity_limits: Mapping[str, float] | None = None,
-        torque_limits: Mapping[str, float] | None = None,
-        turn_root: bool | None = None,
-        repair: bool = False,
-        height: float | None = None,
-        licence: str = "unknown",
         provenance: str | None = None,
+        **options: Unpack[DescriptionOptions],
     ) -> RobotDescription:
         """Return the description of any humanoid; what is not given is derived from the model.
 
@@ -133,23 +121,8 @@ class RobotDescription:
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; from the geometry of the feet when None.
             package_dirs: Folders for `package://` in the URDF.
-            lock: Joint → position at which it is fixed, such as those of fingers, rad or m.
-            half_sitting: Joint → position of all or some joints, rad or m.
-            torso: Link of the chest.
-            imu: Frame of the inertial measurement unit, of the URDF or a placement in a link.
-            hands: Role → frame.
-            armature: Rotor inertia seen at the joints, one for all or joint → value, kg m².
-            servo: Rule for the servo gains.
-            gains: Joint → (kp, kd), Nm/rad and Nms/rad.
-            position_limits: Joint → (lower, upper), in place of the URDF's, rad or m.
-            velocity_limits: Joint → largest speed, in place of the URDF's, rad/s or m/s.
-            torque_limits: Joint → largest torque or force, in place of the URDF's, Nm or N.
-            turn_root: True or None to turn a root whose x axis does not point forward, by a link above it; False to
-                refuse it.
-            repair: Clamp inertias that no body can have instead of refusing them.
-            height: Standing height with straight legs, m.
-            licence: Licence of the model.
             provenance: Origin of the model; the path when None.
+            **options: See `wbc.robots.options.DescriptionOptions`.
 
         Raises:
             UnknownNameError: A parameter, frame or joint that does not exist.
@@ -167,27 +140,14 @@ class RobotDescription:
                 source=provenance or (str(source) if is_file else "URDF string"),
                 notes=[],
                 package_dirs=directories,
-                lock=lock,
-                half_sitting=half_sitting,
-                torso=torso,
-                imu=imu,
-                hands=hands,
-                armature=armature,
-                servo=servo,
-                gains=gains,
-                position_limits=position_limits,
-                velocity_limits=velocity_limits,
-                torque_limits=torque_limits,
-                turn_root=turn_root,
-                repair=repair,
-                height=height,
-                licence=licence,
+                **options,
             )
         )
 
     @classmethod
     @named_parameters("RobotDescription.from_mjcf")
     @checked
+    @spelled_out
     def from_mjcf(
         cls,
         source: object,
@@ -197,24 +157,10 @@ class RobotDescription:
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
         root: str | None = None,
-        lock: Mapping[str, float] | None = None,
         meshes: bool = True,
         use_gains: bool = True,
-        half_sitting: Mapping[str, float] | None = None,
-        torso: str | None = None,
-        imu: str | FrameDescription | None = None,
-        hands: Mapping[str, str] | None = None,
-        armature: float | Mapping[str, float] | None = None,
-        servo: ServoRule | None = None,
-        gains: Mapping[str, tuple[float, float]] | None = None,
-        position_limits: Mapping[str, tuple[float, float]] | None = None,
-        velocity_limits: Mapping[str, float] | None = None,
-        torque_limits: Mapping[str, float] | None = None,
-        turn_root: bool | None = None,
-        repair: bool = False,
-        height: float | None = None,
-        licence: str = "unknown",
         provenance: str | None = None,
+        **options: Unpack[DescriptionOptions],
     ) -> RobotDescription:
         """Return the description of any humanoid in an MJCF, read through MuJoCo's compiled model.
 
@@ -228,24 +174,12 @@ class RobotDescription:
             name: Name of the robot; that in the file when None.
             sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
             root: Body that floats; the one with a free joint when None. Joints of its own are replaced.
-            lock: Joint → position at which it is fixed, such as those of fingers, rad or m.
             meshes: False to read a file whose meshes are missing; every body must then give its inertia.
             use_gains: False to derive all servo gains instead of taking those of the file.
-            imu: Site or body, or a placement in a body; the site of a gyroscope when None.
-            hands: Role → body.
-            armature: In place of the file's.
-            gains: Joint → (kp, kd), in place of the file's, Nm/rad and Nms/rad.
-            half_sitting: As in `from_urdf`. A keyframe when the robot stands in one.
-            torso: As in `from_urdf`.
-            servo: As in `from_urdf`.
-            position_limits: As in `from_urdf`.
-            velocity_limits: As in `from_urdf`. An MJCF has none: 20 rad/s.
-            torque_limits: As in `from_urdf`. The tightest of the file's.
-            turn_root: As in `from_urdf`.
-            repair: As in `from_urdf`.
-            height: As in `from_urdf`.
-            licence: As in `from_urdf`.
             provenance: As in `from_urdf`.
+            **options: See `wbc.robots.options.DescriptionOptions`. When not given, half-sitting is a keyframe in which
+                the robot stands, the IMU is at the site of a gyroscope, velocity limits, which an MJCF has not, are
+                20 rad/s, and torque limits the tightest of the file's.
 
         Raises:
             UnknownNameError: A parameter, body, site, geom or joint that does not exist.
@@ -255,8 +189,20 @@ class RobotDescription:
         """
         from wbc.robots.readers import robot_mjcf  # noqa: PLC0415  MuJoCo is imported with it
 
-        given = {key: value for key, value in locals().items() if key not in ("cls", "source", "robot_mjcf")}
-        return cls(**robot_mjcf.fields(source, **given))
+        return cls(
+            **robot_mjcf.fields(
+                source,
+                left_sole=left_sole,
+                right_sole=right_sole,
+                name=name,
+                sole_size=sole_size,
+                root=root,
+                meshes=meshes,
+                use_gains=use_gains,
+                provenance=provenance,
+                **options,
+            )
+        )
 
     @classmethod
     def from_pinocchio(

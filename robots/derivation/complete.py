@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,7 @@ from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule, leg_joints
 from wbc.robots.frames import FrameDescription
+from wbc.robots.options import DescriptionOptions
 
 SoleFinder = Callable[[urdf.Element, pin.Model, float, list[str]], defaults.Soles]
 """Function of the URDF, its model, the turn of the root so far (rad) and the notes that returns the soles."""
@@ -63,26 +64,12 @@ def complete(
     source: str,
     notes: list[str],
     package_dirs: tuple[str, ...] = (),
-    lock: Mapping[str, float] | None = None,
-    half_sitting: Mapping[str, float] | None = None,
     postures: Sequence[tuple[str, Mapping[str, float]]] = (),
-    torso: str | None = None,
-    imu: str | FrameDescription | None = None,
-    hands: Mapping[str, str] | None = None,
-    armature: float | Mapping[str, float] | None = None,
-    servo: ServoRule | None = None,
-    gains: Mapping[str, tuple[float, float]] | None = None,
-    position_limits: Mapping[str, tuple[float, float]] | None = None,
-    velocity_limits: Mapping[str, float] | None = None,
-    torque_limits: Mapping[str, float] | None = None,
-    turn_root: bool | None = None,
     feet_found: bool = False,
-    repair: bool = False,
-    height: float | None = None,
-    licence: str = "unknown",
-    **taken: Any,
+    taken: Mapping[str, Any] | None = None,
+    **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
-    """Return the fields of a `RobotDescription`; see `RobotDescription.from_urdf` for the arguments.
+    """Return the fields of a `RobotDescription`.
 
     Args:
         root: The `<robot>` element; changed.
@@ -91,39 +78,30 @@ def complete(
         source: Origin of the model.
         notes: Remarks so far.
         package_dirs: Folders for `package://`.
-        lock: Joint → position at which it is fixed.
-        half_sitting: Joint → position.
         postures: Postures of the file, name and joint → position, that may serve as half-sitting.
-        torso: Link of the chest.
-        imu: Frame of the IMU.
-        hands: Role → frame.
-        armature: Rotor inertias.
-        servo: Rule for the servo gains.
-        gains: Joint → (kp, kd).
-        position_limits: Joint → (lower, upper).
-        velocity_limits: Joint → largest speed.
-        torque_limits: Joint → largest torque.
-        turn_root: Turn a root that does not look forward; where the feet leave no doubt when None.
         feet_found: True if it was left to `find_soles` which foot is the left one.
-        repair: Clamp inertias that no body can have.
-        height: Standing height.
-        licence: Licence of the model.
-        **taken: Further fields, taken over as they are.
+        taken: Further fields, taken over as they are.
+        **options: See `DescriptionOptions`.
 
     Raises:
         InputError: As `RobotDescription.from_urdf`.
     """
     notes += urdf.tidy(root)
-    urdf.lock(root, lock or {})
-    urdf.set_limits(root, position=position_limits, velocity=velocity_limits, torque=torque_limits)
-    if repair:
+    urdf.lock(root, options.get("lock") or {})
+    urdf.set_limits(
+        root,
+        position=options.get("position_limits"),
+        velocity=options.get("velocity_limits"),
+        torque=options.get("torque_limits"),
+    )
+    if options.get("repair", False):
         notes += inertia.repair(root)
     inertia.check(root)
     name = name or str(root.get("name") or "robot")
     model = urdf.pinocchio_model(urdf.to_string(root), name)
     remarks: list[str] = []
     soles = _add_soles(root, model, find_soles, 0.0, remarks)
-    turn = heading(model, soles, feet_found) if turn_root is not False else 0.0
+    turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
     if turn:
         turned = urdf.turn_root(root, turn)
         notes.append(
@@ -135,7 +113,7 @@ def complete(
     defaults.check_sides(model, soles)
     _refuse_at_ankle(model, soles)
 
-    joints = defaults.complete_half_sitting(model, soles, half_sitting or {}, notes, postures)
+    joints = defaults.complete_half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
     q = posture.standing_configuration(model, (soles[0].frame, soles[1].frame), joints)
     com_height = float(pin.centerOfMass(model, model.createData(), q)[2])
     mass = pin.computeTotalMass(model)
@@ -145,7 +123,10 @@ def complete(
         urdf.set_limits(root, torque=torques)
         listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
         notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
-    rotors = defaults.complete_armature(list(joints), armature, ARMATURE_RATIO * mass * com_height**2, notes)
+    rotors = defaults.complete_armature(
+        list(joints), options.get("armature"), ARMATURE_RATIO * mass * com_height**2, notes
+    )
+    torso, height = options.get("torso"), options.get("height")
     if torso is None:
         torso = defaults.find_torso(model, soles)
         notes.append(f"torso: link '{torso}'")
@@ -156,17 +137,17 @@ def complete(
         "soles": soles,
         "half_sitting": joints,
         "armature": rotors,
-        "imu": defaults.complete_imu(model, imu, notes),
+        "imu": defaults.complete_imu(model, options.get("imu"), notes),
         "torso": torso,
-        "hands": hands or {},
-        "servo": servo or ServoRule(),
-        "gains": gains or {},
+        "hands": options.get("hands") or {},
+        "servo": options.get("servo") or ServoRule(),
+        "gains": options.get("gains") or {},
         "package_dirs": package_dirs,
         "height": None if height is None else positive("height (m)", height),
         "source": source,
-        "licence": licence,
+        "licence": options.get("licence", "unknown"),
         "derived": tuple(notes),
-        **taken,
+        **(taken or {}),
     }
 
 

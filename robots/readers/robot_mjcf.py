@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +14,7 @@ from wbc.robots import urdf
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
 from wbc.robots.frames import FrameDescription, SoleDescription
+from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled_with_files
 
@@ -26,19 +27,15 @@ def fields(
     name: str | None,
     sole_size: tuple[float, float] | None,
     root: str | None,
-    lock: Mapping[str, float] | None,
     meshes: bool,
     use_gains: bool,
-    armature: float | Mapping[str, float] | None,
-    gains: Mapping[str, tuple[float, float]] | None,
-    imu: str | FrameDescription | None,
     provenance: str | None,
-    **options: Any,
+    **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
     model, files = compiled_with_files(source, meshes=meshes)
     _refuse_odd_inertias(model)
-    tree = tree_mjcf.find_tree(model, root, lock or {})
+    tree = tree_mjcf.find_tree(model, root, options.pop("lock", None) or {})
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
     writer = tree_mjcf.write(tree, name, drives.torque)
@@ -47,9 +44,10 @@ def fields(
         f"velocity limits: an MJCF has none; {tree_mjcf.SPEED:g} rad/s (slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
     )
     if use_gains:
-        gains = {**drives.gains, **(gains or {})}
+        options["gains"] = {**drives.gains, **(options.get("gains") or {})}
+    armature = options.get("armature")
     if armature is None or isinstance(armature, Mapping):
-        armature = {**drives.armature, **(armature or {})}
+        options["armature"] = {**drives.armature, **(armature or {})}
     found_imu, sensors = drives_mjcf.sensors(tree)
     notes = list(tree.notes)
     given = (left_sole, right_sole)
@@ -70,8 +68,10 @@ def fields(
     site = {
         str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
     }
+    imu = options.get("imu")
     if isinstance(imu, str) and imu in site and imu not in {tree.body_name(b) for b in tree.bodies}:
         imu = drives_mjcf.site_frame(tree, site[imu])
+    options["imu"] = found_imu if imu is None else imu
     if imu is None and found_imu is not None:
         notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
     return complete(
@@ -81,13 +81,8 @@ def fields(
         source=provenance or where,
         notes=notes,
         postures=drives_mjcf.keyframes(tree),
-        imu=imu if imu is not None else found_imu,
-        armature=armature,
-        gains=gains,
         feet_found=left_sole is None and right_sole is None,
-        damping=drives.damping,
-        frictionloss=drives.frictionloss,
-        sensors=sensors,
+        taken={"damping": drives.damping, "frictionloss": drives.frictionloss, "sensors": sensors},
         **options,
     )
 

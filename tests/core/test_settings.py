@@ -8,13 +8,13 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypedDict, Unpack
 
 import numpy as np
 import pytest
 from pydantic import Field
 
-from wbc.core.arguments import LazyMapping, checked
+from wbc.core.arguments import LazyMapping, checked, spelled_out
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.registry import Registry, call_checked, named_parameters
 from wbc.core.settings import (
@@ -232,6 +232,28 @@ def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
         Shoe.of(2.0, color="blue")  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="size"):
         Shoe.of()  # type: ignore[call-arg]
+
+
+class Laces(TypedDict, total=False):
+    length: float | None
+    colour: str
+
+
+def test_options_of_a_typed_dictionary_are_checked_and_named_like_parameters() -> None:
+    @named_parameters("shoe")
+    @checked
+    @spelled_out
+    def shoe(size: float, **options: Unpack[Laces]) -> tuple[float, Laces]:
+        return size, options
+
+    assert shoe(2.0) == (2.0, {}) and shoe(2.0, length=None) == (2.0, {"length": None})
+    parameters = inspect.signature(shoe).parameters
+    assert list(parameters) == ["size", "length", "colour"]
+    assert [parameters[name].default for name in Laces.__annotations__] == [None, ...]
+    with pytest.raises(InputError, match="length must be a finite number or none, got 'long'"):
+        shoe(2.0, length="long")  # type: ignore[arg-type]
+    with pytest.raises(UnknownNameError, match="no parameter of shoe 'color'; did you mean 'colour'"):
+        shoe(2.0, color="red")  # type: ignore[call-arg]
 
 
 def test_a_mapping_that_makes_its_values_when_asked_is_not_gone_through() -> None:

@@ -63,6 +63,31 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
+def spelled_out(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate a function with `**options: Unpack[Options]`: its signature names each option, for checks and for help.
+
+    The default of an option that may be None is None there, that of any other `...`.
+
+    Args:
+        function: The function, before `checked`; the annotation of its options must be importable at run time.
+
+    Returns:
+        The same function.
+    """
+    signature = inspect.signature(function)
+    *parameters, several = signature.parameters.values()
+    hint = types.SimpleNamespace(__annotations__={several.name: several.annotation})
+    names = getattr(function, "__globals__", {})
+    (options,) = typing.get_args(typing.get_type_hints(hint, globalns=names)[several.name])
+    for name, kind in typing.get_type_hints(options, include_extras=True).items():
+        default = None if type(None) in typing.get_args(kind) else ...
+        parameters.append(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+        )
+    vars(function)["__signature__"] = signature.replace(parameters=parameters)
+    return function
+
+
 def checked_on_failure(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a public function of the tick: its arguments are checked only when it raises.
 

@@ -1,0 +1,51 @@
+"""Options with which a robot is read from a file, each stated once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypedDict
+
+from wbc.robots.derivation.servo import ServoRule
+from wbc.robots.frames import FrameDescription
+
+
+class DescriptionOptions(TypedDict, total=False):
+    """Options of a robot, whatever kind of file it is read from; what is None or left out is derived from the model.
+
+    Links are the bodies of an MJCF, frames of links its bodies and sites.
+
+    Attributes:
+        lock: Joint → position at which it is fixed, such as those of fingers, rad or m.
+        half_sitting: Joint → position of all or some joints, rad or m.
+        torso: Link of the chest.
+        imu: Frame of the inertial measurement unit, of the file or a placement in a link.
+        hands: Role → frame.
+        armature: Rotor inertia seen at the joints, one for all or joint → value, kg m² (kg for prismatic joints), in
+            place of the file's.
+        servo: Rule for the servo gains.
+        gains: Joint → (kp, kd), in place of the file's, Nm/rad and Nms/rad.
+        position_limits: Joint → (lower, upper), in place of the file's, rad or m.
+        velocity_limits: Joint → largest speed, in place of the file's, rad/s or m/s.
+        torque_limits: Joint → largest torque or force, in place of the file's, Nm or N.
+        turn_root: True or None to turn a root whose x axis does not point forward, by a link above it; False to refuse
+            it.
+        repair: Clamp inertias that no body can have instead of refusing them; False by default.
+        height: Standing height with straight legs, m; unknown when None.
+        licence: Licence of the model; "unknown" by default.
+    """
+
+    lock: Mapping[str, float] | None
+    half_sitting: Mapping[str, float] | None
+    torso: str | None
+    imu: str | FrameDescription | None
+    hands: Mapping[str, str] | None
+    armature: float | Mapping[str, float] | None
+    servo: ServoRule | None
+    gains: Mapping[str, tuple[float, float]] | None
+    position_limits: Mapping[str, tuple[float, float]] | None
+    velocity_limits: Mapping[str, float] | None
+    torque_limits: Mapping[str, float] | None
+    turn_root: bool | None
+    repair: bool
+    height: float | None
+    licence: str
