@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import InputError, MeasurementError, finite_array, positive, whole_number
+from wbc.core.errors import InputError, MeasurementError, finite_array, whole_number
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
@@ -260,9 +260,7 @@ class MujocoLoop:
             InputError: A force or point that is not three finite numbers, a duration that is not above zero.
         """
         index, place = self.places.carrier(self.model, self.robot, body_frame(body, self.robot))
-        point = None if at is None else place.act(finite_array("point of attack (m)", at, (3,)))
-        newtons = finite_array("force of the push (N)", force, (3,))
-        self._pushes.add(Push(index, newtons, point, positive("duration of the push (s)", duration)))
+        self._pushes.add(Push.at(index, place, force, duration, at))
 
     def truth(self) -> GroundTruth:
         """Return the true state now; for logs, tests and pictures, never for a controller."""

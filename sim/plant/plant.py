@@ -46,6 +46,7 @@ from wbc.sim.plant.pushes import Loads, Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import TrueSignals
+from wbc.sim.plant.stepping import PhysicsSteps, divergence
 from wbc.sim.plant.truth import GroundTruth, TruthReader
 from wbc.sim.scenes import Scene
 from wbc.sim.terrain import Terrain
@@ -206,6 +207,17 @@ class Plant:
             torques=torques,
             hands=len(self._plant.hands),
         )
+        self._physics_steps = PhysicsSteps(
+            self.model,
+            self.data,
+            self.steps,
+            averaging=self.averaging,
+            drives=self._drives,
+            pushes=self._pushes,
+            signals=self._signals,
+            chain=self._chain,
+            truth=self._truth_reader,
+        )
         self.joint_torque = np.zeros(self._na)
         self._initial = initial_configuration
         self.reset()
@@ -342,34 +354,16 @@ class Plant:
         """
         if self.diverged is not None:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
-        model, data, steps = self.model, self.data, self.steps
-        drives, signals, devices = self._drives, self._signals, self._devices
-        target = drives.read(command)
+        devices = self._devices
+        target = self._drives.read(command)
         devices.check(command.sole_stiffness)
         if devices.advance(command.sole_stiffness, self.control_period):
             # The springs' forces belong to the half of the coming step that is done already: do it again.
-            mujoco.mj_step1(model, data)
-        drives.follow(target)
+            mujoco.mj_step1(self.model, self.data)
+        self._drives.follow(target)
         if self._loads.changing:
             self._loads.advance(self.control_period)
-        if self._pushes or self._chain.oldest or drives.delay or drives.start is not drives.target:
-            self._advance_singly()
-        else:
-            # The first half of the coming step was done at the end of the last one, when the sensors were read.
-            data.ctrl[:] = drives.target
-            if self.averaging:
-                step = mujoco.mj_step2
-                for row in signals.window:
-                    step(model, data)
-                    data.sensordata.take(signals.force_places, out=row, mode="clip")
-                    step = mujoco.mj_step
-            else:
-                mujoco.mj_step2(model, data)
-                if steps > 1:
-                    mujoco.mj_step(model, data, steps - 1)
-                data.sensordata.take(signals.force_places, out=signals.window[0])
-            self._truth_reader.capture(data)
-            mujoco.mj_step1(model, data)
+        self._physics_steps.advance()
         self.ticks += 1
         self._after_step()
 
@@ -402,15 +396,7 @@ class Plant:
             InputError: A force or point that is not three finite numbers, a duration that is not above zero.
         """
         index, place = self._plant.body(body, self.robot)
-        point = None if at is None else finite_array("point of attack (m)", at, (3,))
-        self._pushes.add(
-            Push(
-                index,
-                finite_array("force of the push (N)", force, (3,)),
-                None if point is None else place.act(point),
-                positive("duration of the push (s)", duration),
-            )
-        )
+        self._pushes.add(Push.at(index, place, force, duration, at))
 
     def grip(self, hand: str, handle: str) -> None:
         """Close a hand around a handle of the scene: it keeps its distance to the handle, and turns freely about it.
@@ -469,42 +455,8 @@ class Plant:
         self._measurement = None
         if self._chain.oldest == 0:
             self._signals.sample(data)
-        warned, q, v = data.warning.number, data.qpos, data.qvel
-        if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
-            names = [mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)]
-            self.diverged = (
-                f"simulation diverged before {self.time:.4f} s ({', '.join(names) or 'NaN in the state'})"
-            )
-
-    def _advance_singly(self) -> None:
-        """Advance by one control period step by step: for pushes, moving references, delays and latencies."""
-        model, data, drives, signals = self.model, self.data, self._drives, self._signals
-        ctrl, sensors, window, places = data.ctrl, data.sensordata, signals.window, signals.force_places
-        moving, rows = drives.start is not drives.target, len(window)
-        newest, oldest = self._chain.newest, self._chain.oldest
-        ctrl[:] = drives.target
-        begun = True  # the first half of the coming step is done
-        for left in range(self.steps - 1, -1, -1):
-            done = self.steps - left
-            if moving:
-                part = drives.target - drives.start
-                ctrl[:] = drives.target if left == 0 else drives.start + (done / self.steps) * part
-            if drives.delay:
-                drives.advance()
-                ctrl[:] = drives.target
-            if self._pushes:
-                self._pushes.apply(data, self.timestep)
-            (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
-            sensors.take(places, out=window[(done - 1) % rows], mode="clip")
-            if left == 0:
-                self._truth_reader.capture(data)
-            read = newest <= left <= oldest
-            begun = left == 0 or read or bool(self._pushes)
-            if begun:
-                mujoco.mj_step1(model, data)
-            if read and oldest > 0:
-                signals.sample(data)
-                self._chain.push(signals.values)
+        if (why := divergence(data)) is not None:
+            self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
 
 
 @checked

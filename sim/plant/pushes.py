@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, finite_array, positive
 
 _OVER = 1e-12
 """Remaining time at which a push is over, s."""
@@ -29,6 +30,28 @@ class Push:
     force: Array
     point: Array | None
     remaining: float
+
+    @staticmethod
+    def at(body: int, frame: pin.SE3, force: ArrayLike, duration: float, point: ArrayLike | None) -> Push:
+        """Return a push at a point of a frame.
+
+        Args:
+            body: Index of the body that carries the frame.
+            frame: Placement of the frame in the body.
+            force: In the world, shape (3,), N; constant.
+            duration: s.
+            point: Point of attack in the frame, shape (3,), m; the centre of mass of the body when None.
+
+        Raises:
+            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
+        """
+        attack = None if point is None else finite_array("point of attack (m)", point, (3,))
+        return Push(
+            body,
+            finite_array("force of the push (N)", force, (3,)),
+            None if attack is None else frame.act(attack),
+            positive("duration of the push (s)", duration),
+        )
 
 
 class Pushes:
