@@ -187,6 +187,7 @@ COMMANDS: dict[str, tuple[Callable[[Any], Any], str, str]] = {
     "velocity ignored": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_velocity=ZERO)), "velocity reference", "ignored"),
     "commands to other joints": (lambda loop: Wrapped(loop, lambda c: Command(c.joint_torque[ELBOWS], c.joint_position[ELBOWS], c.joint_velocity[ELBOWS])), "joint order", "another order"),  # type: ignore[index]
     "nothing follows": (lambda loop: Wrapped(loop, lambda c: loop.hold()), "joint order", "does not reach"),
+    "10 ms late": (lambda loop: Late(loop, 2), "delay", "10 ms"),
     "20 ms late": (lambda loop: Late(loop, 4), "delay", "20 ms"),
 }  # fmt: skip
 

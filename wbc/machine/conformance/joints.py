@@ -150,14 +150,14 @@ class JointChecks(Session):
         limit = np.minimum(self.robot.torque_limit, 1e3)
         tau = np.zeros(self.robot.na)
         tau[free] = 0.1 * limit[free]
-        calm = excite.hold(0.1)
-        noise = np.maximum(calm.velocity[:, free].std(axis=0), 1e-4)
-        pulses = []
+        rests, pulses = [], []
         for _ in range(PULSES):
-            before = excite.hold(0.06).velocity[-3:].mean(axis=0)
-            pulses.append((excite.hold(0.04, torque=tau).velocity - before)[:, free] / noise)
+            rests.append(excite.hold(0.15).velocity[:, free])  # what the last pulse left decays
+            pulses.append(excite.hold(0.04, torque=tau).velocity[:, free] - rests[-1][-3:].mean(axis=0))
+        # Without sensor noise it is the decay that a response must exceed.
+        noise = np.maximum(np.mean([rest.std(axis=0) for rest in rests], axis=0), 1e-4)
         excite.hold(0.1)
-        seen = np.mean(pulses, axis=0).clip(-20.0, 20.0).mean(axis=1)
+        seen = (np.mean(pulses, axis=0) / noise).clip(-20.0, 20.0).mean(axis=1)
         late = np.flatnonzero(seen > max(4.0 / np.sqrt(PULSES * len(free)), 0.2 * float(seen.max())))
         return float(late[0]) * excite.period if late.size else None
 
