@@ -42,6 +42,7 @@ ELSEWHERE = {
     "stiffness judge": "sim/test_best_stiffness.py",
     "study optimize": "sim/test_optimization.py",
     "study paper": "sim/test_paper_studies.py",
+    "study choice": "sim/test_paper_studies.py",
     "robots check": "app/test_robots_command.py",
     "robots add": "app/test_robots_command.py",
     "plot": "app/test_plots.py",
@@ -100,6 +101,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     "bench walk": (["--distance", "0.3", "--repeats", "1"], {"rows"}),
     "terrain": (["stones", "--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
     "terrains": ([], {"terrains"}),
+    "scenes": ([], {"scenes"}),
 }
 
 
