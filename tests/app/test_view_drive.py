@@ -95,7 +95,7 @@ def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
             browser.wait('document.getElementById("stick") !== null')
             key = {"key": "ArrowUp", "code": "ArrowUp", "windowsVirtualKeyCode": 38}
             browser.call("Input.dispatchKeyEvent", type="keyDown", **key)
-            run(lambda: walking.velocity == (0.3, 0.0, 0.0))
+            run(lambda: walking.velocity == (0.4, 0.0, 0.0))
             run(lambda: walking.steps_done >= 2)
             assert walking.granted_velocity[0] > 0.1
             browser.wait('document.getElementById("text").textContent.includes("granted")')
@@ -104,7 +104,7 @@ def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
             run(lambda: walking.finished)
             left = {"key": "ArrowLeft", "code": "ArrowLeft", "windowsVirtualKeyCode": 37}
             browser.call("Input.dispatchKeyEvent", type="keyDown", **left)
-            run(lambda: walking.velocity == (0.0, 0.0, 0.4))
+            run(lambda: walking.velocity == (0.0, 0.0, 0.5))
             assert not browser.errors
         run(lambda: walking.velocity == (0.0, 0.0, 0.0))  # the last page is closed
         run(lambda: walking.finished)
