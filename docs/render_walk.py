@@ -54,7 +54,7 @@ DRIVE = Film(
         pushes=(WalkPush(impulse=0.2, direction=1.2, time=9.0),),
         seed=3,
     ),
-    start=0.5, seconds=14.5, rate=6.0, pace=2.5, size=(480, 411), camera=(4.0, 205.0, -28.0), smooth=3.0,
+    start=0.5, seconds=14.5, rate=6.0, pace=2.5, size=(480, 411), camera=(3.3, 205.0, -28.0), smooth=3.0,
 )  # fmt: skip
 """A robot that is driven in an S, pushed at 9 s, and goes on."""
 
@@ -98,6 +98,7 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
         for i, tick in enumerate(ticks):
             near = way[max(0, i - half) : i + half + 1]
             camera.lookat[:] = (*near.mean(axis=0), replay.scene.floor + 0.74)
+            drawn.model.light_pos[:] = camera.lookat - 4.0 * drawn.model.light_dir
             drawn.set(replay.frame(tick), replay.sole_colours(tick))
             renderer.update_scene(drawn.data, camera)
             frames.append(Image.fromarray(renderer.render()))
@@ -105,7 +106,11 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
 
 
 def brighten(model: mujoco.MjModel) -> None:
-    """Light the scene as a bright room, and hide the overlays: footsteps and support regions."""
+    """Light the scene as a bright room, and hide the overlays: footsteps and support regions.
+
+    Shadows are drawn in a square around the light, whose edge would be seen: it is made larger, and finer.
+    """
+    model.vis.map.shadowclip, model.vis.quality.shadowsize = 8.0, 8192
     model.vis.headlight.ambient[:] = 0.50
     model.vis.headlight.diffuse[:] = 0.40
     floor = np.flatnonzero(model.geom_matid == model.material("tiles").id)
