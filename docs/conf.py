@@ -54,7 +54,7 @@ toc_object_entries_show_parents = "hide"
 autoclass_content = "both"
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
-autodoc_preserve_defaults = True
+autodoc_preserve_defaults = False  # options of `spelled_out` have no defaults in the source
 autodoc_type_aliases = {
     name: name for name in ("Array", "ArrayLike", "Index", "Rectangle", "SoleSizes", "Changes")
 }
