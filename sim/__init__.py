@@ -4,6 +4,7 @@ A new experiment goes to a room of its own beside `balance` and `walks`: spec, r
 """
 
 from wbc.sim.balance import (
+    BalanceSpec,
     CarryResult,
     CarrySpec,
     CarryTrial,
@@ -98,6 +99,7 @@ from wbc.sim.walks import (
 )
 
 __all__ = [
+    "BalanceSpec",
     # Plant: robot, feet and ground in MuJoCo
     "DivergedError",
     "GroundTruth",

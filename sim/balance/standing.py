@@ -13,16 +13,10 @@ from wbc.core.arguments import checked
 from wbc.core.control import Mode, PositionControl, TorqueControl
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.errors import Array, InputError
-from wbc.core.estimation.observer import Observer, ObserverSettings
-from wbc.core.settings import Positive, Seed, settings
+from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
-from wbc.feet.soles.catalog import foot as foot_by_name
-from wbc.robots import RobotDescription, load
+from wbc.sim.balance.setup import BalanceSpec
 from wbc.sim.plant.falls import TrueFallDetector
-from wbc.sim.plant.fitting import with_feet
-from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.walking.control import WalkingControl
@@ -34,81 +28,34 @@ Feedback = Literal["open", "closed"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 """Control modes of the drives."""
 
-CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
-"""Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
-
-
 LEAST_TICKS = 2
 """Shortest stand, control periods: the result is about its second half."""
 
 
 @settings(kw_only=True)
-class StandSpec:
-    """One simulated stand.
+class StandSpec(BalanceSpec):
+    """One simulated stand: the fields of `BalanceSpec`, and these.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
-        mode: Command of the drives: references of position and velocity, torques, or both on soft servos (hybrid).
-            Position when not given, hybrid where the description says that the servos are soft.
         seconds: Simulated time, s.
-        foot: Foot under both ankles; flat is the robot's own sole.
-        noise: Errors of the sensors, none or realistic.
-        seed: Fixes every random draw.
         feedback: In position control, whether the controller sees the robot as commanded (open) or as estimated
             (closed).
-        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque and hybrid control
-            when not given.
-        timestep: Physics step, s.
-        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as *knee*=100,2.
-        machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
         gains: Weights and gains of the controller.
         steps: Whether the robot may step: none keeps its feet in place with the balance controller, allowed stands with
             the walking controller, which steps out of a push.
     """
 
-    robot: str = "hrp4_class"
-    mode: Mode | None = None
     seconds: Annotated[Positive, "s"] = 10.0
-    foot: str = "flat"
-    noise: str = "none"
-    seed: Seed = 0
     feedback: Feedback = "closed"
-    control_period: Annotated[Positive, "s"] | None = None
-    timestep: Annotated[Positive, "s"] = 0.001
-    servo: tuple[str, ...] = ()
-    machine: Machine = field(default_factory=Machine)
     gains: BalanceGains = field(default_factory=BalanceGains)
     steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
-        description = load(self.robot).with_servos(self.servo)
-        object.__setattr__(self, "mode", chosen_mode(description, self.mode))
-        foot_by_name(self.foot)
-        NOISE_PRESETS[self.noise]
-        steps_per_tick(self.period, self.timestep)
+        super().__post_init__()
         if self.seconds < LEAST_TICKS * self.period:
             raise InputError(
                 f"seconds (s) must be at least {LEAST_TICKS} control periods of {self.period:g} s, got {self.seconds:g}"
             )
-
-    @property
-    def period(self) -> float:
-        """Control period, s."""
-        assert self.mode is not None
-        return CONTROL_PERIOD[self.mode] if self.control_period is None else self.control_period
-
-
-def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:
-    """Return a control mode that a robot's servos allow; None stands for position control, or hybrid on soft servos.
-
-    Raises:
-        InputError: Position control on servos that are too soft for it.
-    """
-    if mode is None:
-        return "position" if description.servos.soft_ankle is None else "hybrid"
-    if mode == "position":
-        description.servos.check_position_control()
-    return mode
 
 
 @dataclass(frozen=True)
@@ -165,26 +112,11 @@ class StandTrial:
             InputError: A foot that does not fit the robot.
         """
         self.spec = spec
-        foot = foot_by_name(spec.foot)
-        description = with_feet(load(spec.robot).with_servos(spec.servo), foot)
-        self.plant = Plant(
-            description,
-            foot=foot,
-            noise=spec.noise,
-            seed=spec.seed,
-            timestep=spec.timestep,
-            control_period=spec.period,
-            machine=spec.machine,
-        )
-        robot = description.robot()
-        stated = ObserverSettings(
-            measurement_delay=spec.machine.measurement_delay, command_delay=spec.machine.command_delay
-        )
-        observer = Observer(robot, stated, adopt=spec.mode != "position")
+        robot, self.plant, observer = spec.build()
         self.control: PositionControl | TorqueControl
         self._command: Callable[[Measurement], Command]
         if spec.steps == "allowed":
-            settings = WalkingControlSettings(mode=spec.mode or "position")
+            settings = WalkingControlSettings(mode=spec.chosen)
             plan = FootstepPlan.standing(robot)
             walking = WalkingControl(robot, plan, spec.period, settings, observer=observer)
             self.control, self._command = walking.control, walking.command
@@ -243,7 +175,7 @@ class StandTrial:
         ticks = 1e6 * np.array(self.tick_times)
         return StandResult(
             robot=spec.robot,
-            mode=spec.mode or "position",
+            mode=spec.chosen,
             upright=not self.fallen,
             com_error_mm=_rounded(1e3 * error.max()),
             zmp_noise_mm=_rounded(1e3 * np.sqrt(np.nanvar(np.array(zmp)[half:], axis=0).sum())),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,18 +12,11 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.control import Mode
 from wbc.core.errors import Array
-from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import NonNegative, Positive, Seed, settings
-from wbc.feet.soles.catalog import foot as foot_by_name
+from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionControl, TrackSettings, first_configuration
-from wbc.robots import load
-from wbc.sim.balance.standing import CONTROL_PERIOD, chosen_mode
+from wbc.sim.balance.setup import BalanceSpec
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
-from wbc.sim.plant.fitting import with_feet
-from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.walking.settings import WalkingControlSettings
 
 LOADED = 0.05
@@ -31,46 +24,16 @@ LOADED = 0.05
 
 
 @settings(kw_only=True)
-class TrackSpec:
-    """The simulation in which a clip is tracked.
+class TrackSpec(BalanceSpec):
+    """The simulation in which a clip is tracked: the fields of `BalanceSpec`, and the time after the clip.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
-        mode: Command of the drives: position, torque or hybrid; as `wbc walk` chooses when not given.
-        foot: Foot under both ankles; flat is the robot's own sole.
-        noise: Errors of the sensors, none or realistic.
-        seed: Fixes every random draw.
         after: Time of standing after the clip, s.
-        control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
-            not given.
-        timestep: Physics step, s.
-        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as *knee*=100,2.
-        machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
     """
 
     robot: str = "g1"
-    mode: Mode | None = None
-    foot: str = "flat"
     noise: str = "realistic"
-    seed: Seed = 0
     after: Annotated[NonNegative, "s"] = 1.0
-    control_period: Annotated[Positive, "s"] | None = None
-    timestep: Annotated[Positive, "s"] = 0.001
-    servo: tuple[str, ...] = ()
-    machine: Machine = field(default_factory=Machine)
-
-    def __post_init__(self) -> None:
-        description = load(self.robot).with_servos(self.servo)
-        object.__setattr__(self, "mode", chosen_mode(description, self.mode))
-        foot_by_name(self.foot)
-        NOISE_PRESETS[self.noise]
-        steps_per_tick(self.period, self.timestep)
-
-    @property
-    def period(self) -> float:
-        """Control period, s."""
-        assert self.mode is not None
-        return CONTROL_PERIOD[self.mode] if self.control_period is None else self.control_period
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,31 +102,13 @@ class TrackTrial:
             InputError: The robot leaves the ground in the clip, a foot that does not fit.
         """
         self.spec = spec = spec or TrackSpec()
-        assert spec.mode is not None
-        foot = foot_by_name(spec.foot)
-        description = with_feet(load(spec.robot).with_servos(spec.servo), foot)
-        robot = description.robot()
+        robot, self.plant, observer = spec.build()
         q = first_configuration(robot, clip)
-        self.plant = Plant(
-            description,
-            foot=foot,
-            noise=spec.noise,
-            seed=spec.seed,
-            timestep=spec.timestep,
-            control_period=spec.period,
-            machine=spec.machine,
-        )
         self.plant.reset(self.plant.on_ground(q))
-        delays = spec.machine.measurement_delay, spec.machine.command_delay
-        observer = Observer(
-            robot,
-            ObserverSettings(measurement_delay=delays[0], command_delay=delays[1]),
-            adopt=spec.mode != "position",
-        )
         observer.reset(q)
         robot.update(q, np.zeros(robot.nv))
         self.control = MotionControl(
-            robot, clip, spec.period, _with_mode(track or TrackSettings(), spec.mode), observer=observer
+            robot, clip, spec.period, _with_mode(track or TrackSettings(), spec.chosen), observer=observer
         )
         lowest = float(self.control.motion.q[:, 2].min())
         falls = self.control.falls.settings

@@ -18,7 +18,7 @@ from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.robots.registry import stamped
-from wbc.sim.balance.standing import CONTROL_PERIOD, chosen_mode
+from wbc.sim.balance.setup import CONTROL_PERIOD, chosen_mode
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick

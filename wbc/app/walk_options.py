@@ -67,7 +67,7 @@ class WalkOptions:
         first: Side that steps first.
         mode: Command of the drives: position and velocity, torque, or both on soft servos (hybrid).
             Position when not given, hybrid where the description says that the servos are soft.
-        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as *knee*=100,2.
+        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
         control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
             not given.

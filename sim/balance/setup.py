@@ -1,0 +1,103 @@
+"""Robot, drives, foot and sensors of a simulation on the floor: what the specs of this room have in common."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Annotated
+
+from wbc.core.control import Mode
+from wbc.core.estimation.observer import Observer, ObserverSettings
+from wbc.core.robot import Robot
+from wbc.core.settings import Positive, Seed, settings
+from wbc.feet.soles.catalog import foot as foot_by_name
+from wbc.robots import RobotDescription, load
+from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.sensors import NOISE_PRESETS
+from wbc.sim.plant.settings import Machine, steps_per_tick
+
+CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
+"""Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
+
+
+@settings(kw_only=True)
+class BalanceSpec:
+    """Robot, drives, foot and sensors of a simulation on the floor.
+
+    Attributes:
+        robot: Robot, one of those that `wbc robots` lists.
+        mode: Command of the drives: references of position and velocity, torques, or both on soft servos (hybrid).
+            Position when not given, hybrid where the description says that the servos are soft.
+        foot: Foot under both ankles; flat is the robot's own sole.
+        noise: Errors of the sensors, none or realistic.
+        seed: Fixes every random draw.
+        control_period: Time between two commands, s; 5 ms in position control and 2 ms in torque and hybrid control
+            when not given.
+        timestep: Physics step, s.
+        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
+        machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
+    """
+
+    robot: str = "hrp4_class"
+    mode: Mode | None = None
+    foot: str = "flat"
+    noise: str = "none"
+    seed: Seed = 0
+    control_period: Annotated[Positive, "s"] | None = None
+    timestep: Annotated[Positive, "s"] = 0.001
+    servo: tuple[str, ...] = ()
+    machine: Machine = field(default_factory=Machine)
+
+    def __post_init__(self) -> None:
+        description = load(self.robot).with_servos(self.servo)
+        object.__setattr__(self, "mode", chosen_mode(description, self.mode))
+        foot_by_name(self.foot)
+        NOISE_PRESETS[self.noise]
+        steps_per_tick(self.period, self.timestep)
+
+    @property
+    def chosen(self) -> Mode:
+        """Control mode."""
+        assert self.mode is not None
+        return self.mode
+
+    @property
+    def period(self) -> float:
+        """Control period, s."""
+        return CONTROL_PERIOD[self.chosen] if self.control_period is None else self.control_period
+
+    def build(self) -> tuple[Robot, Plant, Observer]:
+        """Return the controller's robot, the plant, and an observer that knows the delays.
+
+        Raises:
+            InputError: A foot that does not fit the robot.
+        """
+        foot = foot_by_name(self.foot)
+        description = with_feet(load(self.robot).with_servos(self.servo), foot)
+        plant = Plant(
+            description,
+            foot=foot,
+            noise=self.noise,
+            seed=self.seed,
+            timestep=self.timestep,
+            control_period=self.period,
+            machine=self.machine,
+        )
+        robot = description.robot()
+        delays = ObserverSettings(
+            measurement_delay=self.machine.measurement_delay, command_delay=self.machine.command_delay
+        )
+        return robot, plant, Observer(robot, delays, adopt=self.chosen != "position")
+
+
+def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:
+    """Return a control mode that a robot's servos allow; None stands for position control, or hybrid on soft servos.
+
+    Raises:
+        InputError: Position control on servos that are too soft for it.
+    """
+    if mode is None:
+        return "position" if description.servos.soft_ankle is None else "hybrid"
+    if mode == "position":
+        description.servos.check_position_control()
+    return mode
