@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from wbc.core.conventions import Index
 from wbc.core.errors import Array
+from wbc.core.vectors import add_cross
 
 
 class SoleContacts:
@@ -56,13 +57,12 @@ class SoleContacts:
         counted = np.flatnonzero((one != two) & (first >= 0) & (second >= 0))  # below 0: of a flexible body
         if counted.size:
             force, moment = self._in_world(data, counted)
-            point = data.contact.pos[counted]
-            for sole, place in enumerate(origin):
+            moment += _cross(data.contact.pos[counted], force)
+            for sole, place in enumerate(origin.tolist()):
                 sign = np.subtract(two[counted] == sole, one[counted] == sole, dtype=float)
                 pull = sign.dot(force)
                 world[sole, :3] = pull
-                turn = sign.dot(moment + np.cross(point, force))
-                world[sole, 3:] = turn - np.cross(place, pull)
+                world[sole, 3:] = sign.dot(moment) - add_cross((0.0, 0.0, 0.0), place, pull.tolist())
         axes = rotation @ self._turn
         world[:, :3] = np.einsum("nji,nj->ni", axes, world[:, :3])
         world[:, 3:] = np.einsum("nji,nj->ni", axes, world[:, 3:])
@@ -93,3 +93,9 @@ class SoleContacts:
             row[:] = self._force
         axes = data.contact.frame[contacts].reshape(-1, 3, 3)
         return np.einsum("nij,ni->nj", axes, local[:, :3]), np.einsum("nij,ni->nj", axes, local[:, 3:])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return a × b of rows: `np.cross` takes three times as long for so few."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.column_stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))

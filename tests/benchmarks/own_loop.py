@@ -4,15 +4,18 @@ The file is used as it is, but for a floor and physics steps of 1 ms; a robot wi
 torques directly. Every run is a line of the journal, and a run that is there already is not made again.
 
 Usage: python tests/benchmarks/own_loop.py my.xml --journal runs.jsonl [--case NAME ...] [--seeds N] [--distance M]
-           [--servo "*knee*=100,2" ...] [--armature A] [--seconds S] [--table]
+           [--servo "*knee*=100,2" ...] [--armature "*ankle*=0.0072" ...] [--seconds S]
+       python tests/benchmarks/own_loop.py --journal runs.jsonl --table    (or --pushes; the journal may be an .xz)
 """
 
 from __future__ import annotations
 
 import argparse
+import fnmatch
 import hashlib
 import json
 import logging
+import lzma
 import math
 import time
 from collections import deque
@@ -34,7 +37,7 @@ from wbc.walking.planning.planners import walk_distance
 
 PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 FIRST_SEED = 100
-STAND = 10.0  # s
+STAND = 60.0  # s
 PUSH = 0.1  # s
 AT_REST = 0.1  # m/s, of the centre of mass after a push
 PUSHED_STEP = 5
@@ -77,10 +80,15 @@ CASES: dict[str, Case] = {
 class Scene:
     """The robot of a file on a floor, and the description of the robot alone."""
 
-    def __init__(self, path: Path, servo: list[str], armature: float | None) -> None:
-        self.path, self.armature = path, armature
+    def __init__(self, path: Path, servo: list[str], armature: list[str]) -> None:
+        self.path = path
         self.digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-        self.given = wbc.RobotDescription.from_mjcf(path, armature=armature)
+        self.given = wbc.RobotDescription.from_mjcf(path)
+        self.armature: dict[str, float] = {}
+        for pattern, _, inertia in (given.partition("=") for given in armature):
+            self.armature |= dict.fromkeys(fnmatch.filter(self.given.joint_names, pattern), float(inertia))
+        if self.armature:
+            self.given = wbc.RobotDescription.from_mjcf(path, armature=self.armature)
         self.soft = self.given.with_servos(servo)
 
     def loop(self, case: Case, seed: int) -> MujocoLoop:
@@ -88,9 +96,8 @@ class Scene:
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
         spec.option.timestep = 0.001
         spec.body(self.given.torso).mass += case.payload
-        if self.armature is not None:
-            for name in self.given.joint_names:
-                spec.joint(name).armature = self.armature
+        for name, inertia in self.armature.items():
+            spec.joint(name).armature = inertia
         return MujocoLoop(
             self.soft if case.mode == "hybrid" else self.given,
             spec.compile(),
@@ -122,7 +129,8 @@ def run(scene: Scene, case: Case, seed: int, distance: float) -> dict[str, Any]:
     began = time.perf_counter()
     loop = scene.loop(case, seed)
     walking = controller(loop.description.robot(), case, distance)
-    weight, start = loop.robot.mass * GRAVITY, loop.truth().com
+    truth = loop.truth()
+    weight, start = loop.robot.mass * GRAVITY, truth.com
     true_forces: deque[np.ndarray[Any, Any]] = deque(maxlen=1 + round(0.5 * case.delay / loop.control_period))
     errors: list[float] = []
     pushed, offset, lift_off = False, 0.0, math.inf
@@ -132,7 +140,7 @@ def run(scene: Scene, case: Case, seed: int, distance: float) -> dict[str, Any]:
     limit = 90.0 if case.what == "walk" else 0.5 + PUSH + 4.0 if case.impulse else STAND
     fell = False
     while loop.time < limit and not fell and not (case.what == "walk" and walking.finished):
-        true_forces.append(loop.truth().sole_wrench[:, 2])
+        true_forces.append(truth.sole_wrench[:, 2])
         command = walking.command(loop.measure())
         used = walking.control.measurement
         if used is not None and loop.time > 0.5:
@@ -146,10 +154,11 @@ def run(scene: Scene, case: Case, seed: int, distance: float) -> dict[str, Any]:
                 pushed = True
                 loop.push("torso", case.impulse * loop.robot.mass / PUSH * across, PUSH)
         loop.step(command)
-        com = loop.truth().com
+        truth = loop.truth()
+        com = truth.com
         offset = max(offset, float(np.hypot(*(com - start)[:2])))
         fell = walking.fallen is not None or bool(com[2] < 0.7 * start[2])
-    speed = float(np.hypot(*loop.truth().com_velocity[:2]))
+    speed = float(np.hypot(*truth.com_velocity[:2]))
     planned = len(walking.walk.phases.plan)
     good = not fell and (walking.finished if case.what == "walk" else speed < AT_REST)
     return {
@@ -164,20 +173,92 @@ def run(scene: Scene, case: Case, seed: int, distance: float) -> dict[str, Any]:
     }
 
 
-def table(rows: list[dict[str, Any]]) -> str:
-    """Return the table of a journal: a row for each case."""
+Row = dict[str, Any]
+
+DIRECTIONS = ("forward", "forward left", "left", "back left", "back", "back right", "right", "forward right")
+"""Of a push, by the seed modulo 8."""
+
+
+def share(rows: list[Row]) -> str:
+    """Return how many of some runs were good."""
+    return f"{sum(row['good'] for row in rows)} of {len(rows)}" if rows else ""
+
+
+def driven(row: Row) -> tuple[str, str, str]:
+    """Return how the robot of a run was driven: mode, gains, and what else was different."""
+    key, case = row["key"], row["key"]["case"]
+    soft = "; ".join(_in_words(gains) for gains in key["servo"]) or "3 % of derived"
+    gains = {"torque": "", "position": "derived", "hybrid": soft}[case["mode"]]
+    other = [] if case["forces"] else ["no force sensors"]
+    other += [f"{case['payload']:g} kg unknown"] if case["payload"] else []
+    other += ["rotor inertias"] if key["armature"] else []
+    return case["mode"], gains, ", ".join(other)
+
+
+def _in_words(gains: str) -> str:
+    """Return "*hip*=60,1" as "hip 60, 1"."""
+    pattern, _, values = gains.partition("=")
+    return f"{pattern.strip('*') or 'all'} {values.replace(',', ', ')}"
+
+
+def table(rows: list[Row]) -> str:
+    """Return the table of a journal: a row for each way of driving, with stands, walks and pushes."""
     lines = [
-        "| | distance | good | steps, fewest | force error, 95 %, largest |",
-        "|---|---:|---:|---:|---:|",
+        "| control | gains | | delay | stands 60 s | walks 3 m | fewest steps | force error "
+        "| pushed standing, 0.25 Ns/kg | walking, 0.15 |",
+        "|---|---|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    keys = dict.fromkeys((row["name"], row["distance"]) for row in rows)
-    for name, distance in keys:
-        mine = [row for row in rows if (row["name"], row["distance"]) == (name, distance)]
-        good = sum(row["good"] for row in mine)
-        steps = f"{min(row['steps'] for row in mine)} of {mine[0]['planned']}" if mine[0]["planned"] else ""
-        force = max(row["force_error"] or 0.0 for row in mine)
-        lines.append(f"| {name} | {distance:g} m | {good} of {len(mine)} | {steps} | {100 * force:.0f} % |")
+    for how, delay in sorted({(driven(row), row["key"]["case"]["delay"]) for row in rows}, key=_order):
+        mine = [row for row in rows if (driven(row), row["key"]["case"]["delay"]) == (how, delay)]
+        kinds: dict[tuple[str, bool], list[Row]] = {}
+        for row in mine:
+            case = row["key"]["case"]
+            kinds.setdefault((case["what"], case["impulse"] > 0.0), []).append(row)
+        stands, walks = kinds.get(("stand", False), []), kinds.get(("walk", False), [])
+        steps = f"{min(row['steps'] for row in walks)} of {walks[0]['planned']}" if walks else ""
+        errors = [row["force_error"] for row in stands + walks if row["force_error"] is not None]
+        lines.append(
+            f"| {' | '.join(how)} | {1e3 * delay:g} ms | {share(stands)} | {share(walks)} | {steps} | "
+            f"{f'{100 * max(errors):.0f} %' if errors else ''} | "
+            f"{share(kinds.get(('stand', True), []))} | {share(kinds.get(('walk', True), []))} |"
+        )
     return "\n".join(lines)
+
+
+def _order(key: tuple[tuple[str, str, str], float]) -> tuple[Any, ...]:
+    (mode, gains, other), delay = key
+    return other, MODES.index(mode) if mode in MODES else 9, gains, delay
+
+
+def pushes(rows: list[Row]) -> str:
+    """Return which pushes while walking a robot recovered from: a row for each direction, by the time of the push."""
+    mine = [row for row in rows if row["key"]["case"]["what"] == "walk" and row["key"]["case"]["impulse"]]
+    lines = [
+        "| control | push | at lift-off | 1/4 | 1/2 | 3/4 of a step later |",
+        "|---|---|---|---|---|---|",
+    ]
+    for how in dict.fromkeys(driven(row) for row in mine):
+        for turn, direction in enumerate(DIRECTIONS):
+            cells = []
+            for phase in range(4):
+                found = [
+                    row["good"]
+                    for row in mine
+                    if driven(row) == how
+                    and (row["key"]["seed"] % 8, row["key"]["seed"] // 8 % 4) == (turn, phase)
+                ]
+                cells.append(", ".join("walks on" if good else "falls" for good in found))
+            lines.append(f"| {how[0]} | {direction} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def journal(path: Path) -> list[Row]:
+    """Return the runs of a journal; none of one that does not exist."""
+    if not path.exists():
+        return []
+    data = path.read_bytes()
+    text = (lzma.decompress(data) if path.suffix == ".xz" else data).decode()
+    return [json.loads(line) for line in text.splitlines()]
 
 
 def main() -> None:
@@ -185,37 +266,40 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("model", type=Path)
+    parser.add_argument("model", type=Path, nargs="?")
     parser.add_argument("--journal", type=Path, required=True)
     parser.add_argument("--case", action="append", choices=CASES, help="all when none is given")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--distance", type=float, default=3.0, help="of a walk, m")
     parser.add_argument("--servo", action="append", default=[], help="gains of hybrid control: pattern=kp,kd")
-    parser.add_argument("--armature", type=float, help="in place of the file's, kg m²")
+    parser.add_argument("--armature", action="append", default=[], help="pattern=rotor inertia, kg m²")
     parser.add_argument("--seconds", type=float, default=math.inf, help="start no run after this time, s")
     parser.add_argument("--table", action="store_true", help="only print the table of the journal")
+    parser.add_argument("--pushes", action="store_true", help="only print the pushes while walking")
     options = parser.parse_args()
     logging.disable(logging.WARNING)
-    lines = options.journal.read_text().splitlines() if options.journal.exists() else []
-    rows = [json.loads(line) for line in lines]
-    if not options.table:
-        scene = Scene(options.model, options.servo, options.armature)
-        end = time.monotonic() + options.seconds
-        done = {json.dumps(row["key"], sort_keys=True) for row in rows}
-        for name in options.case or CASES:
-            for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
-                case = CASES[name]
-                key = {"model": scene.digest, "case": asdict(case), "seed": seed}
-                key |= {"distance": options.distance, "armature": options.armature}
-                key |= {"servo": options.servo if case.mode == "hybrid" else []}
-                if json.dumps(key, sort_keys=True) in done or time.monotonic() > end:
-                    continue
-                figures = run(scene, case, seed, options.distance)
-                name_in_table = name if options.armature is None else f"{name}, armature {options.armature:g}"
-                rows.append({"name": name_in_table, "distance": options.distance, **figures, "key": key})
-                with options.journal.open("a") as journal:
-                    journal.write(json.dumps(rows[-1]) + "\n")
-                print(name, seed, figures, flush=True)
+    rows = journal(options.journal)
+    if options.table or options.pushes:
+        print(table(rows) if options.table else pushes(rows))
+        return
+    if options.model is None:
+        parser.error("a model is needed")
+    scene = Scene(options.model, options.servo, options.armature)
+    end = time.monotonic() + options.seconds
+    done = {json.dumps(row["key"], sort_keys=True) for row in rows}
+    for name in options.case or CASES:
+        for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
+            case = CASES[name]
+            key = {"model": scene.digest, "case": asdict(case), "seed": seed}
+            key |= {"distance": options.distance, "armature": options.armature}
+            key |= {"servo": options.servo if case.mode == "hybrid" else []}
+            if json.dumps(key, sort_keys=True) in done or time.monotonic() > end:
+                continue
+            figures = run(scene, case, seed, options.distance)
+            rows.append({"name": name, "distance": options.distance, **figures, "key": key})
+            with options.journal.open("a") as lines:
+                lines.write(json.dumps(rows[-1]) + "\n")
+            print(name, seed, figures, flush=True)
     print(table(rows))
 
 

@@ -5,19 +5,22 @@ from __future__ import annotations
 import importlib.util
 import os
 import pickle
+import struct
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wbc
-from wbc import Command
+from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import Phase, Runner, RunSettings, UnitreeDriver
-from wbc.machine.unitree_wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
+from wbc.machine import DdsError, MotionSwitcher, Phase, Runner, RunSettings, UnitreeDriver, UnitreeRobot
+from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")
 PROGRAM = Path(__file__).resolve().parents[1] / "support" / "machine_process.py"
@@ -58,9 +61,9 @@ def test_structs_and_cdr_hold_the_same(layout: np.dtype) -> None:
 
 @dds
 def test_packed_messages_are_those_that_cyclonedds_would_pack() -> None:
-    from wbc.machine.unitree import COMMAND_TOPIC, _messages  # noqa: PLC0415 - needs the extra
+    from wbc.machine.unitree.dds import COMMAND_TOPIC, messages  # noqa: PLC0415 - needs the extra
 
-    kind = _messages()[COMMAND_TOPIC]
+    kind = messages()[COMMAND_TOPIC]
     record = np.zeros((), LOW_CMD)
     record["mode_machine"], record["crc"] = 5, 77
     record["motor"]["q"], record["motor"]["mode"] = np.arange(35), np.arange(35)
@@ -76,6 +79,66 @@ def test_joints_are_found_by_name() -> None:
     with pytest.raises(InputError, match="joints without a motor"):
         UnitreeDriver(wbc.load_robot("hrp4_class"))
     pickle.loads(pickle.dumps(UnitreeDriver(DESCRIPTION)))
+
+
+@dds
+def test_requests_of_the_motion_switcher_are_laid_out_as_its_idl_says() -> None:
+    from wbc.machine.unitree.dds import request_message  # noqa: PLC0415 - needs the extra
+
+    packed = request_message(5, 1002, '{"name": "ai"}').serialize()
+    identity_lease_policy = struct.pack("<qqqi?3x", 5, 1002, 0, 0, False)
+    text = b'{"name": "ai"}\0'
+    assert packed[:4] == b"\x00\x01\x00\x00"
+    assert packed[4 : 4 + 32] == identity_lease_policy
+    assert packed[36 : 40 + len(text)] == struct.pack("<I", len(text)) + text
+    assert not any(packed[40 + len(text) :])  # an empty sequence
+
+
+@dds
+def test_the_motion_switcher_releases_the_motors_and_gives_them_back() -> None:
+    """A robot whose built-in controller is on ignores commands; the switcher is asked over the loopback."""
+    robot = UnitreeRobot(DESCRIPTION, domain=8, mode="ai")
+    driver, switcher = UnitreeDriver(DESCRIPTION, domain=8), MotionSwitcher(domain=8, timeout=20.0)
+    q = DESCRIPTION.robot().half_sitting[7:]
+    measurement = Measurement(1.0, q, np.zeros(29), np.zeros(3), np.array([0.0, 0.0, 9.81]), None)
+    done = threading.Event()
+    commands: list[Command] = []
+
+    def serve() -> None:
+        while not done.is_set():
+            robot.send(measurement)
+            command = robot.receive()[1]
+            if command is not None:
+                commands.append(command)
+            time.sleep(0.002)
+
+    def until(condition: Callable[[], bool]) -> None:
+        """Send commands until something has happened."""
+        end = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < end
+            driver.read(0.01)
+            driver.write(Command(np.ones(29)))
+
+    serving = threading.Thread(target=serve)
+    serving.start()
+    try:
+        assert switcher.mode() == "ai"
+        until(lambda: robot.refused > 0)
+        assert not commands
+        assert switcher.release() == "ai" and switcher.mode() == ""
+        until(lambda: len(commands) > 0)
+        switcher.select("ai")
+        assert switcher.mode() == robot.switch.mode == "ai"
+        with pytest.raises(DdsError, match="refused request 1004: code 1"):
+            switcher._call(1004, {})
+        with pytest.raises(InputError, match="must not be empty"):
+            switcher.select("")
+    finally:
+        done.set()
+        serving.join()
+    with pytest.raises(DdsError, match="no answer from a motion switcher within 0.1 s"):
+        MotionSwitcher(domain=9, timeout=0.1).mode()
 
 
 @dds

@@ -9,7 +9,7 @@ from wbc.machine.loop import Driver, DriverLoop, Loop
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.run import Control, MachineError, Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
-from wbc.machine.unitree import DdsError, UnitreeDriver, UnitreeRobot
+from wbc.machine.unitree import DdsError, MotionSwitcher, UnitreeDriver, UnitreeRobot
 
 __all__ = [
     # Interfaces
@@ -30,6 +30,7 @@ __all__ = [
     "UdpRobot",
     "UnitreeDriver",
     "UnitreeRobot",
+    "MotionSwitcher",
     "DdsError",
     # Check of a loop
     "conformance",

@@ -10,9 +10,12 @@ indices: unitree_mujoco, `g1_joint_index_dds.md` (c598f10). All under BSD-3-Clau
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+from wbc.core.errors import Array, InputError
 
 _SIDES = ("left", "right")
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
@@ -113,3 +116,15 @@ def from_cdr(data: bytes, layout: np.dtype[Any]) -> Any:
     if data[:2] != _CDR_HEADER[:2] or len(struct) < layout.itemsize:
         return None
     return np.frombuffer(struct[: layout.itemsize], layout)[0].copy()
+
+
+def motor_index(joint_names: Sequence[str]) -> Array:
+    """Return the index of each joint's motor.
+
+    Raises:
+        InputError: Joints that the machine has not.
+    """
+    missing = [name for name in joint_names if name not in G1_MOTORS]
+    if missing:
+        raise InputError(f"joints without a motor in Unitree's order: {', '.join(missing[:4])}")
+    return np.array([G1_MOTORS.index(name) for name in joint_names])
