@@ -347,7 +347,8 @@ class QpSolver:
         options.check_duality_gap = False
         options.compute_timings = False
         options.verbose = False
-        options.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
+        # From the solution of the equalities alone a cold start takes 0.55 ms, from zero 0.7 (240 first ticks).
+        options.initial_guess = proxsuite.proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
         return qp
 
 
