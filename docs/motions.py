@@ -1,71 +1,119 @@
 """Table of tracked motions, for docs/motion.md: clips made by rule, made feasible, tracked with noise.
 
-python docs/motions.py --robots hrp4_class talos g1 > table.md
+python docs/motions.py --modes position torque --journal motions.jsonl > table.md
+
+Each trial is a line of the journal; trials that are in it are not run again.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import wbc
+from wbc.core.settings import to_json
 from wbc.motion import make_feasible, make_motion
-from wbc.sim.balance import TrackResult, TrackSpec, track_motion
+from wbc.sim.balance import TrackSpec, track_motion
 
 CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4}
 """Motion → number of clips, seeds from 0 on: 20 in all."""
 
+ROBOTS = ("hrp4_class", "talos", "g1")
 
-def tracked(robot: str, name: str, count: int, mode: str) -> tuple[list[TrackResult], list[float]]:
-    """Return results and stretches of the clips of one motion."""
-    model = wbc.load_robot(robot).robot()
-    results, stretched = [], []
-    for seed in range(count):
-        feasible = make_feasible(model, make_motion(model, name, seed))
-        spec = TrackSpec(robot=robot, seed=seed, mode=None if mode == "auto" else mode)  # type: ignore[arg-type]
-        results.append(track_motion(feasible.clip, spec))
-        stretched.append(feasible.stretched)
-    return results, stretched
+COLUMNS = (
+    "Robot",
+    "Motion",
+    "To its end",
+    "Joints, rms, °",
+    "Worst joint, rms, °",
+    "Feet slid, mm",
+    "CoM, rms, mm",
+    "Failed ticks, most",
+    "Time stretched, most",
+)
+
+Row = dict[str, Any]
+"""One trial: motion, robot, mode, seed, stretched, and the fields of its `TrackResult`."""
 
 
-def row(robot: str, name: str, results: Sequence[TrackResult], stretched: Sequence[float]) -> str:
-    """Return one line of the table."""
+def track(
+    robots: Sequence[str], motions: Sequence[str], modes: Sequence[str], known: Sequence[Row]
+) -> Iterator[Row]:
+    """Track the clips that are not known and yield a row for each.
 
-    def most(field: str) -> float:
-        return float(max(getattr(result, field) for result in results))
+    Args:
+        robots: Robots.
+        motions: Motions, of `CLIPS`.
+        modes: Commands of the drives.
+        known: Rows of trials that are not run again.
+    """
+    done = {(row["robot"], row["clip"], row["seed"], row["mode"]) for row in known}
+    for motion in motions:
+        for robot in robots:
+            for seed in range(CLIPS[motion]):
+                missing = [mode for mode in modes if (robot, motion, seed, mode) not in done]
+                if not missing:
+                    continue
+                model = wbc.load_robot(robot).robot()
+                feasible = make_feasible(model, make_motion(model, motion, seed))
+                for mode in missing:
+                    result = track_motion(feasible.clip, TrackSpec(robot=robot, seed=seed, mode=mode))  # type: ignore[arg-type]
+                    yield to_json(result) | {"clip": motion, "seed": seed, "stretched": feasible.stretched}
 
-    done = sum(result.completed for result in results)
+
+def line(robot: str, motion: str, rows: Sequence[Row]) -> str:
+    """Return one line of the table; errors are those of clips tracked to their end."""
+    ended = [row for row in rows if row["completed"]]
+
+    def of(combine: Any, name: str, form: str) -> str:
+        return form.format(combine([row[name] for row in ended])) if ended else ""
+
     cells = [
         f"`{robot}`",
-        name,
-        f"{done}/{len(results)}",
-        f"{np.mean([result.joint_rms_deg for result in results]):.2f}",
-        f"{most('worst_joint_rms_deg'):.2f}",
-        f"{most('foot_slide_mm'):.1f}",
-        f"{np.mean([result.com_rms_mm for result in results]):.1f}",
-        f"{int(most('failures'))}",
-        f"{max(stretched):.2f}",
+        motion,
+        f"{len(ended)}/{len(rows)}",
+        of(np.mean, "joint_rms_deg", "{:.2f}"),
+        of(max, "worst_joint_rms_deg", "{:.2f}"),
+        of(max, "foot_slide_mm", "{:.1f}"),
+        of(np.mean, "com_rms_mm", "{:.1f}"),
+        str(max(row["failures"] for row in rows)),
+        f"{max(row['stretched'] for row in rows):.2f}",
     ]
     return "| " + " | ".join(cells) + " |"
 
 
 def main() -> None:
-    """Print the table."""
+    """Track what is not in the journal and print the table of each mode."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=["hrp4_class", "talos", "g1"])
-    parser.add_argument("--mode", default="auto", choices=["auto", "position", "torque", "hybrid"])
+    parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
+    parser.add_argument("--modes", nargs="+", default=["position"], choices=["position", "torque", "hybrid"])
     parser.add_argument("--motions", nargs="+", default=list(CLIPS), choices=list(CLIPS))
-    options = parser.parse_args()
-    print(
-        "| Robot | Motion | To its end | Joints, rms, ° | Worst joint, rms, ° | Feet slid, mm | CoM, rms, mm | "
-        "Failed ticks, most | Time stretched, most |"
+    parser.add_argument(
+        "--journal", type=Path, help="JSON lines, one for each trial; made if it is not there"
     )
-    print("|---|---|---|---|---|---|---|---|---|")
-    for robot in options.robots:
-        for name in options.motions:
-            print(row(robot, name, *tracked(robot, name, CLIPS[name], options.mode)), flush=True)
+    options = parser.parse_args()
+    rows: list[Row] = []
+    if options.journal is not None and options.journal.exists():
+        rows = [json.loads(text) for text in options.journal.read_text().splitlines()]
+    for row in track(options.robots, options.motions, options.modes, list(rows)):
+        rows.append(row)
+        if options.journal is not None:
+            with options.journal.open("a") as journal:
+                journal.write(json.dumps(row) + "\n")
+    for mode in options.modes:
+        print(f"\n{mode} control\n\n| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|")
+        for robot in options.robots:
+            for motion in options.motions:
+                mine = [
+                    row for row in rows if (row["robot"], row["clip"], row["mode"]) == (robot, motion, mode)
+                ]
+                if mine:
+                    print(line(robot, motion, mine))
 
 
 if __name__ == "__main__":

@@ -110,9 +110,8 @@ class TrackTrial:
         self.control = MotionControl(
             robot, clip, spec.period, _with_mode(track or TrackSettings(), spec.chosen), observer=observer
         )
-        lowest = float(self.control.motion.q[:, 2].min())
-        falls = self.control.falls.settings
-        self._falls = TrueFallDetector(self.plant.robot, PelvisLimits(lowest - falls.drop))
+        limits = self.control.falls.settings
+        self._falls = TrueFallDetector(self.plant.robot, PelvisLimits(-limits.drop, limits.tilt))
         self._weight = robot.mass * GRAVITY
 
     def run(self, after_tick: Callable[[], None] | None = None) -> TrackResult:
@@ -145,7 +144,9 @@ class TrackTrial:
                 if anchor is None:
                     anchors[side] = anchor = place.copy()
                 slide = max(slide, float(np.linalg.norm((place - anchor)[:2])))
-            reason = control.fallen or self._falls.reason(truth.q)
+            reason = control.fallen or self._falls.reason(
+                truth.q, motion.q[i, 2], _vertical(motion.q[i, 3:7])
+            )
             if plant.diverged is not None or reason is not None:
                 fall = plant.diverged or (reason.value if reason is not None else "")
             if after_tick is not None:
@@ -190,6 +191,12 @@ def track_motion(
         track: Settings of the controller.
     """
     return TrackTrial(clip, spec, track).run()
+
+
+def _vertical(quaternion: Array) -> tuple[float, float, float]:
+    """Return the vertical axis of the world in a body's frame, from the body's orientation (x, y, z, w)."""
+    x, y, z, w = quaternion.tolist()
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def _with_mode(track: TrackSettings, mode: Mode) -> TrackSettings:

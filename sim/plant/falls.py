@@ -70,15 +70,22 @@ class TrueFallDetector:
         self._up: tuple[float, float, float] = tuple(rotation[2].tolist())
         self._upright = math.cos(self.limits.tilt)
 
-    def reason(self, q: Array | Sequence[float], ground: float = 0.0) -> FallReason | None:
+    def reason(
+        self,
+        q: Array | Sequence[float],
+        ground: float = 0.0,
+        up: tuple[float, float, float] | None = None,
+    ) -> FallReason | None:
         """Return why a robot has fallen, None if it has not; a configuration with NaN counts as tilted.
 
         Args:
             q: True configuration, shape (nq,), or its first seven values: position and orientation of the base.
             ground: Height of the ground, m.
+            up: Axis of the base, in its own frame, that is vertical when the robot is upright, for a robot that is
+                to bend; that of half-sitting when None.
         """
         x, y, z, w = (float(value) for value in q[3:7])
-        a, b, c = self._up
+        a, b, c = self._up if up is None else up
         vertical = a * 2.0 * (x * z - w * y) + b * 2.0 * (y * z + w * x) + c * (1.0 - 2.0 * (x * x + y * y))
         if not vertical >= self._upright * (x * x + y * y + z * z + w * w):
             return FallReason.TILT

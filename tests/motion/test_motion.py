@@ -180,7 +180,7 @@ def test_the_zmp_is_the_point_without_horizontal_moment(g1: Robot) -> None:
 
 
 def test_support_projects_onto_the_nearest_point() -> None:
-    square = Support(np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float), 0.1)
+    square = Support(np.array([(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)]))
     for point, nearest in (((2.0, 0.5), (0.9, 0.5)), ((2.0, 2.0), (0.9, 0.9)), ((0.5, 0.6), (0.5, 0.6))):
         np.testing.assert_allclose(square.project(np.array(point)), nearest, atol=1e-6)
     assert square.outside(np.array([1.4, 0.5])) == pytest.approx(0.5)

@@ -12,20 +12,24 @@ import pytest
 
 from wbc import load_robot
 from wbc.app.cli import main
+from wbc.core.conventions import rotation_of
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import (
     MotionClip,
     MotionControl,
+    check_motion,
     first_configuration,
     make_feasible,
     make_motion,
     write_motion,
 )
+from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
 from wbc.motion.reference import ClipReference, placed
 from wbc.sim import TrackSpec, track_motion
 
 DT = 0.005
+SIDES = ("left", "right")
 
 
 @pytest.fixture(scope="module")
@@ -140,6 +144,44 @@ def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
     result = track_motion(short, TrackSpec(after=0.0))
     assert result.fall is None and result.failures == 0
     assert result.joint_rms_deg < 1.0 and result.com_rms_mm < 5.0 and result.foot_slide_mm < 1.0
+
+
+def bow(robot: Robot, angle: float) -> MotionClip:
+    """Return a clip of a second in which the robot stands bent forward from its hips."""
+    q = np.array(robot.half_sitting)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    com = pin.centerOfMass(robot.model, data, q).copy()
+    left, right = (data.oMf[robot.frame_id(sole.frame)].copy() for sole in robot.soles[:2])
+    q[3:7] = pin.Quaternion(pin.utils.rotate("y", angle) @ pin.Quaternion(q[3:7]).matrix()).coeffs()
+    targets = KinematicTargets(q[None], [(left, right)], np.ones((1, 2)), com[None] - [0.0, 0.0, 0.03])
+    bent = InverseKinematics(robot, 0.05).solve(targets, iterations=100)
+    return MotionClip.of(robot, np.repeat(bent, 101, axis=0), 100.0, "bow")
+
+
+def test_a_clip_that_is_bent_is_no_fall() -> None:
+    """The torso is 46 degrees from the vertical, which is a fall in a walk: it is measured against the clip."""
+    robot = load_robot("talos").robot()
+    clip = make_feasible(robot, bow(robot, 0.8)).clip
+    assert np.degrees(np.arccos(rotation_of(clip.base[0, 3:])[2, 2])) > 40.0
+    result = track_motion(clip, TrackSpec(robot="talos", after=0.0))
+    assert result.completed and result.failures == 0 and result.joint_rms_deg < 1.0, result
+
+
+def test_a_trunk_that_the_waist_cannot_hold_is_straightened(g1: Robot) -> None:
+    clip = bow(g1, 1.0)
+    joints = clip.joints.copy()
+    for name, angle in (
+        ("waist_pitch_joint", 0.4),
+        *((f"{side}_shoulder_pitch_joint", -2.0) for side in SIDES),
+    ):
+        joints[:, clip.joint_names.index(name)] = angle
+    clip = replace(clip, joints=joints)
+    assert check_motion(g1, clip).joint_torque.keys() == {"waist_pitch_joint"}
+    result = make_feasible(g1, clip)
+    assert result.after.feasible and not result.after.joint_torque
+    tilt = np.degrees(np.arccos(rotation_of(result.clip.base[100, 3:])[2, 2]))
+    assert 5.0 < tilt < 45.0, "it bends as far as the waist holds, and no further"
 
 
 def test_the_command_tracks_a_clip_that_is_feasible_as_it_is(

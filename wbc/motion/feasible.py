@@ -22,6 +22,7 @@ from pydantic import Field
 from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.signal import butter, sosfiltfilt
+from scipy.spatial.transform import Rotation
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array
@@ -30,9 +31,12 @@ from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
 from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets, KinematicWeights
-from wbc.motion.kinematics import BodyMotion
+from wbc.motion.kinematics import BodyMotion, sole_corners
 from wbc.motion.measures import MotionMeasures, measure, supports_of
 from wbc.walking.planning.footsteps import heading
+
+STRAIGHTENING = 5
+"""Most passes that turn the trunk up until the waist can hold it."""
 
 
 @settings
@@ -43,12 +47,13 @@ class FilterSettings:
         rate: Frames per second of the result, Hz.
         cutoff: Low pass of all joints and of the base, zero phase, Hz.
         joint_margin: Distance to the joint limits, rad.
-        speed_share: Greatest share of the joint speed limits.
+        share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
         ease: Time in which the motion starts from rest and comes to rest, s.
         hold: Time at rest at both ends, s.
         blend: Time in which a foot leaves and reaches its frozen place, s.
         smoothing: Standard deviation of the last smoothing of all joints, s.
-        zmp_margin: Distance of the ZMP to the edge of the support, m.
+        sole_share: Share of length and width of each sole, about its centre, on which the ZMP stays; the rest is for
+            feedback.
         passes: Passes of inverse kinematics and ZMP.
         stretch: Factor by which time is stretched around frames that are still not feasible.
         stretches: Most of these stretches.
@@ -59,12 +64,12 @@ class FilterSettings:
     rate: Annotated[Positive, "Hz"] = 100.0
     cutoff: Annotated[Positive, "Hz"] = 6.0
     joint_margin: Annotated[NonNegative, "rad"] = 0.05
-    speed_share: Annotated[Share, Positive] = 0.8
+    share: Annotated[Share, Positive] = 0.8
     ease: Annotated[NonNegative, "s"] = 0.4
     hold: Annotated[NonNegative, "s"] = 0.5
     blend: Annotated[Positive, "s"] = 0.1
     smoothing: Annotated[Positive, "s"] = 0.03
-    zmp_margin: Annotated[NonNegative, "m"] = 0.01
+    sole_share: Annotated[Share, Positive] = 0.6
     passes: Annotated[int, Field(ge=1, le=20)] = 8
     stretch: Annotated[float, Field(gt=1.0, le=3.0)] = 1.2
     stretches: Annotated[int, Field(ge=0, le=20)] = 3
@@ -123,14 +128,14 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
     contacts = find_contacts(motion, s.contacts, resampled.standing)
     contacts.refuse_flight(s.contacts.flight)
-    before = measure(robot, motion, contacts.fill(), s.speed_share, s.zmp_margin)
+    before = measure(robot, motion, contacts.fill(), s.share)
 
     smooth = _smooth(resampled, robot, s)
     pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
     for attempt in range(s.stretches + 1):
         eased, source = _retime(smooth, pace, s)
         q, result, shift, standing = _with_feet(robot, eased, s)
-        after = measure(robot, result, standing, s.speed_share, s.zmp_margin)
+        after = measure(robot, result, standing, s.share)
         slow = after.infeasible_frames
         if attempt == s.stretches or not slow.any():
             break
@@ -179,7 +184,7 @@ def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
 def _speed_ratio(robot: Robot, clip: MotionClip, s: FilterSettings) -> Array:
     """Return by how much each frame is too fast, widened to its surroundings, shape (T,)."""
     speed = abs(np.gradient(clip.joints, 1.0 / clip.rate, axis=0))
-    ratio = (speed / (s.speed_share * robot.velocity_limit)).max(axis=1)
+    ratio = (speed / (s.share * robot.velocity_limit)).max(axis=1)
     wide = maximum_filter1d(np.maximum(ratio, 1.0), max(1, round(0.3 * clip.rate)))
     return np.asarray(gaussian_filter1d(wide, 0.05 * clip.rate, mode="nearest"))
 
@@ -223,14 +228,14 @@ def _with_feet(
     q[:, 2] -= contacts.ground
     motion = BodyMotion.of(robot, q, clip.rate)
     contacts = replace(contacts, ground=0.0)
-    soles = _sole_targets(motion, contacts, s.blend)
+    soles = _sole_targets(motion, contacts, s.blend, sole_corners(robot))
     solver = InverseKinematics(robot, s.joint_margin, s.weights)
-    supports = supports_of(
-        robot, [[sole for sole in pair] for pair in soles], contacts.standing, s.zmp_margin
-    )
+    supports = supports_of(robot, soles, contacts.standing, s.sole_share)
+    q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
-    given = motion.com
+    given = motion.com.copy()
+    given[:, 2] = BodyMotion.of(robot, q, clip.rate).com[:, 2]
     stands = gaussian_filter1d(
         contacts.standing.astype(float), 0.25 * s.blend * clip.rate, axis=0, mode="nearest"
     )
@@ -257,6 +262,31 @@ def _with_feet(
     return result, motion, shift, contacts
 
 
+def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
+    """Return orientations of the base, shape (T, 4), that bend the trunk no further than the waist can hold it.
+
+    Torques of the joints above the legs are those of gravity on a trunk that is bent: turning all of it up by a share
+    of its tilt lessens them by as much.
+    """
+    data, q, torso = robot.model.createData(), q.copy(), robot.frame_id(robot.torso_frame)
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    up = data.oMf[torso].rotation[2].copy()  # axis of the torso that is vertical at half-sitting
+    for _ in range(STRAIGHTENING):
+        excess = BodyMotion.of(robot, q, rate).torque_share(robot).max(axis=1) / share
+        if (excess <= 1.0).all():
+            break
+        excess = maximum_filter1d(np.maximum(excess, 1.0), max(1, round(0.3 * rate)))
+        turns = 1.0 / gaussian_filter1d(excess, 0.1 * rate, mode="nearest") - 1.0
+        for i in np.flatnonzero(turns < -1e-3):
+            pin.framesForwardKinematics(robot.model, data, q[i])
+            x, y, z = data.oMf[torso].rotation @ up
+            sine = float(np.hypot(x, y))
+            if sine > 1e-3:
+                back = turns[i] * np.arctan2(sine, z) / sine * np.array([-y, x, 0.0])
+                q[i, 3:7] = (Rotation.from_rotvec(back) * Rotation.from_quat(q[i, 3:7])).as_quat()
+    return MotionClip.of(robot, q, rate).base[:, 3:]
+
+
 def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
     """Return the shift of the centre of mass that shifts the ZMP: Δc − (h/g) Δc̈ = Δp, at rest at both ends.
 
@@ -277,8 +307,13 @@ def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
     return np.asarray(solve_banded((1, 1), bands, zmp_shift))
 
 
-def _sole_targets(motion: BodyMotion, contacts: Contacts, blend: float) -> list[tuple[pin.SE3, pin.SE3]]:
-    """Return sole placements: one flat place for each contact, in between the given path, moved to fit both ends."""
+def _sole_targets(
+    motion: BodyMotion, contacts: Contacts, blend: float, corners: list[Array]
+) -> list[tuple[pin.SE3, pin.SE3]]:
+    """Return sole placements: one flat place for each contact, in between the given path, moved to fit both ends.
+
+    No corner is below the ground, which a foot that rolls over its toes would push into it once it is flat.
+    """
     sides: list[list[pin.SE3]] = []
     count = len(motion.q)
     ramp = max(1, round(blend * motion.rate))
@@ -301,7 +336,9 @@ def _sole_targets(motion: BodyMotion, contacts: Contacts, blend: float) -> list[
                 for place, distance in ((before, i - first + 1), (after, last - i)):
                     if place is not None and distance < ramp:
                         moved = pin.SE3.Interpolate(place, moved, _smoothstep(distance / ramp))
-                moved.translation[2] = max(moved.translation[2], 0.0)
+                moved.translation[2] += max(
+                    0.0, -float((corners[side] @ moved.rotation[2]).min()) - moved.translation[2]
+                )
                 targets[i] = moved
         sides.append(targets)
     return list(zip(*sides, strict=True))

@@ -11,6 +11,7 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Positive, settings
+from wbc.motion.kinematics import leg_joints
 
 
 @settings
@@ -161,8 +162,3 @@ class InverseKinematics:
             rest = gradient[free] - hessian[np.ix_(free, fixed)] @ step[fixed]
             step[free] = np.linalg.solve(hessian[np.ix_(free, free)], rest)
         return np.asarray(step)
-
-
-def leg_joints(robot: Robot) -> list[int]:
-    """Return the joints of both legs as indices of shape (na,)."""
-    return [j for sole in robot.soles[:2] for j in robot.joints_between(sole.frame, robot.base_frame)]

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.ndimage import gaussian_filter1d
 
 from wbc.core.errors import Array
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+
+TORQUE_SMOOTHING = 0.02
+"""Standard deviation with which accelerations are smoothed for torques, s: differences of recordings are noisy."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,10 +53,7 @@ class BodyMotion:
         model, data = robot.model, robot.model.createData()
         v = velocities(model, q, rate)
         soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
-        offsets = [
-            np.array([(0.5 * x * s.length, 0.5 * y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
-            for s in robot.soles[:2]
-        ]
+        offsets = sole_corners(robot)
         count = len(q)
         positions, rotations = np.empty((count, 2, 3)), np.empty((count, 2, 3, 3))
         corners, com, momentum = np.empty((count, 2, 4, 3)), np.empty((count, 3)), np.empty((count, 3))
@@ -87,10 +88,44 @@ class BodyMotion:
         y = self.com[:, 1] - (height * acceleration[:, 1] - moment[:, 0]) / lift
         return np.column_stack([x, y])
 
+    def torque_share(self, robot: Robot) -> Array:
+        """Return the torque of each joint as a share of its limit, shape (T, na); zero for the legs.
+
+        Inverse dynamics of the joints above the legs do not depend on the forces at the feet; those of the legs do.
+
+        Args:
+            robot: The robot.
+        """
+        acceleration = gaussian_filter1d(
+            np.gradient(self.v, 1.0 / self.rate, axis=0), TORQUE_SMOOTHING * self.rate, axis=0
+        )
+        data = robot.model.createData()
+        torques = np.array(
+            [
+                pin.rnea(robot.model, data, q, v, a)[BASE_DOF:]
+                for q, v, a in zip(self.q, self.v, acceleration, strict=True)
+            ]
+        )
+        torques[:, leg_joints(robot)] = 0.0
+        return np.asarray(abs(torques) / robot.torque_limit)
+
     def sole_speed(self) -> Array:
         """Return the speed of the fastest corner of each sole, shape (T, 2), m/s."""
         motion = np.gradient(self.corners, 1.0 / self.rate, axis=0)
         return np.asarray(np.linalg.norm(motion, axis=-1).max(axis=-1))
+
+
+def leg_joints(robot: Robot) -> list[int]:
+    """Return the joints of both legs as indices of shape (na,)."""
+    return [j for sole in robot.soles[:2] for j in robot.joints_between(sole.frame, robot.base_frame)]
+
+
+def sole_corners(robot: Robot) -> list[Array]:
+    """Return the corners of left and right sole in their own frames, each of shape (4, 3), m."""
+    return [
+        np.array([(0.5 * x * s.length, 0.5 * y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
+        for s in robot.soles[:2]
+    ]
 
 
 def velocities(model: pin.Model, q: Array, rate: float) -> Array:

@@ -1,4 +1,4 @@
-"""Measures of a motion: limits, speeds, feet and ZMP, in the field's terms and units.
+"""Measures of a motion: limits, speeds, torques, feet and ZMP, in the field's terms and units.
 
 Foot slide is the path of a sole in contact per second of contact; penetration and float are depths of soles that
 should stand; the ZMP is outside by the distance to the support times the time it is there.
@@ -19,24 +19,23 @@ from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
-from wbc.motion.kinematics import BodyMotion
+from wbc.motion.kinematics import BodyMotion, sole_corners
 
 FLOATS = 0.02
 """A sole in contact floats if its lowest corner is this high, m."""
 
-SPEED_SLACK, ZMP_SLACK = 1.05, 0.005
-"""Excess that counts as feasible still: of the speed, and of the ZMP over the margin, m; for sampled motions."""
+SHARE_SLACK, ZMP_SLACK = 1.05, 0.005
+"""Excess that still counts as feasible, because motions are sampled: of speeds and torques, and of the ZMP, m."""
 
 
 class Support:
     """Convex support area of one frame."""
 
-    def __init__(self, points: Array, margin: float) -> None:
-        """Shrink the hull of points by a margin.
+    def __init__(self, points: Array) -> None:
+        """Take the hull of points.
 
         Args:
             points: Corners of the soles that stand, shape (n, 2), m.
-            margin: Distance to the edge, m.
         """
         try:
             hull = ConvexHull(points)
@@ -44,7 +43,7 @@ class Support:
             self.normals, self.offsets = np.zeros((0, 2)), np.zeros(0)
             return
         self.normals = hull.equations[:, :2]
-        self.offsets = -hull.equations[:, 2] - margin
+        self.offsets = -hull.equations[:, 2]
 
     def outside(self, point: Array) -> float:
         """Return the distance of a point to the area's edge, m; negative inside."""
@@ -68,7 +67,7 @@ class Support:
 
 
 def supports_of(
-    robot: Robot, soles: Sequence[Sequence[pin.SE3]], standing: Array, margin: float
+    robot: Robot, soles: Sequence[Sequence[pin.SE3]], standing: Array, share: float = 1.0
 ) -> list[Support]:
     """Return the support area of each frame; areas of equal soles are shared.
 
@@ -76,12 +75,9 @@ def supports_of(
         robot: The robot, for the sizes of its soles.
         soles: Placements of left and right sole, T pairs.
         standing: True where a sole stands, shape (T, 2).
-        margin: Distance to the edge, m.
+        share: Share of length and width of each sole that counts, about its centre.
     """
-    corners = [
-        np.array([(0.5 * x * s.length, 0.5 * y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
-        for s in robot.soles[:2]
-    ]
+    corners = [share * offsets for offsets in sole_corners(robot)]
     made: dict[bytes, Support] = {}
     areas: list[Support] = []
     for pair, stands in zip(soles, standing, strict=True):
@@ -94,7 +90,7 @@ def supports_of(
         )
         key = points.round(9).tobytes()
         if key not in made:
-            made[key] = Support(points, margin)
+            made[key] = Support(points)
         areas.append(made[key])
     return areas
 
@@ -107,18 +103,20 @@ class MotionMeasures:
         duration: s.
         joint_excess: Joint → greatest excess over its limits, rad, for joints over them.
         joint_speed: Joint → greatest share of its speed limit, for joints over the allowed share.
+        joint_torque: Joint → greatest share of its torque limit, for joints outside the legs over the allowed share.
         foot_slide: Path of soles in contact, mm per second of contact.
         penetration: Greatest depth of a sole below the ground, mm.
         floating: Share of contact frames in which the sole is 20 mm over the ground.
         zmp_outside: Distance of the ZMP to the support, integrated, mm·s.
         zmp_worst: Greatest distance, mm.
         single_support: Share of the time on one foot.
-        infeasible_frames: Frames that are too fast or have the ZMP outside, shape (T,).
+        infeasible_frames: Frames that are too fast, need too much torque or have the ZMP outside, shape (T,).
     """
 
     duration: float
     joint_excess: dict[str, float]
     joint_speed: dict[str, float]
+    joint_torque: dict[str, float]
     foot_slide: float
     penetration: float
     floating: float
@@ -134,30 +132,28 @@ class MotionMeasures:
 
     @property
     def feasible(self) -> bool:
-        """True if limits, speeds and ZMP are kept."""
+        """True if limits, speeds, torques and ZMP are kept."""
         return not (self.joint_excess or self.infeasible_frames.any())
 
 
-def measure(
-    robot: Robot, motion: BodyMotion, contacts: Contacts, speed_share: float, zmp_margin: float
-) -> MotionMeasures:
+def measure(robot: Robot, motion: BodyMotion, contacts: Contacts, share: float) -> MotionMeasures:
     """Measure a motion.
 
     Args:
         robot: The robot.
         motion: Its motion.
         contacts: Contacts of the motion, one foot at least in each frame.
-        speed_share: Allowed share of the joint speed limits.
-        zmp_margin: Distance of the ZMP to the edge of the support from which on it counts as inside, m.
+        share: Allowed share of the limits of joint speeds and torques.
     """
     names, joints = robot.joint_names, motion.q[:, 7:]
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
-    ratio = abs(motion.joint_speed) / robot.velocity_limit
+    speed, torque = abs(motion.joint_speed) / robot.velocity_limit, motion.torque_share(robot)
+    allowed = SHARE_SLACK * share
     soles = [
         [pin.SE3(motion.sole_rotations[i, k], motion.sole_positions[i, k]) for k in (0, 1)]
         for i in range(len(motion.q))
     ]
-    areas = supports_of(robot, soles, contacts.standing, 0.0)
+    areas = supports_of(robot, soles, contacts.standing)
     zmp = motion.zmp(contacts.ground)
     outside = np.array([area.outside(point) for area, point in zip(areas, zmp, strict=True)])
     both = np.logical_and(contacts.standing[1:], contacts.standing[:-1])
@@ -167,20 +163,21 @@ def measure(
     return MotionMeasures(
         duration=(len(motion.q) - 1) / motion.rate,
         joint_excess={name: float(value) for name, value in zip(names, excess, strict=True) if value > 1e-6},
-        joint_speed={
-            name: float(value)
-            for name, value in zip(names, ratio.max(axis=0), strict=True)
-            if value > SPEED_SLACK * speed_share
-        },
+        joint_speed=_over(names, speed, allowed),
+        joint_torque=_over(names, torque, allowed),
         foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, 1e-9),
         penetration=1e3 * max(0.0, -float(lowest.min())),
         floating=float((lowest[stands] > FLOATS).mean()) if stands.any() else 0.0,
         zmp_outside=1e3 * float(np.maximum(outside, 0.0).sum()) / motion.rate,
         zmp_worst=1e3 * max(0.0, float(outside.max())),
         single_support=float((stands.sum(axis=1) == 1).mean()),
-        infeasible_frames=(ratio > SPEED_SLACK * speed_share).any(axis=1)
-        | (outside + zmp_margin > zmp_margin + ZMP_SLACK),
+        infeasible_frames=(np.maximum(speed, torque) > allowed).any(axis=1) | (outside > ZMP_SLACK),
     )
+
+
+def _over(names: Sequence[str], shares: Array, allowed: float) -> dict[str, float]:
+    """Return the greatest share of each joint that exceeds what is allowed."""
+    return {name: float(most) for name, most in zip(names, shares.max(axis=0), strict=True) if most > allowed}
 
 
 @checked
@@ -188,7 +185,7 @@ def check_motion(
     robot: Robot,
     clip: MotionClip,
     *,
-    speed_share: float = 1.0,
+    share: float = 1.0,
     contacts: ContactSettings | None = None,
 ) -> MotionMeasures:
     """Measure a clip as it is.
@@ -196,7 +193,7 @@ def check_motion(
     Args:
         robot: The robot; its state is not changed.
         clip: Clip of its joints.
-        speed_share: Allowed share of the joint speed limits.
+        share: Allowed share of the limits of joint speeds and torques.
         contacts: Settings of the search for contacts; the defaults when None.
 
     Raises:
@@ -207,4 +204,4 @@ def check_motion(
     motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
     found = find_contacts(motion, settings, clip.standing)
     found.refuse_flight(settings.flight)
-    return measure(robot, motion, found.fill(), speed_share, 0.0)
+    return measure(robot, motion, found.fill(), share)

@@ -22,7 +22,7 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import ContactSettings, find_contacts
-from wbc.motion.kinematics import BodyMotion
+from wbc.motion.kinematics import BodyMotion, leg_joints
 from wbc.motion.reference import ClipReference, placed
 from wbc.walking.control import WalkingControl
 from wbc.walking.pattern.swing import FootMotion
@@ -42,7 +42,8 @@ class TrackSettings:
 
     Attributes:
         walking: Mode, gains of the stabilizer, weights of the tasks.
-        posture_weight: Joints, cost per (rad/s²)².
+        posture_weight: Joints outside the legs, cost per (rad/s²)².
+        leg_weight: Joints of the legs, cost per (rad/s²)²; small, for soles, centre of mass and pelvis decide on them.
         posture_stiffness: 1/s².
         fade: Time in which a foot that is lifted goes over to the path of the clip, s.
         touch_down: Load, as a share of the weight, at which a foot has met the ground before its time.
@@ -51,6 +52,7 @@ class TrackSettings:
 
     walking: WalkingControlSettings = field(default_factory=WalkingControlSettings)
     posture_weight: Positive = 1.0
+    leg_weight: Positive = 0.01
     posture_stiffness: Annotated[Positive, "1/s²"] = 100.0
     fade: Annotated[Positive, "s"] = 0.2
     touch_down: Share = 0.08
@@ -119,7 +121,9 @@ class MotionControl(WalkingControl):
         self._load, self._ahead = s.touch_down * robot.mass * GRAVITY, round(s.early / self.dt)
         self._fade = s.fade
         posture = self.tasks.posture
-        posture.stiffness, posture.weight = s.posture_stiffness, s.posture_weight
+        weight = np.full(robot.na, s.posture_weight)
+        weight[leg_joints(robot)] = s.leg_weight
+        posture.stiffness, posture.weight = s.posture_stiffness, weight
 
     @property
     def finished(self) -> bool:
@@ -197,6 +201,11 @@ class MotionControl(WalkingControl):
         self.tasks.move_com(true, output, shifted=not self.stabilizer.com_still)
         self.tasks.pose_trunk(motion.trunk[i], self._lean(output))
         self.tasks.posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
+
+    def _torso_up(self) -> Array:
+        """Axis of the estimated torso that is vertical in the clip: a robot that bends as the clip does is upright."""
+        *_, (given, _, _) = self.motion.trunk[self.tick]
+        return np.asarray(self._torso.rotation @ given[2])
 
 
 def first_configuration(robot: Robot, clip: MotionClip) -> Array:

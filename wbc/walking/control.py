@@ -406,7 +406,12 @@ class WalkingControl:
             q=estimate.q,
             v=estimate.v,
             drop=float(pendulum.com[2] - estimate.com[2]),
-            torso_up=self._torso.rotation[:, 2],
+            torso_up=self._torso_up(),
             dcm_distance=self._beyond,
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
+
+    def _torso_up(self) -> Array:
+        """Vertical axis of the estimated torso in the world, shape (3,), for the fall test."""
+        up: Array = self._torso.rotation[:, 2]
+        return up

@@ -206,6 +206,7 @@ def track(
 ROWS = (
     ("joints over their limits", lambda m: float(len(m.joint_excess)), ""),
     ("joints over the speed allowed", lambda m: float(len(m.joint_speed)), ""),
+    ("joints over the torque allowed", lambda m: float(len(m.joint_torque)), ""),
     ("path of soles that stand", lambda m: m.foot_slide, "mm/s"),
     ("depth of soles below the ground", lambda m: m.penetration, "mm"),
     ("ZMP outside the support", lambda m: m.zmp_outside, "mm s"),
