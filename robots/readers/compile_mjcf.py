@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, d
         if isinstance(source, mujoco.MjSpec):
             where, spec = "MjSpec", source.copy()
         elif isinstance(source, (str, Path)):
-            where, spec = _parsed(source)
+            where, read = _source(source)
+            spec = read()
         else:
             raise InputError(
                 f"an MJCF must be a path, the XML itself, an MjSpec or an MjModel, got {shown(source)}"
@@ -62,11 +64,12 @@ def one_line(error: BaseException) -> str:
     return re.sub(r"^((XML )?Error: ?|compile: )+", "", line) or type(error).__name__
 
 
-def _parsed(source: str | Path) -> tuple[str, mujoco.MjSpec]:
+def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
+    """Return the name of a source for messages, and a function that reads it."""
     content = str(source)
     if content.lstrip().startswith("<"):
         _refuse_other_formats("MJCF string", content)
-        return "MJCF string", mujoco.MjSpec.from_string(content)
+        return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = Path(source).expanduser() if content.isprintable() else Path(shown(content))
     where = shown(str(path))
     try:
@@ -76,18 +79,20 @@ def _parsed(source: str | Path) -> tuple[str, mujoco.MjSpec]:
     if not known:
         raise InputError(f"no MJCF file {where}; give a path, the XML itself, an MjSpec or an MjModel")
     _refuse_other_formats(where, read_text(path, "MJCF"))
-    return where, mujoco.MjSpec.from_file(str(path))
+    return where, lambda: mujoco.MjSpec.from_file(str(path))
 
 
 def _refuse_other_formats(where: str, content: str) -> None:
     """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, and for NaN."""
-    first = re.search(r"<\s*([A-Za-z]\w*)", re.sub(r"<!--.*?-->", "", content, flags=re.DOTALL))
+    content = re.sub(r"<!--.*?-->", lambda note: "\n" * note.group().count("\n"), content, flags=re.DOTALL)
+    first = re.search(r"<\s*([A-Za-z]\w*)", content)
     if first is None or first.group(1) == "robot":
         what = "a URDF; use from_urdf" if first else "no XML"
         raise ModelError(f"{where} is {what}")
     wrong = re.search(r"<(\w+)[^<>]*?\s(\w+)\s*=\s*\"[^\"]*\b[Nn][Aa][Nn]\b[^\"]*\"", content)
     if wrong and wrong.group(2) not in ("name", "class", "childclass", "file"):
-        raise ModelError(f"{where}: {wrong.group(2)} of a <{wrong.group(1)}> is NaN")
+        line = content.count("\n", 0, wrong.start()) + 1
+        raise ModelError(f"{where}: {wrong.group(2)} of the <{wrong.group(1)}> in line {line} is NaN")
 
 
 def _drop_meshes(spec: mujoco.MjSpec) -> None:

@@ -209,7 +209,7 @@ BAD = {
         [(END, END + STRING), ("</actuator>", PULLER)],
         "actuator 'puller' drives tendon 'string', no joint",
     ),
-    "NaN inertia": ([(INERTIA, "0.08 nan 0.05")], "diaginertia of a <inertial> is NaN"),
+    "NaN inertia": ([(INERTIA, "0.08 nan 0.05")], "diaginertia of the <inertial> in line "),
     "negative inertia": ([(INERTIA, "0.08 -0.06 0.05")], "inertia must satisfy A + B >= C"),
     "negative mass": ([('mass="9"', 'mass="-9"')], "mass"),
     "missing mesh": ([(END, END + MESH)], "gone.stl"),
@@ -239,6 +239,19 @@ def test_bad_files_are_named_in_one_line(what: str) -> None:
         RobotDescription.from_mjcf(xml)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "mine.xml"
+    for content, message in (
+        (biped().replace("<worldbody>", '<include file="gone.xml"/><worldbody>'), "gone.xml"),
+        (biped()[:-20], "parse error"),
+    ):
+        file.write_text(content)
+        with pytest.raises(ModelError, match=rf"mine\.xml'?: .*{message}"):
+            RobotDescription.from_mjcf(file)
+    file.write_text(f"<!-- mass='nan'\n <inertial mass=\"nan\"/> -->{biped()}")
+    assert RobotDescription.from_mjcf(file).joint_names == RobotDescription.from_mjcf(biped()).joint_names
 
 
 def test_a_root_without_free_joint_floats_when_it_is_named() -> None:
