@@ -159,9 +159,16 @@ def test_a_g1_in_another_process_is_driven_over_loopback() -> None:
         np.testing.assert_allclose(first.joint_position, DESCRIPTION.robot().half_sitting[7:], atol=0.05)
         assert first.sole_wrench is None and first.joint_torque is not None
         control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), 0.004))
-        settings = RunSettings(fade=0.2, blend=0.2, stop=0.2, robot_timeout=0.5, control_timeout=0.5)
+        settings = RunSettings(fade=0.2, blend=0.2, stop=0.2, robot_timeout=5.0, control_timeout=5.0)
         runner = Runner(driver, control, 250.0, settings=settings, guard=False)
-        report = runner.run(4.0)
+        balanced, end = 0, time.monotonic() + 50.0
+
+        def until() -> bool:
+            nonlocal balanced
+            balanced += runner.phase is Phase.RUN
+            return balanced == 100 or time.monotonic() > end
+
+        report = runner.run(until)
         assert report.reason == "stopped", str(report)
         assert Phase.RUN in [phase for phase, _ in report.phases]
         driver.write(Command(np.zeros(29)))

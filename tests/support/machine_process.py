@@ -42,7 +42,7 @@ def unitree() -> None:
     """Run a G1 that hangs at a band for a moment and speaks Unitree's topics in domain 7."""
     description = wbc.load_robot(ROBOT)
     loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
-    server = RobotServer(loop, UnitreeRobot(description, domain=7), watchdog=0.1, band=1.0)
+    server = RobotServer(loop, UnitreeRobot(description, domain=7), watchdog=5.0, band=1.0)
     print("ready", flush=True)
     end = time.monotonic() + 60.0
     server.run(lambda: time.monotonic() > end)
