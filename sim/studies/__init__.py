@@ -6,6 +6,7 @@ registered with `register_trial`.
 
 from wbc.sim.studies.best_stiffness import Label, best_stiffness, label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import STUDIES, study_by_name
+from wbc.sim.studies.driving import DrivingSpec
 from wbc.sim.studies.intervals import (
     Equivalence,
     Estimate,
@@ -13,6 +14,7 @@ from wbc.sim.studies.intervals import (
     holm,
     mean_interval,
     paired_difference,
+    rate_interval,
     share_interval,
     sign_flip_p,
 )
@@ -43,6 +45,7 @@ __all__ = [
     "study_by_name",
     # trials
     "Check",
+    "DrivingSpec",
     "Outcome",
     "SpeedLimitSpec",
     "Trial",
@@ -73,6 +76,7 @@ __all__ = [
     "holm",
     "mean_interval",
     "paired_difference",
+    "rate_interval",
     "share_interval",
     "sign_flip_p",
     "study_rows",

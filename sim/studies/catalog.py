@@ -134,6 +134,19 @@ def speed(seeds: int = 4) -> Study:
     )
 
 
+def driving(seeds: int = 6) -> Study:
+    """Return drives of five minutes with random velocities and pushes: falls per hour, drift of the estimate."""
+    return Study(
+        name="driving",
+        about="falls per hour of a robot that is driven at random and pushed, in drives of 5 minutes",
+        kind="driving",
+        base={"terrain": "flat", "noise": "realistic", "minutes": 5.0},
+        cells=tuple(Cell(robot, {"robot": robot}) for robot in ("hrp4_class", "talos", "g1")),
+        arms={"position": {"mode": "position"}},
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+    )
+
+
 STUDIES: Registry[Callable[[], Study]] = Registry(
     "study",
     {
@@ -142,6 +155,7 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
         "push_recovery": push_recovery,
         "speed": speed,
+        "driving": driving,
         "dataset": dataset,
         "halfway": halfway,
         "arches": arches,

@@ -284,6 +284,30 @@ def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENC
     return float(found.low), float(found.high)
 
 
+def rate_interval(events: int, time: float, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact interval of a rate of independent events; one-sided where there were none.
+
+    No event in half an hour is "at most 6 an hour".
+
+    Args:
+        events: Number of events.
+        time: Time in which they were counted, in the unit of the rate.
+        confidence: Confidence of the interval.
+
+    Raises:
+        InputError: A number below zero, or a time that is not above zero.
+
+    Source: F. Garwood, Biometrika 28(3/4), 1936: the interval of a Poisson mean by quantiles of chi squared.
+    """
+    from scipy.stats import chi2  # noqa: PLC0415 - slow to import
+
+    count, time = whole_number("events", events, low=0), positive("time", time)
+    if count == 0:
+        return 0.0, -math.log(1.0 - confidence) / time
+    rest = 0.5 * (1.0 - confidence)
+    return float(chi2.ppf(rest, 2 * count)) / 2.0 / time, float(chi2.isf(rest, 2 * count + 2)) / 2.0 / time
+
+
 def share_text(successes: int, trials: int) -> str:
     """Return a text such as "18 of 20 completed [68, 99] %"."""
     low, high = (100.0 * end for end in share_interval(successes, trials))

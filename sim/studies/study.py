@@ -28,7 +28,12 @@ from wbc.sim.studies.trials import Trial, trial_from_json, with_seed
 FRESH_SEED = 100
 """First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
 
-METRICS = {"walk": "steps_done", "push_limit": "impulse", "speed_limit": "speed"}
+METRICS = {
+    "walk": "steps_done",
+    "push_limit": "impulse",
+    "speed_limit": "speed",
+    "driving": "falls_per_hour.mean",
+}
 """Kind of trial → metric of its tables unless a study names another."""
 
 Parts = Mapping[str, Any]

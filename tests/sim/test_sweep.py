@@ -23,11 +23,13 @@ from sweep_trials import MadeUpTrial, killed_at_start
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.studies import speed, trials
 from wbc.sim.studies.catalog import STUDIES, study_by_name
+from wbc.sim.studies.driving import DrivingSpec
 from wbc.sim.studies.intervals import (
     equivalence,
     holm,
     mean_interval,
     paired_difference,
+    rate_interval,
     share_interval,
     sign_flip_p,
 )
@@ -357,6 +359,31 @@ def test_a_speed_counts_if_the_walk_ends_well_and_the_robot_is_as_fast(
     assert [one["walked"] for one in result["tried"]] == [False, True, False, True]
     with pytest.raises(InputError, match="resolution must be at most"):
         SpeedLimitSpec(walk=WalkSpec(), highest=0.1, resolution=0.2)
+
+
+def test_a_driven_robot_that_falls_sets_off_anew_and_its_falls_are_counted() -> None:
+    spec = DrivingSpec(walk=WalkSpec(noise="none", seed=3), minutes=0.06, every=2.0, push=1.5)
+    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
+    outcome = run_trial(spec)
+    result = outcome.result
+    assert outcome.status == "done" and result is not None
+    assert result["seconds"] == pytest.approx(3.6) and result["falls"] == 1 and len(result["drives"]) == 2
+    fall, rest = result["drives"]
+    assert 2.0 < fall["seconds"] < 3.5 and fall["reason"] and rest["reason"] is None
+    assert fall["pushed"] == pytest.approx(fall["seconds"] - 2.0) and rest["pushed"] is None
+    assert result["falls_per_hour"]["mean"] == pytest.approx(1000.0)
+    assert result["falls_per_hour"]["low"] < 1000.0 < result["falls_per_hour"]["high"]
+    assert result["drift"] == max(fall["drift"], rest["drift"])
+    with pytest.raises(InputError, match="random ones"):
+        DrivingSpec(walk=WalkSpec(pushes=(WalkPush(impulse=0.3, time=1.0),)))
+
+
+def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
+    """10 events: 4.795 to 18.39 (Garwood's table); none in half an hour: at most 6.0 an hour."""
+    assert rate_interval(10, 1.0) == pytest.approx((4.795, 18.39), abs=0.01)
+    assert rate_interval(0, 0.5) == pytest.approx((0.0, 5.99), abs=0.01)
+    with pytest.raises(InputError, match="time"):
+        rate_interval(1, 0.0)
 
 
 # Studies and tables
