@@ -91,8 +91,9 @@ class LiveControls:
             controls["stop"] = True
         if "drive" in self._actions:
             assert self._walking is not None
-            forward, left, turn = self._walking.settings.drive.fastest
-            controls["drive"] = {"forward": forward, "left": left, "turn": turn}
+            limits = self._walking.settings.drive
+            forward, left, turn = limits.fastest
+            controls["drive"] = {"forward": forward, "back": limits.fastest_back, "left": left, "turn": turn}
         if "gain" in self._actions:
             assert self._walking is not None
             gains = self._walking.stabilizer.gains

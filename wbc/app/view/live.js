@@ -84,8 +84,8 @@ function steer() {
         ahead -= free(pad.axes[1] || 0); left -= free(pad.axes[0] || 0); turn -= free(pad.axes[2] || 0);
     }
     const part = (value, most) => Math.round(100 * Math.max(-1, Math.min(1, value)) * most) / 100;
-    const wish = {do: "drive", forward: part(ahead, fastest.forward), left: part(left, fastest.left),
-                  turn: part(turn, fastest.turn)};
+    const wish = {do: "drive", forward: part(ahead, ahead > 0 ? fastest.forward : fastest.back),
+                  left: part(left, fastest.left), turn: part(turn, fastest.turn)};
     const text = JSON.stringify(wish);
     if (text === sent || (sent === "" && !wish.forward && !wish.left && !wish.turn)) return;
     if (socket && socket.readyState === 1) { order(wish); sent = text; }
