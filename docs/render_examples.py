@@ -37,6 +37,8 @@ INSTANTS = {
     "walk_tune": 3.4,
     "own_task": 3.0,
     "own_robot": 1.0,
+    "hands/carry": 4.0,
+    "hands/lean": 8.0,
 }
 """Time at which each example is drawn, s."""
 
@@ -85,7 +87,7 @@ def photograph(plant: Plant) -> Image.Image:
 
 def picture_of(name: str, instant: float) -> Image.Image:
     """Run an example, and take its picture."""
-    module, common = importlib.import_module(name), importlib.import_module("_common")
+    module, common = importlib.import_module(name.replace("/", ".")), importlib.import_module("_common")
     catcher = Catcher(instant)
 
     @contextlib.contextmanager
@@ -106,7 +108,8 @@ def main() -> None:
     """Draw the sheet."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images" / "examples.png"
     sys.path.insert(0, str(EXAMPLES))
-    missing = {p.stem for p in EXAMPLES.glob("*.py")} - {"_common"} - set(INSTANTS)
+    examples = (path for folder in (".", "hands") for path in (EXAMPLES / folder).glob("*.py"))
+    missing = {str(p.relative_to(EXAMPLES).with_suffix("")) for p in examples} - {"_common"} - set(INSTANTS)
     if missing:
         raise RuntimeError(f"no instant for {', '.join(sorted(missing))}")
     rows = -(-len(INSTANTS) // COLUMNS)

@@ -153,5 +153,5 @@ def test_the_example_carries() -> None:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     result = module.main([])
-    assert result["upright"] and result["found"] == pytest.approx(result["mass"], rel=0.05)
-    assert result["steps"] >= 2 and result["left"] < 0.1
+    assert result["upright"] and result["found_kg"] == pytest.approx(result["load_kg"], rel=0.05)
+    assert result["steps"] >= 2 and result["after_it_fell_kg"] < 0.1
