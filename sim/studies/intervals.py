@@ -31,7 +31,7 @@ normal (the ends of an interval differ by a hundredth of its width), and resampl
 
 
 FEW = 8
-"""Number of layouts below which an interval is not shown: a bootstrap of fewer values is far too narrow."""
+"""Number of layouts below which no interval is shown and none are equivalent: fewer values tell too little of the rest."""
 
 EQUAL = 20
 """Number of layouts without any difference from which two arms count as equivalent: at most 14 % of all differ then."""
@@ -71,7 +71,7 @@ class Equivalence:
     Attributes:
         margin: Largest difference that counts as none.
         p: The larger p-value of the two tests; None with fewer than two layouts.
-        equivalent: True if the difference is smaller than the margin, at a level of 5 %.
+        equivalent: True if the difference is smaller than the margin, at a level of 5 %, on 8 layouts or more.
     """
 
     margin: float
@@ -256,7 +256,7 @@ def equivalence(
         p = 0.0 if abs(mean) < margin and sums.size >= EQUAL else 1.0
     else:
         p = float(t.sf((margin - abs(mean)) / error, sums.size - 1))
-    return Equivalence(margin, p, p < 0.05)
+    return Equivalence(margin, p, p < 0.05 and sums.size >= FEW)
 
 
 def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:

@@ -619,6 +619,7 @@ def test_sign_flips_and_equivalence_keep_their_level() -> None:
     assert sign_flip_p([1.0]) is None and equivalence([1.0], 1.0).p is None
     # Equal pairs alone say little: of nine, three tenths of all may still differ.
     assert equivalence([0.0] * 20, 0.5).p == 0.0 and not equivalence([0.0] * 9, 0.5).equivalent
+    assert not equivalence([0.0] * 6 + [0.01], 0.5).equivalent  # nor do seven that nearly are
     with pytest.raises(InputError, match="margin of equivalence"):
         equivalence([1.0, 2.0], 0.0)
 
