@@ -12,7 +12,7 @@ from wbc.robots import load
 from wbc.sim.balance import StandPushSpec, StandSpec, push_standing, stand
 from wbc.walking import FootstepPlan, Reach, WalkingControl, natural_frequency
 from wbc.walking.planning.capture import CaptureSteps
-from wbc.walking.planning.footsteps import other
+from wbc.walking.planning.footsteps import Footstep, other
 
 ROBOT = load("hrp4_class").robot()
 REACH = Reach.of(ROBOT)
@@ -23,7 +23,7 @@ MIDDLE = 0.5 * (START.left.position + START.right.position)[:2]
 
 
 def capture() -> CaptureSteps:
-    return CaptureSteps(OMEGA, REACH, SIZES)
+    return CaptureSteps(OMEGA, REACH, SIZES, START.spacing)
 
 
 def test_a_dcm_within_the_soles_is_inside() -> None:
@@ -65,6 +65,40 @@ def test_mirrored_pushes_give_mirrored_feet() -> None:
     for a, b in zip(one, two, strict=True):
         assert a.side == other(b.side) and a.x == pytest.approx(b.x)
         assert a.y - MIDDLE[1] == pytest.approx(MIDDLE[1] - b.y)
+
+
+def test_a_foot_in_the_air_lands_as_planned_unless_the_dcm_leaves_the_feet() -> None:
+    steps, stance = capture(), START.right
+    planned = Footstep("left", 0.1, START.left.y, 0.01)
+    assert steps.landing(MIDDLE + (0.05, 0.0), stance, planned, 0.2) is planned
+    ahead = [steps.landing(MIDDLE + (x, 0.0), stance, planned, 0.2) for x in (0.12, 0.15, 0.18, 0.4)]
+    places = [landing.x for landing in ahead]
+    assert places == sorted(places) and planned.x < places[0] < places[1]
+    assert places[-1] == pytest.approx(stance.x + REACH.max_length) and ahead[0].z == planned.z
+    sooner = steps.landing(MIDDLE + (0.15, 0.0), stance, planned, 0.1)
+    assert sooner.x < places[1], "less time in which the DCM runs away"
+
+
+def test_feet_stay_apart_unless_the_dcm_runs_away_over_the_stance_foot() -> None:
+    planned = Footstep("right", 0.0, START.right.y, 0.0)
+    out, ahead = (
+        capture().landing(MIDDLE + push, START.left, planned, 0.2) for push in ((0.0, 0.16), (0.15, 0.0))
+    )
+    assert START.left.y - out.y == pytest.approx(REACH.min_spacing)
+    assert START.left.y - ahead.y >= START.spacing - 1e-9
+
+
+def test_soles_of_a_commanded_robot_do_not_bind_while_it_steps_out_of_a_push() -> None:
+    """Its QP then finds wrenches beyond the soles; on them again it has those of before."""
+    robot = load("hrp4_class").robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
+    sole, beyond = robot.soles[0], np.array([0.0, 0.0, 100.0, 0.0, -100.0 * 0.3, 0.0])
+    cone = walking.tasks.contacts[0].cone.copy()
+    assert (cone @ beyond).max() > 0.0 and sole.length < 0.6
+    walking.tasks.free(True)
+    assert (walking.tasks.contacts[0].cone @ beyond).max() <= 0.0
+    walking.tasks.free(False)
+    np.testing.assert_array_equal(walking.tasks.contacts[0].cone, cone)
 
 
 @pytest.mark.slow

@@ -297,6 +297,7 @@ class WalkingControl:
             reference.heading,
             self.dt,
             bias=bias,
+            max_force=self.driver.most_force,
             outside=outside,
         )
         self._wrench_targets = output.feet.wrenches
@@ -344,7 +345,10 @@ class WalkingControl:
         if self.hands is not None and self.hands.active:  # the plan is that without hands
             dcm = dcm.copy()
             dcm[:2] -= self.hands.shift
+        captures = self.driver.capturing
         self.driver.update(self.time, dcm, self._beyond)
+        if self.driver.capturing is not captures:
+            self.tasks.free(not captures)
         # Filtered loads: a foot that has just met the ground presses in jerks.
         return self.walk.update(self.control.observer.load.tolist(), self._soles, dcm)
 

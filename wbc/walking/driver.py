@@ -16,7 +16,8 @@ from dataclasses import replace
 
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
-from wbc.walking.planning.capture import CaptureSteps
+from wbc.walking.pattern.swing import shortest_swing
+from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
 from wbc.walking.planning.footsteps import SIDES, FootstepPlan
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import check_plan
@@ -38,6 +39,10 @@ logger = logging.getLogger(__name__)
 
 Extent = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y of the ground, m."""
+
+
+UNLIMITED = (math.inf, math.inf)
+"""Greatest normal force of both feet, N, where nothing limits it."""
 
 
 class Driver:
@@ -72,7 +77,9 @@ class Driver:
         self._landed = False
         capture = self.settings.capture
         self._capture = (
-            None if capture is None else CaptureSteps(walk.omega, walk.reach, walk.sole_sizes, capture)
+            None
+            if capture is None
+            else CaptureSteps(walk.omega, walk.reach, walk.sole_sizes, plan.spacing, capture)
         )
         self.steered = not len(plan)  # a plan from the start is walked as it is
         self._outside = 0.0  # time that the DCM has been outside the feet, s
@@ -82,6 +89,19 @@ class Driver:
     def capturing(self) -> bool:
         """True while the robot steps out of a push."""
         return self._walk.phases.settings is not self._waits
+
+    @property
+    def most_force(self) -> tuple[float, float]:
+        """Greatest normal force of left and right foot, N: a foot that is to step out of a push gives up its load."""
+        if not self.capturing:
+            return UNLIMITED
+        phases = self._walk.phases
+        if phases.phase is not Phase.DOUBLE or phases.step >= len(phases.plan):
+            return UNLIMITED
+        most = phases.weight * max(
+            0.0, 1.0 - (phases.elapsed + self._walk.period) / max(phases.duration, 1e-3)
+        )
+        return (most, math.inf) if phases.plan.steps[phases.step].side == "left" else (math.inf, most)
 
     def velocity_source(self) -> VelocitySource:
         """Return a source of velocities that goes on from the velocity granted now."""
@@ -185,13 +205,16 @@ class Driver:
             self._outside = self._outside + walk.period if rests and beyond > s.trigger else 0.0
             if self._outside < s.debounce - 1e-9:
                 return False
-            phases.settings = replace(self._waits, max_wait=s.wait)
+            phases.settings = replace(self._waits, max_wait=s.wait, early_credit=0.0)
+            walk.adjusts = False
             self._next = time
         if phases.phase is Phase.SINGLE:
+            self._aim(dcm, capture)
             self._next = time
             return True
         if phases.phase is Phase.STANDING and beyond < -s.inside:
             phases.settings, self._outside, self._next = self._waits, 0.0, time
+            walk.adjusts = True
             return False
         if time < self._next:
             return True
@@ -209,6 +232,32 @@ class Driver:
         plan = capture.footsteps(dcm, now.start, now.first, wait)
         walk.steer(plan.steps, s.gait.on_grid(walk.period)[0], dcm)
         return True
+
+    def _aim(self, dcm: Array, capture: CaptureSteps) -> None:
+        """Move the landing of the foot in the air under the DCM."""
+        phases, s = self._walk.phases, capture.settings
+        remaining = phases.duration - phases.elapsed
+        begins = phases.elapsed < 1.5 * self._walk.period
+        if begins:
+            remaining = self._swing_time(s) - phases.elapsed
+        if remaining <= s.freeze:
+            return
+        planned = phases.plan.steps[phases.step]
+        landing = capture.landing(dcm, phases.plan.stance(phases.step), planned, remaining)
+        moved = math.hypot(landing.x - planned.x, landing.y - planned.y)
+        if begins or moved > s.threshold:
+            self._walk.aim(landing, remaining, dcm, s.sink)
+
+    def _swing_time(self, settings: CaptureSettings) -> float:
+        """Time of the swing that begins, s: short steps take less."""
+        phases = self._walk.phases
+        plan, step = phases.plan, phases.step
+        lift, landing = plan.lift_off(step), plan.steps[step]
+        length = math.hypot(landing.x - lift.x, landing.y - lift.y)
+        gait = settings.gait
+        return min(
+            gait.single_support, max(shortest_swing(gait), settings.quickest + length / settings.speed)
+        )
 
     def _standing(self, time: float) -> Standing:
         """Feet on the ground, and the one in the air where it will land."""

@@ -26,6 +26,9 @@ from wbc.walking.walk import WalkReference
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
 
+FREE_SOLE = 2.0
+"""Length and width of the soles of a commanded robot that steps out of a push, m: they do not bind."""
+
 
 @settings
 class TaskGains:
@@ -119,6 +122,7 @@ class WalkTasks:
             )
             for sole in robot.soles
         ]
+        self._soles = robot.soles[:2]
         self._wrenches: list[WrenchTask] = []
         controller.add(TorqueLimits())
         if torque:
@@ -135,6 +139,20 @@ class WalkTasks:
         """
         self.contacts[side].active = contact
         self._swings[side].weight = 0.0 if contact else self._swing_weight
+
+    def free(self, freed: bool) -> None:
+        """Let the commanded robot stand beyond its soles, or on them again; in position control alone.
+
+        The edge of the soles would bind the QP's own wrenches where a push has thrown the pendulum further than the
+        commanded robot, which then falls by itself. What the feet can really give is up to the stabilizer.
+
+        Args:
+            freed: True to free it.
+        """
+        if self._torque:
+            return
+        for contact, sole in zip(self.contacts, self._soles, strict=True):
+            contact.set_rectangle(*((FREE_SOLE, FREE_SOLE) if freed else (sole.length, sole.width)))
 
     def move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
         """Follow the swing foot's reference; hold standing feet at their corrections, or to their wrenches.

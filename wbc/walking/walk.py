@@ -120,6 +120,7 @@ class Walk:
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
+        adjusts: True while step adjustment may move landings.
     """
 
     @checked
@@ -175,6 +176,7 @@ class Walk:
             preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega = self._preview.omega
+        self.adjusts = True
         self._adjuster: StepAdjuster | None = None
         if s.adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
@@ -195,6 +197,7 @@ class Walk:
         self._time = 0.0  # since the pattern was planned, s
         self._ground = 0.0  # height of the ground over the plan, as landings have found it, m
         self._rise = 0.0  # growth of that height from step to step, m
+        self._sink = 0.0  # depth under its landing at which the foot in the air arrives, m
         self._surprise = 0.0  # unexpected height of the last landing, m
 
     @property
@@ -266,6 +269,24 @@ class Walk:
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
+    def aim(self, landing: Footstep, remaining: float, dcm: Array, sink: float) -> None:
+        """Move the landing and the touch-down of the foot in the air.
+
+        Args:
+            landing: New landing of that foot.
+            remaining: Time from now to touch-down, s.
+            dcm: DCM from which the pattern goes on, shape (2,) or (3,), m.
+            sink: Depth under the landing at which the foot arrives unless it meets the ground before, m.
+        """
+        assert self._swing is not None
+        phases = self.phases
+        time = max(self.period, round(remaining / self.period) * self.period)
+        phases.land(landing, carry=True)
+        phases.retime(time)
+        self._sink = sink
+        self._swing.retarget(phases.elapsed, replace(landing, z=landing.z - sink), phases.elapsed + time)
+        self._replan(None, dcm)
+
     def update(
         self,
         loads: Sequence[float],
@@ -297,7 +318,7 @@ class Walk:
         if self._rest is None and (events or self._time >= interval - 1e-9):
             if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
                 self._replan(dcm)
-        elif dcm is not None and self._adjuster is not None and self._swing is not None and not overdue:
+        elif self.adjusts and dcm is not None and self._adjuster and self._swing is not None and not overdue:
             self._adjust(dcm, self._adjuster, self._swing)
         if self._swing is not None:
             side = SIDES.index(self._swing.landing.side)
@@ -334,7 +355,8 @@ class Walk:
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
         self._yaws[side] = heading(motion.placement.rotation)
         landed = Footstep.of(planned.side, placements[side])
-        self._surprise = surprise = landed.z - planned.z
+        self._surprise = surprise = landed.z - planned.z - self._sink
+        self._sink = 0.0
         self._ground += self.settings.ground_memory * surprise
         self._rise += self.settings.rise_memory * surprise
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.

@@ -32,7 +32,7 @@ from wbc.walking.planning.schedule import SoleSizes, support_area
 def _quick() -> Gait:
     return Gait(
         single_support=0.28,
-        double_support=0.1,
+        double_support=0.06,
         initial_double_support=0.02,
         final_double_support=0.6,
         swing_height=0.04,
@@ -40,6 +40,7 @@ def _quick() -> Gait:
         landing_time=0.05,
         landing_speed=0.2,
         landing_height=0.0,
+        search_time=0.1,
     )
 
 
@@ -53,9 +54,17 @@ class CaptureSettings:
         inside: Distance of the DCM inside the edge of the soles at which a foot that has landed is enough, m.
         margin: Distance of the ZMP from the edge of a stance foot in predictions, m.
         beyond: Distance by which a landing is put beyond the predicted DCM, m.
+        aside: Distance by which a landing is put outward of the predicted DCM, m: as in a walk, where the DCM stays
+            between the feet.
         reach: Share of the legs' reach that steps may use.
         steps: Greatest number of steps predicted.
         again: Time between predictions while both feet stand, s.
+        quickest: Time of a step of no length, s.
+        speed: Length of a step over the time that it takes beyond that, m/s; `gait.single_support` is the longest time.
+        threshold: Change of landing below which a foot in the air goes on as planned, m.
+        freeze: Time before touch-down in which a landing is not moved any more, s.
+        sink: Depth under its landing at which a foot arrives unless it meets the ground before, m: a robot that tips
+            over the edge of its stance foot holds the other one up.
         wait: Longest time that a loaded foot delays its lift-off, s.
         gait: Timings and swing.
     """
@@ -65,9 +74,15 @@ class CaptureSettings:
     inside: Annotated[float, "m"] = 0.02
     margin: Annotated[NonNegative, "m"] = 0.015
     beyond: Annotated[NonNegative, "m"] = 0.02
+    aside: Annotated[NonNegative, "m"] = 0.035
     reach: Share = 1.0
     steps: Annotated[int, Field(ge=1, le=6)] = 3
     again: Annotated[Positive, "s"] = 0.02
+    quickest: Annotated[NonNegative, "s"] = 0.15
+    speed: Annotated[Positive, "m/s"] = 3.0
+    threshold: Annotated[NonNegative, "m"] = 0.005
+    freeze: Annotated[NonNegative, "s"] = 0.06
+    sink: Annotated[NonNegative, "m"] = 0.015
     wait: Annotated[NonNegative, "s"] = 0.0
     gait: Gait = field(default_factory=_quick)
 
@@ -81,7 +96,12 @@ class CaptureSteps:
 
     @checked
     def __init__(
-        self, omega: float, reach: Reach, sizes: SoleSizes, settings: CaptureSettings | None = None
+        self,
+        omega: float,
+        reach: Reach,
+        sizes: SoleSizes,
+        spacing: float,
+        settings: CaptureSettings | None = None,
     ) -> None:
         """Keep the robot's figures.
 
@@ -89,10 +109,11 @@ class CaptureSteps:
             omega: Natural frequency, 1/s.
             reach: Reach of the legs.
             sizes: (length, width) of the left and of the right sole, m.
+            spacing: Lateral distance between the soles' centres of a robot that stands, m.
             settings: Settings; the defaults when None.
         """
         self.settings = settings or CaptureSettings()
-        self._omega, self._reach, self._sizes = omega, reach, sizes
+        self._omega, self._reach, self._sizes, self._spacing = omega, reach, sizes, spacing
 
     def outside(self, dcm: Array, start: FootstepPlan) -> float:
         """Return the distance of a DCM (shape (2,) or (3,), m) beyond the hull of both soles, m; negative inside."""
@@ -117,6 +138,24 @@ class CaptureSteps:
         assert best is not None
         steps = best[1]
         return replace(start, steps=(*steps, self._closing(start, steps)), gait=self.settings.gait)
+
+    def landing(self, dcm: Array, stance: Footstep, planned: Footstep, remaining: float) -> Footstep:
+        """Return the landing of a foot in the air that catches a DCM: the planned one where that is near enough.
+
+        Args:
+            dcm: DCM now, in the world, shape (2,) or (3,), m.
+            stance: Foot on the ground.
+            planned: Landing as planned.
+            remaining: Time to touch-down, s.
+        """
+        s = self.settings
+        now = np.asarray(dcm, dtype=float)[:2]
+        rest = _nearest(now, (stance,), self._sizes, s.margin)
+        then = rest + (now - rest) * math.exp(self._omega * remaining)
+        if _beyond(then, (stance, planned), self._sizes) < -s.inside:
+            return planned
+        landing = self._landing(then, stance, planned.side)
+        return replace(landing, z=planned.z)
 
     def _from(
         self, dcm: Array, start: FootstepPlan, side: str, wait: float
@@ -153,10 +192,14 @@ class CaptureSteps:
         forward, outward = c * dx + sn * dy, c * dy - sn * dx
         sign = 1.0 if side == "left" else -1.0
         forward += math.copysign(min(s.beyond, abs(forward)), forward)
-        outward = sign * outward + s.beyond
+        outward *= sign
+        width = self._sizes[SIDES.index(stance.side)][1]
+        # Feet stay apart unless the DCM runs away over the outer edge of the stance foot: then the other one closes up.
+        least = r.min_spacing if outward < s.margin - 0.5 * width else self._spacing
+        outward += s.aside
         longest = s.reach * r.max_length
         forward = max(-longest, min(longest, forward))
-        outward = max(r.min_spacing, min(s.reach * r.max_spacing, outward)) * sign
+        outward = max(least, min(s.reach * r.max_spacing, outward)) * sign
         return Footstep(
             side,
             stance.x + c * forward - sn * outward,
