@@ -31,7 +31,7 @@ normal (the ends of an interval differ by a hundredth of its width), and resampl
 
 
 FEW = 8
-"""Number of layouts below which no interval is shown and none are equivalent: fewer values tell too little of the rest."""
+"""Number of layouts below which no interval is shown and none are equivalent: fewer tell too little of the rest."""
 
 EQUAL = 20
 """Number of layouts without any difference from which two arms count as equivalent: at most 14 % of all differ then."""
