@@ -27,8 +27,10 @@ from wbc.motion import (
 )
 from wbc.motion.contacts import Contacts, find_contacts
 from wbc.motion.feasible import centre_of_mass_shift
-from wbc.motion.kinematics import BodyMotion, second_difference
+from wbc.motion.footsteps import footsteps
+from wbc.motion.kinematics import BodyMotion, second_difference, sole_corners
 from wbc.motion.measures import Support
+from wbc.walking.planning.reach import Reach
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +137,8 @@ def test_bad_clips_are_refused_with_value_and_rule(g1: Robot, arms: MotionClip, 
         clip(base=swapped + 0.0)
     for changes, message in (
         ({"rate": 0.0}, "rate of a motion"),
+        ({"rate": 1e9}, r"rate of a motion \(Hz\) must lie in \[1, 10000\], got 1e\+09"),
+        ({"joints": arms.joints.astype(complex)}, "joints of a motion must be real numbers"),
         ({"joints": arms.joints[:, :3]}, r"shape \(T, 29\)"),
         ({"joint_names": ("a", *arms.joint_names[2:], "a")}, "once in a motion, got 'a' 2 times"),
         ({"base": 2.0 * arms.base}, "length 1"),
@@ -143,6 +147,12 @@ def test_bad_clips_are_refused_with_value_and_rule(g1: Robot, arms: MotionClip, 
             clip(**changes)
     with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
         arms.configurations(load_robot("talos").robot())
+    with pytest.raises(InputError, match=r"at most 10000 s at 100 Hz, got 19999 s"):
+        make_feasible(g1, MotionClip.of(g1, np.tile(g1.half_sitting, (20_000, 1)), 1.0))
+    write_motion(arms, tmp_path / "rate.npz")
+    np.savez(tmp_path / "rate.npz", **dict(np.load(tmp_path / "rate.npz")) | {"rate": "fast"})
+    with pytest.raises(InputError, match="rate must be one number, got \\['fast'\\]"):
+        read_motion(tmp_path / "rate.npz")
     np.savez(tmp_path / "pickle.npz", joint_pos=np.array([{}], dtype=object))
     with pytest.raises(InputError, match="pickles and are not opened"):
         read_motion(tmp_path / "pickle.npz")
@@ -217,6 +227,32 @@ def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> No
 
 
 # The filter
+
+
+def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(g1: Robot) -> None:
+    """A step of 0.6 m becomes one that the walk's planner allows; steps within reach stay."""
+    clip = make_motion(g1, "steps", 1)
+    q = clip.configurations(g1)
+    motion = BodyMotion.of(g1, q, clip.rate)
+    contacts = find_contacts(motion).fill(0.15)
+    same = footsteps(g1, motion, contacts, 0.1)
+    assert same.body is None and same.shortened == 0.0
+    first = contacts.stances(1)[1][0]  # where the right foot lands first
+    far = motion.sole_positions.copy()
+    far[first:, 1, 0] += 0.6
+    moved = footsteps(g1, replace(motion, sole_positions=far), contacts, 0.1)
+    step = moved.soles[first][0].actInv(moved.soles[first][1])
+    longest = Reach.of(g1, float(np.median(motion.com[contacts.standing.sum(axis=1) == 1, 2]))).max_length
+    assert step.translation[0] == pytest.approx(longest, abs=1e-3)
+    assert moved.shortened == pytest.approx(
+        0.6 + same.soles[first][0].actInv(same.soles[first][1]).translation[0] - longest, abs=2e-3
+    )
+    assert moved.body is not None
+    np.testing.assert_allclose(moved.body[0].homogeneous, np.eye(4), atol=1e-12)
+    assert moved.body[-1].translation[0] < -0.2
+    for side, sole in enumerate(sole_corners(g1)):
+        heights = [(sole @ pair[side].rotation[2]).min() + pair[side].translation[2] for pair in moved.soles]
+        assert min(heights) > -1e-9
 
 
 @pytest.mark.parametrize("name", sorted(MOTIONS))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import rotation_of
-from wbc.core.errors import Array, InputError, finite_array, positive, unknown_name
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, unknown_name
 from wbc.core.robot import Robot
 
 UPRIGHT = 0.5
@@ -18,6 +18,9 @@ UPRIGHT = 0.5
 
 LONGEST = 1_000_000
 """Most frames of a clip."""
+
+SLOWEST, FASTEST = 1.0, 10_000.0
+"""Least and greatest rate of a clip, Hz."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,13 +53,13 @@ class MotionClip:
                 is none, a first frame in which the robot is not upright, a joint named twice.
         """
         names = tuple(self.joint_names)
-        positive("rate of a motion (Hz)", self.rate)
+        finite_scalar("rate of a motion (Hz)", self.rate, low=SLOWEST, high=FASTEST)
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(
                 f"a joint must occur once in a motion, got '{twice[0]}' {names.count(twice[0])} times"
             )
-        joints, base = (np.array(each, dtype=float) for each in (self.joints, self.base))
+        joints, base = (_numbers(what, getattr(self, what)) for what in ("joints", "base"))
         if joints.ndim != 2 or joints.shape[1] != len(names):
             raise InputError(f"joints of a motion must have shape (T, {len(names)}), got {joints.shape}")
         if not 2 <= len(joints) <= LONGEST:
@@ -172,6 +175,13 @@ def _catmull_rom(values: Array, index: Array, share: Array) -> Array:
     return np.asarray(
         (2 * s3 - 3 * s2 + 1) * start + (s3 - 2 * s2 + share) * d0 + (3 * s2 - 2 * s3) * end + (s3 - s2) * d1
     )
+
+
+def _numbers(what: str, values: Any) -> Array:
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{what} of a motion must be real numbers, got an array of type {array.dtype}")
+    return np.array(array, dtype=float)
 
 
 def _check_finite(values: Array, columns: list[str], rate: float) -> None:

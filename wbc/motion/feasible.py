@@ -25,15 +25,15 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.motion.clip import MotionClip
+from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
+from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets, KinematicWeights
-from wbc.motion.kinematics import BodyMotion, sole_corners
+from wbc.motion.kinematics import BodyMotion
 from wbc.motion.measures import MotionMeasures, measure, supports_of
-from wbc.walking.planning.footsteps import heading
 
 STRAIGHTENING = 5
 """Most passes that turn the trunk up until the waist can hold it."""
@@ -90,6 +90,7 @@ class FeasibleMotion:
         changes: Joint → root mean square of the change, rad, for joints that changed; compared at the same frames.
         largest: Joint → largest change, rad.
         com_shift: Largest horizontal shift of the centre of mass for the sake of the ZMP, m.
+        shortened: Greatest distance by which a step was brought within reach, m.
         stretched: Duration of the result without its rests over that of the given clip.
     """
 
@@ -101,6 +102,7 @@ class FeasibleMotion:
     changes: dict[str, float]
     largest: dict[str, float]
     com_shift: float
+    shortened: float
     stretched: float
 
 
@@ -118,9 +120,13 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
 
     Raises:
         UnknownNameError: The clip is of another robot.
-        InputError: The robot leaves the ground; the time at which it does is named.
+        InputError: The robot leaves the ground; the time at which it does is named. A clip that is too long.
     """
     s = settings or FilterSettings()
+    if clip.duration * s.rate > LONGEST:
+        raise InputError(
+            f"a motion must last at most {LONGEST / s.rate:g} s at {s.rate:g} Hz, got {clip.duration:g} s"
+        )
     raw = clip.configurations(robot)
     full = MotionClip.of(robot, raw, clip.rate, clip.name, clip.standing)
     times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * s.rate) + 1))
@@ -134,7 +140,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
     for attempt in range(s.stretches + 1):
         eased, source = _retime(smooth, pace, s)
-        q, result, shift, standing = _with_feet(robot, eased, s)
+        q, result, shift, standing, shortened = _with_feet(robot, eased, s)
         after = measure(robot, result, standing, s.share)
         slow = after.infeasible_frames
         if attempt == s.stretches or not slow.any():
@@ -157,6 +163,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         {name: float(value) for name, value in zip(names, rms, strict=True) if value > 1e-6},
         {name: float(value) for name, value in zip(names, largest, strict=True) if value > 1e-6},
         shift,
+        shortened,
         (len(q) / s.rate - rests) / clip.duration,
     )
 
@@ -218,7 +225,7 @@ def _eased(t: Array, total: float, ease: float) -> Array:
 
 def _with_feet(
     robot: Robot, clip: MotionClip, s: FilterSettings
-) -> tuple[Array, BodyMotion, float, Contacts]:
+) -> tuple[Array, BodyMotion, float, Contacts, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     q = clip.configurations(robot)
     motion = BodyMotion.of(robot, q, clip.rate)
@@ -228,7 +235,14 @@ def _with_feet(
     q[:, 2] -= contacts.ground
     motion = BodyMotion.of(robot, q, clip.rate)
     contacts = replace(contacts, ground=0.0)
-    soles = _sole_targets(motion, contacts, s.blend, sole_corners(robot))
+    steps = footsteps(robot, motion, contacts, s.blend)
+    soles = steps.soles
+    if steps.body is not None:
+        q[:, :7] = [
+            pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base))
+            for move, base in zip(steps.body, q[:, :7], strict=True)
+        ]
+        motion = BodyMotion.of(robot, q, clip.rate)
     solver = InverseKinematics(robot, s.joint_margin, s.weights)
     supports = supports_of(robot, soles, contacts.standing, s.sole_share)
     q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
@@ -240,8 +254,10 @@ def _with_feet(
         contacts.standing.astype(float), 0.25 * s.blend * clip.rate, axis=0, mode="nearest"
     )
     com = gaussian_filter1d(given, 0.02 * clip.rate, axis=0, mode="nearest")
+    result = q
     for _ in range(s.passes):
-        motion = BodyMotion.of(robot, solver.solve(KinematicTargets(q, soles, stands, com)), clip.rate)
+        result = solver.solve(KinematicTargets(q, soles, stands, com), result)
+        motion = BodyMotion.of(robot, result, clip.rate)
         momentum = gaussian_filter1d(motion.momentum, 0.05 * clip.rate, axis=0)
         zmp = replace(motion, com=com, momentum=momentum).zmp()
         needed = (
@@ -253,13 +269,13 @@ def _with_feet(
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), clip.rate)
         wide = maximum_filter1d(np.where(low > 5e-4, low, 0.0), max(1, round(0.6 * clip.rate)))
         com[:, 2] -= 2.0 * gaussian_filter1d(wide, 0.15 * clip.rate, mode="nearest")
-    result = solver.solve(KinematicTargets(q, soles, stands, com))
+    result = solver.solve(KinematicTargets(q, soles, stands, com), result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
     result = gaussian_filter1d(result, s.smoothing * clip.rate, axis=0, mode="nearest")
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
     motion = BodyMotion.of(robot, result, clip.rate)
     shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
-    return result, motion, shift, contacts
+    return result, motion, shift, contacts, steps.shortened
 
 
 def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
@@ -305,59 +321,3 @@ def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
     bands[1] = 1.0 + 2.0 * k
     bands[1, 0] = bands[1, -1] = 1.0 + k
     return np.asarray(solve_banded((1, 1), bands, zmp_shift))
-
-
-def _sole_targets(
-    motion: BodyMotion, contacts: Contacts, blend: float, corners: list[Array]
-) -> list[tuple[pin.SE3, pin.SE3]]:
-    """Return sole placements: one flat place for each contact, in between the given path, moved to fit both ends.
-
-    No corner is below the ground, which a foot that rolls over its toes would push into it once it is flat.
-    """
-    sides: list[list[pin.SE3]] = []
-    count = len(motion.q)
-    ramp = max(1, round(blend * motion.rate))
-    for side in (0, 1):
-        given = [
-            pin.SE3(motion.sole_rotations[i, side], motion.sole_positions[i, side]) for i in range(count)
-        ]
-        stances = [(a, b, _flat(motion, side, a, b)) for a, b in contacts.stances(side)]
-        targets = list(given)
-        for a, b, place in stances:
-            targets[a:b] = [place] * (b - a)
-        edges = [(0, None), *((b, place) for _, b, place in stances)]
-        ends = [*((a, place) for a, _, place in stances), (count, None)]
-        for (first, before), (last, after) in zip(edges, ends, strict=True):
-            for i in range(first, last):
-                share = (i - first + 1) / (last - first + 1)
-                leave = None if before is None else before * given[first].inverse()
-                reach = None if after is None else after * given[min(last, count - 1)].inverse()
-                moved = _between(leave, reach, _smoothstep(share)) * given[i]
-                for place, distance in ((before, i - first + 1), (after, last - i)):
-                    if place is not None and distance < ramp:
-                        moved = pin.SE3.Interpolate(place, moved, _smoothstep(distance / ramp))
-                moved.translation[2] += max(
-                    0.0, -float((corners[side] @ moved.rotation[2]).min()) - moved.translation[2]
-                )
-                targets[i] = moved
-        sides.append(targets)
-    return list(zip(*sides, strict=True))
-
-
-def _between(one: pin.SE3 | None, other: pin.SE3 | None, share: float) -> pin.SE3:
-    if one is None or other is None:
-        found = one if other is None else other
-        return pin.SE3.Identity() if found is None else found
-    return pin.SE3.Interpolate(one, other, share)
-
-
-def _smoothstep(x: float) -> float:
-    return 3.0 * x**2 - 2.0 * x**3
-
-
-def _flat(motion: BodyMotion, side: int, first: int, last: int) -> pin.SE3:
-    """Return the median place of a sole over a contact, flat on the ground."""
-    place = np.median(motion.sole_positions[first:last, side], axis=0)
-    yaws = np.unwrap([heading(rotation) for rotation in motion.sole_rotations[first:last, side]])
-    yaw = float(np.median(yaws))
-    return pin.SE3(pin.utils.rotate("z", yaw), np.array([place[0], place[1], 0.0]))

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import Array, InputError, positive, shown
 from wbc.core.files import FileError, read_text, replacing
 from wbc.core.registry import Registry
 from wbc.motion.clip import MotionClip
@@ -47,7 +47,7 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
     """
     path = Path(path)
     if path.suffix not in (".npz", ".csv"):
-        raise InputError(f"the name of a motion must end in .npz or .csv, got '{path.name}'")
+        raise InputError(f"the name of a motion must end in .npz or .csv, got '{path}'")
     with replacing(path) as new:
         if path.suffix == ".npz":
             columns: dict[str, Any] = {"rate": clip.rate, "base": clip.base, "joints": clip.joints}
@@ -97,7 +97,7 @@ def read_motion(
             if path.suffix in (".pkl", ".pickle")
             else ""
         )
-        raise InputError(f"the name of a motion must end in .npz or .csv, got '{path.name}'{more}")
+        raise InputError(f"the name of a motion must end in .npz or .csv, got '{path}'{more}")
     data = _arrays(path) if path.suffix == ".npz" else _columns(path)
     if kind == "auto":
         kind = _kind_of(path, data)
@@ -164,6 +164,14 @@ def _kind_of(path: Path, data: Mapping[str, Any]) -> str:
     )
 
 
+def _first(what: str, values: Any) -> float:
+    """Return a number that files hold alone or as an array of one."""
+    array = np.ravel(values)
+    if array.size != 1 or array.dtype.kind not in "iuf":
+        raise InputError(f"{what} must be one number, got {shown(array.tolist())}")
+    return positive(f"{what} (Hz)", float(array[0]))
+
+
 def _one_rate(own: float | None, given: float | None, source: str) -> float:
     if own is None and given is None:
         raise InputError(f"the {source} does not say its rate: give it (rate, Hz)")
@@ -188,7 +196,7 @@ Names = tuple[str, ...] | None
 
 
 def _wbc(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
-    own = _one_rate(float(data["rate"]), rate, "file")
+    own = _one_rate(_first("rate", data["rate"]), rate, "file")
     columns = data["joints"]
     if columns.ndim != 2:
         raise InputError(f"joints must have shape (T, n), got {columns.shape}")
@@ -230,7 +238,7 @@ def _unitree(data: Mapping[str, Any], name: str, rate: float | None, joints: Nam
 
 
 def _beyondmimic(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
-    own = _one_rate(float(np.ravel(data["fps"])[0]), rate, "file")
+    own = _one_rate(_first("fps", data["fps"]), rate, "file")
     columns, named = data["joint_pos"], data.get("joint_names")
     if named is not None and columns.shape[1] == np.size(named) + 7:  # positions of MuJoCo, base first
         order = [*range(3), 4, 5, 6, 3]
@@ -245,7 +253,7 @@ def _beyondmimic(data: Mapping[str, Any], name: str, rate: float | None, joints:
 
 
 def _gmr(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
-    own = _one_rate(float(np.ravel(data["fps"])[0]) if "fps" in data else None, rate, "file")
+    own = _one_rate(_first("fps", data["fps"]) if "fps" in data else None, rate, "file")
     base = np.hstack([data["root_pos"], data["root_rot"]])
     return MotionClip(
         _names(None, joints, data["dof_pos"].shape[1], "file"), own, base, data["dof_pos"], name

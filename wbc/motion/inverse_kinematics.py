@@ -81,24 +81,39 @@ class InverseKinematics:
         self._posture[:BASE_DOF] = 1e-6
         self._posture[BASE_DOF:][legs] = w.legs
 
-    def solve(self, targets: KinematicTargets, iterations: int = 12, tolerance: float = 1e-6) -> Array:
+    def solve(
+        self,
+        targets: KinematicTargets,
+        start: Array | None = None,
+        iterations: int = 12,
+        tolerance: float = 1e-6,
+    ) -> Array:
         """Return configurations that meet the targets, shape (T, nq).
 
         Args:
             targets: The targets.
+            start: Configurations to begin with, shape (T, nq), such as a solution for targets close to these; those
+                to stay near when None.
             iterations: Most Gauss–Newton steps a frame.
             tolerance: A frame ends with a step below this, rad and m.
         """
         solution = np.empty_like(targets.q)
         for i, reference in enumerate(targets.q):
             solution[i] = self._frame(
-                reference, targets.soles[i], targets.standing[i], targets.com[i], iterations, tolerance
+                reference,
+                reference if start is None else start[i],
+                targets.soles[i],
+                targets.standing[i],
+                targets.com[i],
+                iterations,
+                tolerance,
             )
         return solution
 
     def _frame(
         self,
         reference: Array,
+        start: Array,
         soles: tuple[pin.SE3, pin.SE3],
         standing: Array,
         com: Array,
@@ -106,7 +121,7 @@ class InverseKinematics:
         tolerance: float,
     ) -> Array:
         model, data, w = self._model, self._data, self._weights
-        q = reference.copy()
+        q = start.copy()
         np.clip(q[7:], self.lower, self.upper, out=q[7:])
         pin.framesForwardKinematics(model, data, reference)
         trunk = [data.oMf[frame].rotation.copy() for frame in self._trunk]

@@ -154,6 +154,7 @@ def make_clip_feasible(
         "changed_rms_deg": {name: float(np.degrees(value)) for name, value in result.changes.items()},
         "changed_most_deg": {name: float(np.degrees(value)) for name, value in result.largest.items()},
         "com_shift_mm": 1e3 * result.com_shift,
+        "steps_shortened_mm": 1e3 * result.shortened,
         "stretched": result.stretched,
     }
     return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
@@ -230,7 +231,7 @@ def _changes(given: MotionClip, result: FeasibleMotion) -> list[str]:
     changed = ", ".join(f"{name} {np.degrees(result.changes[name]):.1f}" for name in most)
     return [
         f"{given.name}: {verdict}; {result.stretched:.2f} x its time, centre of mass shifted by up to "
-        f"{1e3 * result.com_shift:.0f} mm",
+        f"{1e3 * result.com_shift:.0f} mm, steps shortened by up to {1e3 * result.shortened:.0f} mm",
         f"  {'':<34}{'before':>10}{'after':>10}",
         *_table(result.before, result.after),
         f"  changed most, degrees rms: {changed}",
