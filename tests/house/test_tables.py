@@ -15,13 +15,16 @@ from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, Optimi
 from wbc.sim.studies.provenance import provenance
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-sys.path.insert(0, str(DOCS))
+sys.path[:0] = [str(DOCS), str(DOCS.parent / "tests" / "benchmarks")]
 
+import own_loop  # noqa: E402 - of the benchmarks
 import tables  # noqa: E402 - of docs
 
 
 def test_every_table_from_a_journal_is_what_the_journal_gives() -> None:
     assert tables.main(["--check"]) == 0
+    rows = own_loop.journal(DOCS / "journals" / "own_loop.jsonl.xz")
+    assert f"\n{own_loop.table(rows)}\n" in (DOCS / "measured.md").read_text()
 
 
 def test_a_page_is_rebuilt_checked_and_known_to_be_stale(
