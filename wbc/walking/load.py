@@ -39,6 +39,7 @@ class LoadSettings:
     Attributes:
         hands: Roles or frames of the robot that hold loads, in equal parts; all of its hands when empty.
         lag: Time constant with which mass and place follow the outside wrench.
+        rest_lag: The same once the load has not changed for a while: sensors are noisy, and the robot sways.
         largest: Greatest mass, as a share of the robot's own.
         reach: Greatest horizontal distance of the load from the middle of the hands.
         dead_band: Mass that is no load, as a share of the robot's own: errors of sensors and of the model.
@@ -47,6 +48,7 @@ class LoadSettings:
 
     hands: tuple[str, ...] = ()
     lag: Annotated[NonNegative, "s"] = 0.1
+    rest_lag: Annotated[NonNegative, "s"] = 0.5
     largest: Annotated[float, Field(gt=0.0, le=1.0)] = 0.4
     reach: Annotated[Positive, "m"] = 0.3
     dead_band: Share = 0.01
@@ -120,7 +122,7 @@ class HeldLoad:
         wrench, com = outside.wrench, robot.com.tolist()
         mx, my, _ = moment_about(wrench, com, middle)
         c, n = self._heading()
-        gain = lag_gain(dt, s.lag)
+        gain = lag_gain(dt, s.lag if self.changing else max(s.lag, s.rest_lag))
         mass = self.applied - float(wrench[2]) / GRAVITY
         x = self._applied_moment[0] + (c * my - n * mx) / GRAVITY
         y = self._applied_moment[1] + (-n * my - c * mx) / GRAVITY
