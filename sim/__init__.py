@@ -25,6 +25,17 @@ from wbc.sim.balance import (
     stand,
     track_motion,
 )
+from wbc.sim.hands import (
+    CartResult,
+    CartSpec,
+    HandPressResult,
+    HandPressSpec,
+    OneFootResult,
+    OneFootSpec,
+    press_hands,
+    push_cart,
+    push_on_one_foot,
+)
 from wbc.sim.loop import MujocoLoop, RobotServer, RobotWire
 from wbc.sim.plant import (
     NO_NOISE,
@@ -140,6 +151,16 @@ __all__ = [
     "TrackSpec",
     "TrackTrial",
     "track_motion",
+    # Hands: presses, a hand on a wall, carts
+    "CartResult",
+    "CartSpec",
+    "HandPressResult",
+    "HandPressSpec",
+    "OneFootResult",
+    "OneFootSpec",
+    "press_hands",
+    "push_cart",
+    "push_on_one_foot",
     # Walks: spec in, result out
     "Fall",
     "Spread",

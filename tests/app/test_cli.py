@@ -60,6 +60,18 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
     ),
     "carry": (["--hand-overs", "0"], {"upright", "runs", "carries"}),
+    "hands press": (
+        ["--seconds", "0.1", "--hands.reach", "0.8", "--hands.ramp", "0.2"],
+        {"upright", "done", "runs", "results"},
+    ),
+    "hands cart": (
+        ["--forward", "0", "--turn", "0", "--back", "0", "--hands.reach", "0.8"],
+        {"upright", "done", "runs", "results"},
+    ),
+    "hands one-foot": (
+        ["--force", "0", "--seconds", "0.1", "--hands.reach", "0.1", "--hands.ramp", "0.1"],
+        {"upright", "done", "runs", "results"},
+    ),
     "check-plant": (["--robot", "g1"], {"ok", "checks"}),
     "push": (
         [
@@ -217,6 +229,9 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
         (["carry", "--load", "10"], "load"),
         (["carry", "--hold", "teeth"], "hold"),
         (["carry", "--hand-overs", "0", "--steps", "4"], "hand-over"),
+        (["hands", "press", "--on", "ceiling"], "table"),
+        (["hands", "cart", "--resistance", "-1"], "resistance"),
+        (["hands", "one-foot", "--robot", "talso"], "did you mean 'talos'"),
         (["push", "--robot", "talso"], "did you mean 'talos'"),
         (["bench"], "bench"),
         (["bench", "tick", "--ticks", "0"], "ticks"),

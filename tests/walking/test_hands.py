@@ -244,7 +244,11 @@ def test_a_cart_is_pushed(noise: str) -> None:
         (lambda h: h.press("left_hand", -5.0, DOWN), InputError, "force of left_hand"),
         (lambda h: h.press("left_hand", float("nan"), DOWN), InputError, "force must be a finite number"),
         (lambda h: h.press("left_hand", 5.0, (0.0, 0.0, 0.0)), InputError, "must have a length"),
-        (lambda h: h.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), InputError, "must be within 0.6 m"),
+        (
+            lambda h: h.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)),
+            InputError,
+            "must be within 0.60 m of its shoulder",
+        ),
         (lambda h: h.press("left_hand", 500.0, DOWN, firm=True), InputError, "has no more torque"),
         (lambda h: h.press("left_hand", 60.0, AHEAD, at=(0.4, 0.2, 0.9)), InputError, "may press with"),
         (

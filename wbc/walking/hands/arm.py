@@ -15,6 +15,7 @@ class HandArm:
     Attributes:
         frame: Index of the frame of the hand.
         joints: Joints from the chest to the hand, among all joints, shape (n,).
+        reach: Length of the stretched arm, from its first joint to the frame of the hand, m.
     """
 
     def __init__(self, robot: Robot, hand: str) -> None:
@@ -29,9 +30,18 @@ class HandArm:
         model = robot.model
         chest = set(model.supports[model.frames[robot.frame_id(robot.torso_frame)].parentJoint])
         joints = model.supports[model.frames[self.frame].parentJoint]
-        self.joints = np.array(
-            [joint - 2 for joint in joints if joint not in chest and joint > 1], dtype=np.intp
-        )
+        arm = [joint for joint in joints if joint not in chest and joint > 1]
+        self.joints = np.array(arm, dtype=np.intp) - 2
+        links = [model.jointPlacements[joint].translation for joint in arm[1:]]
+        links.append(model.frames[self.frame].placement.translation)
+        self.reach = sum(float(np.linalg.norm(link)) for link in links)
+        self._shoulder = arm[0] if arm else 1
+
+    @property
+    def shoulder(self) -> Array:
+        """Place of the first joint in the world, shape (3,), m."""
+        place: Array = self._robot.data.oMi[self._shoulder].translation
+        return place
 
     def compliance(self) -> float | None:
         """Return the compliance of the servos between trunk and hand, m/N, as it gives way most; None without gains."""

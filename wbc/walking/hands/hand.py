@@ -62,6 +62,8 @@ class HandSettings:
         lag: Delay of force sensor and servos, T above, s.
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
         follow: Time constant, twice, with which a hand that grips follows the feet, s.
+        edge: Share of the way to the edge of the soles that the ZMP of the feet goes for planned forces before the CoM
+            moves: less of a lean, and less room for what is not planned.
         help: Share of the moment that the feet cannot give which hands that press take over; 0 leaves it to the trunk.
         loss: Share of the force below which a contact is lost.
         loss_time: Time below that share after which the contact counts as lost, s.
@@ -85,6 +87,7 @@ class HandSettings:
     lag: Annotated[Positive, "s"] = 0.06
     compliance: Annotated[Positive, "m/N"] = 3e-4
     follow: Annotated[Positive, "s"] = 0.25
+    edge: Share = 0.0
     help: Share = 0.0
     loss: Share = 0.3
     loss_time: Annotated[NonNegative, "s"] = 0.02

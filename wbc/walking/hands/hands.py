@@ -25,19 +25,20 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.core.estimation.turn import GyroTurn
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.walking.hands.arm import HandArm
+from wbc.walking.hands.balance import ComShift
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.planning.footsteps import heading
+from wbc.walking.planning.phases import Phase
 from wbc.walking.stabilizer.zmp import zmp_offset
 from wbc.walking.walk import WalkReference
-
-SHIFT_TIME = 0.15
-"""Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""
 
 SLOW_TIME = 1.0
 """Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest."""
@@ -45,11 +46,11 @@ SLOW_TIME = 1.0
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
 
+HELP_FROM = 1.0
+"""Moment that the feet cannot give from which hands help, Nm: their distribution leaves a little at any time."""
+
 HELP_LEAK = 0.05
 """Share of their help that they give back in that time, once the feet are enough."""
-
-FARTHEST = 0.6
-"""Longest way of a hand to the point on which it presses, m."""
 
 FILTER_TIME = 0.05
 """Time constant of the low-pass on the measured force that the feet do not have to give, s: mc_rtc's."""
@@ -61,7 +62,8 @@ class Hands:
     Attributes:
         settings: Settings.
         all: Role → hand.
-        shift: Shift of the CoM for the planned forces, shape (2,), m.
+        slip: Angle by which the feet have slipped while the robot walked, rad: turn by the gyroscope less that of the
+            estimate, which holds on to the feet.
     """
 
     def __init__(
@@ -118,7 +120,24 @@ class Hands:
         self._middle = MovingFrame(settings.follow)
         self._heading = np.eye(2)
         self._acting = False
-        self.shift, self._speed, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
+        self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
+        self._imu = self._estimate.placement(self._estimate.imu_frame)
+        self._shift = ComShift()
+
+    @property
+    def _yaw(self) -> float:
+        """Heading of the pelvis as estimated, rad."""
+        return heading(self._estimate.placement(self._estimate.base_frame).rotation)
+
+    @property
+    def shift(self) -> Array:
+        """Shift of the CoM for the planned forces, shape (2,), m."""
+        return self._shift.value
+
+    @property
+    def outside(self) -> Array:
+        """Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the origin, shape (6,)."""
+        return self._outside
 
     @property
     def active(self) -> bool:
@@ -205,10 +224,11 @@ class Hands:
         point = None
         if at is not None:
             point = finite_array(f"point for {hand} (m)", at, (3,))
-            far = float(np.linalg.norm(point - self._robot.data.oMf[self._frames[hand]].translation))
-            if far > FARTHEST:
+            arm = self._arms[hand]
+            far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.reach + self.settings.length
+            if far > reach:
                 raise InputError(
-                    f"{hand} must be within {FARTHEST:g} m of where it is to press, it is {far:.2f} m away"
+                    f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
                 )
         if grip:
             assert point is not None
@@ -269,6 +289,10 @@ class Hands:
         Returns:
             [force; moment] at the world origin, shape (6,), N and Nm.
         """
+        rests = reference.phase is Phase.STANDING
+        self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
+        if not rests:
+            self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
         pressing = any(hand.active for hand in self.all.values())
         if not (pressing or self._acting):
             return None
@@ -300,13 +324,12 @@ class Hands:
         self._yield()
         self._outside += quick * (felt + pulled - self._outside)
         self._slow += -math.expm1(-dt / SLOW_TIME) * (pulled - self._slow)
-        self._move_com(-zmp_offset(planned + self._slow, zmp, self._weight), dt)
-        still = float(np.abs(self.shift).max() + np.abs(self._speed).max()) < 1e-5
-        self._acting = pressing or not still or float(np.abs(self._outside[:3]).max()) > 0.1
+        self._shift.follow(self._lean(-zmp_offset(planned + self._slow, zmp, self._weight)), dt)
+        self._acting = pressing or not self._shift.still or float(np.abs(self._outside[:3]).max()) > 0.1
         if not self._acting:
             self._outside[:] = self._slow[:] = 0.0
             self._middle = MovingFrame(self.settings.follow)
-            self.shift, self._speed, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
+            self._shift.reset()
         return self._outside
 
     def _yield(self) -> None:
@@ -332,12 +355,15 @@ class Hands:
         for hand, part in zip(gripping, excess, strict=True):
             hand.excess = part
 
-    def _move_com(self, goal: Array, dt: float) -> None:
-        """Follow the planned shift like a critically damped mass."""
-        rate = 1.0 / SHIFT_TIME
-        self._acceleration = rate * rate * (goal - self.shift) - 2.0 * rate * self._speed
-        self._speed = self._speed + dt * self._acceleration
-        self.shift = self.shift + dt * self._speed
+    def _lean(self, goal: Array) -> Array:
+        """Return what is left of a shift of the CoM once the ZMP of the feet has gone its part of the way."""
+        size = math.hypot(goal[0], goal[1])
+        if self.settings.edge == 0.0 or size < 1e-9:
+            return goal
+        x, y = np.abs(self._heading.T @ (goal / size)).tolist()
+        room = self.settings.edge * min(self._edges[0] / max(x, 1e-9), self._edges[1] / max(y, 1e-9))
+        rest: Array = goal * max(0.0, 1.0 - room / size)
+        return rest
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum, moved for the forces of the hands.
@@ -345,17 +371,7 @@ class Hands:
         Args:
             pendulum: Reference without hands.
         """
-        com, velocity, acceleration = (
-            pendulum.com.copy(),
-            pendulum.com_velocity.copy(),
-            pendulum.com_acceleration.copy(),
-        )
-        zmp = pendulum.zmp.copy()
-        com[:2] += self.shift
-        velocity[:2] += self._speed
-        acceleration[:2] += self._acceleration
-        zmp[:2] += self.shift - self._acceleration / pendulum.omega**2
-        return pendulum._replace(com=com, com_velocity=velocity, com_acceleration=acceleration, zmp=zmp)
+        return self._shift.applied(pendulum)
 
     def help(self, missing: Array, zmp: Array, dt: float) -> None:
         """Let hands that press take over a moment that the feet cannot give: theirs is shared by least squares.
@@ -373,7 +389,9 @@ class Hands:
             [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
         ).T
         # The moment that the hands give already is in what they measure: `missing` is what lacks beside it.
-        self._missing += -math.expm1(-dt / HELP_TIME) * (missing - self._missing)
+        size = math.hypot(missing[0], missing[1])
+        lacks = missing * (max(0.0, 1.0 - HELP_FROM / size) if size > 0.0 else 0.0)
+        self._missing += -math.expm1(-dt / HELP_TIME) * (lacks - self._missing)
         square = levers @ levers.T + 1e-3 * np.eye(2)
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
         for hand, force in zip(pressing, wanted.tolist(), strict=True):

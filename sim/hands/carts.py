@@ -1,0 +1,259 @@
+"""Simulated pushing and pulling: a cart goes forward, turns, and comes back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from wbc.core.arguments import checked
+from wbc.core.settings import NonNegative, Positive, settings
+from wbc.robots import load
+from wbc.sim.hands.trial import SIDES, ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
+from wbc.sim.scenes import make_scene
+from wbc.walking.hands.hand import HandSettings, HandState
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.planners import walk_distance, walk_velocity
+
+BAR = (0.69, 0.48)
+"""The cart's bar in front of and below the shoulder, in shares of the arm's reach."""
+
+BEHIND = 0.57
+"""Distance of the cart's bar behind its middle, m."""
+
+GRIP = 0.2
+"""Distance of each handle from the middle of the bar, m."""
+
+PER_STEP = math.radians(2.2)
+"""Turn of a step about the middle of the cart, rad."""
+
+GOOD = math.radians(1.5)
+"""Error of the heading that is left alone, rad."""
+
+
+@settings(kw_only=True)
+class CartSpec(HandTrialSpec):
+    """A cart is gripped at both handles, pushed, turned about its middle, and pulled back.
+
+    Attributes:
+        forward: Way forward.
+        turn: Turn to the left about the middle of the cart.
+        back: Way back.
+        resistance: Force along the ground that moves the cart.
+        limit: Force of a hand above which it yields; what the robot may lose suddenly bounds it. Nine tenths of the
+            resistance when not given.
+        distance: Of the bar in front of the middle of the feet; where the arms are at ease when not given.
+        height: Of the bar over the ground; likewise.
+        corrections: Greatest number of turns after each leg that take back an error of the heading, which the robot
+            knows from its hands.
+        hands: Settings of the hands.
+    """
+
+    forward: Annotated[float, Field(ge=0.0, le=10.0), "m"] = 1.0
+    turn: Annotated[float, Field(ge=-180.0, le=180.0), "°"] = 30.0
+    back: Annotated[float, Field(ge=0.0, le=10.0), "m"] = 1.0
+    resistance: Annotated[NonNegative, "N"] = 15.0
+    limit: Annotated[Positive, "N"] | None = None
+    distance: Annotated[Positive, "m"] | None = None
+    height: Annotated[Positive, "m"] | None = None
+    corrections: Annotated[int, Field(ge=0, le=20)] = 3
+    hands: HandSettings = HandSettings()
+
+
+@dataclass(frozen=True)
+class CartResult(HandTrialResult):
+    """Result of a cart trial.
+
+    Attributes:
+        resistance_N: Force along the ground that moves the cart.
+        place_error_mm: Distance of the cart from where it should be at the end.
+        heading_error_deg: Error of its heading then, degrees.
+        cart_tilt_deg: Greatest tilt of the cart, degrees.
+        pelvis_tilt_deg: Greatest tilt of the pelvis, degrees.
+        force_N: Greatest force of both hands, low-passed as the controller has it.
+        steps_done: Steps.
+        corrections: Turns that took back an error of the heading.
+    """
+
+    resistance_N: float
+    place_error_mm: float
+    heading_error_deg: float
+    cart_tilt_deg: float
+    pelvis_tilt_deg: float
+    force_N: float
+    steps_done: int
+    corrections: int
+
+
+class CartTrial(HandTrial):
+    """One cart trial about to begin.
+
+    Attributes:
+        spec: The trial.
+    """
+
+    @checked
+    def __init__(self, spec: CartSpec) -> None:
+        """Build robot, cart and controller.
+
+        Raises:
+            InputError: A robot that stands in the cart.
+        """
+        self.spec = spec
+        bar = ArmSpace.of(load(spec.robot).robot()).point(*BAR)
+        self._bar = (
+            bar[0] if spec.distance is None else spec.distance,
+            GRIP,
+            bar[2] if spec.height is None else spec.height,
+        )
+        scene = make_scene("cart", distance=self._bar[0], handle=self._bar[2], resistance=spec.resistance)
+        super().__init__(spec, scene, spec.hands)
+        self._cart = int(self.plant.model.body("scene/cart").id)
+        self._begin = self._pose()
+        self._goal = self._begin
+        self._held = 0.0  # heading of the line between the hands less that of the cart, rad
+        self._greatest = np.zeros(3)  # tilt of the cart and of the pelvis, rad, and force, N
+        self._corrections = 0
+
+    def run(self, after_tick: Callable[[], None] | None = None) -> CartResult:
+        """Push, turn and pull the cart, and return the result.
+
+        Args:
+            after_tick: Called after each control period, for a viewer.
+        """
+        self._after_tick = after_tick
+        self._stages()
+        error = self._goal.actInv(self._pose())
+        cart, pelvis, force = self._greatest.tolist()
+        return CartResult(
+            **asdict(self.common()),
+            resistance_N=self.spec.resistance,
+            place_error_mm=round(1e3 * float(np.hypot(*error.translation[:2])), 1),
+            heading_error_deg=round(math.degrees(_yaw(error)), 2),
+            cart_tilt_deg=round(math.degrees(cart), 2),
+            pelvis_tilt_deg=round(math.degrees(pelvis), 2),
+            force_N=round(force, 1),
+            steps_done=self.walking.steps_done,
+            corrections=self._corrections,
+        )
+
+    def _stages(self) -> None:
+        spec, hands = self.spec, self.hands
+        if not self.advance(0.5):
+            return
+        self.stage = "grip"
+        x, y, z = self._bar
+        limit = 0.9 * spec.resistance if spec.limit is None else spec.limit
+        for name, side in SIDES.items():
+            hands.grip(name, (x, side * y, z), (1.0, 0.0, 0.0), limit)
+        if not self.until(lambda: all(hand.state is HandState.GRIP for hand in hands.all.values()), 20.0):
+            return
+        for name in SIDES:
+            self.plant.grip(name, name.replace("_hand", " handle"))
+        if not self.advance(1.0):
+            return
+        self._held = self._heading()
+        for stage, way, turn in (
+            ("forward", spec.forward, 0.0),
+            ("turn", 0.0, math.radians(spec.turn)),
+            ("back", -spec.back, 0.0),
+        ):
+            if way == turn == 0.0:
+                continue
+            self.stage = stage
+            self._goal = self._goal * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.array((way, 0.0, 0.0)))
+            start = self._feet()
+            if not self._walk(walk_distance(start, way) if way else self._turning(start, turn)):
+                return
+            for _ in range(spec.corrections):
+                rest = math.remainder(
+                    _yaw(self._goal) - self._heading() + self._held - _yaw(self._begin), math.tau
+                )
+                if abs(rest) < GOOD:
+                    break
+                self._corrections += 1
+                if not self._walk(self._turning(self._feet(), rest)):
+                    return
+        self.stage = "done"
+
+    def _walk(self, plan: FootstepPlan) -> bool:
+        """Walk along a plan and come to rest; False if the robot falls."""
+        walking = self.walking
+        walking.follow(plan)
+        if not self.advance(1.0, self._look):
+            return False
+        if not self.until(lambda: walking.finished, 3.0 * (len(plan) + 4), self._look):
+            return False
+        return not walking.driver.reason and self.advance(2.0, self._look)
+
+    def _feet(self) -> FootstepPlan:
+        """Return the robot's stand as the start of a plan."""
+        left, right = (
+            replace(Footstep.of(side, pin.SE3(self.robot.placement(sole.frame))), roll=0.0, pitch=0.0)
+            for side, sole in zip(("left", "right"), self.robot.soles, strict=True)
+        )
+        return replace(FootstepPlan.standing(self.robot), left=left, right=right)
+
+    def _turning(self, start: FootstepPlan, angle: float) -> FootstepPlan:
+        """Return a plan that turns the robot about the middle of the cart."""
+        radius, steps = self._bar[0] + BEHIND, max(2, math.ceil(abs(angle) / PER_STEP))
+        duration = start.gait.single_support + start.gait.double_support
+        rate, before = angle / (steps * duration), _mean_yaw(start.left, start.right)
+        for _ in range(4):  # the step that closes up turns as well
+            plan = walk_velocity(start, (0.0, -radius * rate, rate), steps=steps)
+            last = {step.side: step for step in plan.steps}
+            turned = _mean_yaw(last.get("left", start.left), last.get("right", start.right)) - before
+            rate *= angle / turned if turned else 1.0
+        return plan
+
+    def _heading(self) -> float:
+        """Return the heading of what both hands hold, as the robot knows it, rad."""
+        estimate = self.walking.control.observer.robot
+        left, right = (estimate.placement(estimate.frames[name]).translation for name in SIDES)
+        return math.atan2(right[0] - left[0], left[1] - right[1]) + self.hands.slip
+
+    def _pose(self) -> pin.SE3:
+        """Return the true place of the cart on the ground."""
+        data = self.plant.data
+        rotation = data.xmat[self._cart].reshape(3, 3)
+        yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+        x, y, _ = data.xpos[self._cart].tolist()
+        return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array((x, y, 0.0)))
+
+    def _look(self) -> None:
+        data = self.plant.data
+        cart = math.acos(min(1.0, float(data.xmat[self._cart][8])))
+        _, x, y, _ = data.qpos[3:7].tolist()
+        tilt = math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+        force = float(np.linalg.norm(self.hands.outside[:3]))
+        self._greatest = np.maximum(self._greatest, (cart, tilt, force))
+
+
+@checked
+def push_cart(spec: CartSpec | None = None, **values: Any) -> CartResult:
+    """Simulate a robot that pushes, turns and pulls a cart.
+
+        result = push_cart(robot="talos", resistance=49.0)
+
+    Args:
+        spec: The trial; the default one when None.
+        **values: Fields of `CartSpec` that differ from it.
+
+    Raises:
+        UnknownNameError: A field that the spec does not have; the nearest names are given.
+        InputError: A value out of range, a robot without hands, or a force whose sudden loss it would not survive.
+    """
+    return CartTrial(replace(spec or CartSpec(), **values)).run()
+
+
+def _yaw(pose: pin.SE3) -> float:
+    return math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
+
+
+def _mean_yaw(left: Footstep, right: Footstep) -> float:
+    return 0.5 * (left.yaw + right.yaw)
