@@ -281,6 +281,25 @@ def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
     assert abs(one.com - two.com).max() < 1e-3
 
 
+def test_feet_leave_and_reach_their_places_from_above(g1: Robot) -> None:
+    """A foot that drags or glides along the ground lands early, and beside its place."""
+    clip = make_motion(g1, "steps", 1)
+    motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
+    contacts = find_contacts(motion).fill(0.15)
+    steps, corners = footsteps(g1, motion, contacts, 0.1), sole_corners(g1)[1]
+    _, lift_off = contacts.stances(1)[0]
+    landing, _ = contacts.stances(1)[1]
+    path = [pair[1] for pair in steps.soles[lift_off - 1 : landing + 1]]
+    for sole, place in [
+        (path[3], path[0]),
+        (path[-4], path[-1]),
+    ]:  # 0.03 s after lift-off, and before landing
+        np.testing.assert_allclose(sole.translation[:2], place.translation[:2], atol=1e-9)
+        assert 1e-3 < sole.translation[2] < 0.02
+    lowest = [float((corners @ sole.rotation[2]).min()) + sole.translation[2] for sole in path]
+    assert min(lowest) > -1e-9 and min(lowest[6:-6]) > 0.01 - 1e-9
+
+
 def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> None:
     joints = arms.joints.copy()
     elbow = arms.joint_names.index("left_elbow_joint")

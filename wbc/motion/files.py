@@ -253,11 +253,9 @@ def _beyondmimic(data: Mapping[str, Any], name: str, rate: float | None, joints:
 
 
 def _gmr(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
+    base, columns = np.hstack([data["root_pos"], data["root_rot"]]), data["dof_pos"]
     own = _one_rate(_first("fps", data["fps"]) if "fps" in data else None, rate, "file")
-    base = np.hstack([data["root_pos"], data["root_rot"]])
-    return MotionClip(
-        _names(None, joints, data["dof_pos"].shape[1], "file"), own, base, data["dof_pos"], name
-    )
+    return MotionClip(_names(None, joints, columns.shape[1], "file"), own, base, columns, name)
 
 
 Reader = Callable[[Mapping[str, Array], str, float | None, Names], MotionClip]

@@ -14,6 +14,12 @@ from wbc.motion.kinematics import BodyMotion, sole_corners
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.reach import STANDING, Reach, leg_geometry
 
+CLEARANCE = 0.01
+"""Least height of a foot's lowest corner in the air, m."""
+
+SETTLE = 0.06
+"""Time in which a foot rises to the clearance, and comes down from it, above its place, s."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footsteps:
@@ -127,10 +133,14 @@ def _path(
 ) -> tuple[list[pin.SE3], list[pin.SE3]]:
     """Return placements of a sole, and the motions over the ground that they contain.
 
-    In the air the given path is moved to fit both ends. No corner is below the ground, which a foot that rolls over its
-    toes would push into it once it is flat.
+    In the air the given path is moved to fit both ends. The foot leaves and reaches its place from above, flat, and
+    clears the ground in between with all corners: recorded feet are rolled over toes and heels, and shuffle.
     """
-    count, ramp = len(motion.q), max(1, round(blend * motion.rate))
+    count, ramp, settle = (
+        len(motion.q),
+        max(1, round(blend * motion.rate)),
+        max(1, round(SETTLE * motion.rate)),
+    )
     given = [pin.SE3(motion.sole_rotations[i, side], motion.sole_positions[i, side]) for i in range(count)]
     path, moves = list(given), [pin.SE3.Identity()] * count
     for stance in stances:
@@ -145,11 +155,15 @@ def _path(
             share = _smoothstep((i - first + 1) / (last - first + 1))
             moved = _between(leave, reach, share) * given[i]
             moves[i] = _between(before and before.move, after and after.move, share)
+            height, clearance = float(moved.translation[2]), CLEARANCE
             for end, distance in ((before, i - first + 1), (after, last - i)):
-                if end is not None and distance < ramp:
-                    moved = pin.SE3.Interpolate(end.place, moved, _smoothstep(distance / ramp))
-            lowest = float((corners @ moved.rotation[2]).min()) + moved.translation[2]
-            moved.translation[2] += max(0.0, -lowest)
+                if end is not None and distance < settle + ramp:
+                    level = _smoothstep(max(0, distance - settle) / ramp)
+                    moved = pin.SE3.Interpolate(end.place, moved, level)
+                    height *= _smoothstep(min(1.0, distance / ramp))
+                    clearance = min(clearance, CLEARANCE * _smoothstep(min(1.0, distance / settle)))
+            lowest = height + float((corners @ moved.rotation[2]).min())
+            moved.translation[2] = height + max(0.0, clearance - lowest)
             path[i] = moved
     return path, moves
 
