@@ -1,8 +1,12 @@
-"""Film a tracked motion: `python docs/render_motion.py`; on a machine without a display set MUJOCO_GL=egl."""
+"""Films of tracked motions; on a machine without a display set MUJOCO_GL=egl.
+
+python docs/render_motion.py                                          # images/motion.webp
+python docs/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
+"""
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import mujoco
@@ -12,14 +16,17 @@ from render_walk import brighten
 import wbc
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.scene import PlantSource
-from wbc.motion import make_feasible, make_motion
+from wbc.motion import make_feasible, make_motion, read_motion
 from wbc.sim import TrackSpec, TrackTrial
 
 ROBOT, MOTION, SEED = "g1", "one_leg", 0
-"""Robot and motion that are filmed."""
+"""Robot, and motion that is filmed without a clip."""
 
 START, SECONDS, RATE = 1.0, 7.0, 8.0
-"""Beginning and length of the film, s, and pictures per second."""
+"""Beginning and length of that film, s, and pictures per second."""
+
+CLIP_RATE = 5.0
+"""Pictures per second of the film of a clip."""
 
 SIZE = (320, 400)
 """Width and height, pixels."""
@@ -27,32 +34,45 @@ SIZE = (320, 400)
 
 def main() -> None:
     """Track the motion and write the film."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images" / "motion.webp"
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--clip", type=Path, help="clip to film whole, in place of the generated motion")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "motion.webp")
+    options = parser.parse_args()
     model = wbc.load_robot(ROBOT).robot()
-    trial = TrackTrial(make_feasible(model, make_motion(model, MOTION, SEED)).clip, TrackSpec(robot=ROBOT))
+    if options.clip is None:
+        given, start, rate = make_motion(model, MOTION, SEED), START, RATE
+    else:
+        given, start, rate = read_motion(options.clip), 0.0, CLIP_RATE
+    clip = make_feasible(model, given).clip
+    count = round(rate * (SECONDS if options.clip is None else clip.duration))
+    trial = TrackTrial(clip, TrackSpec(robot=ROBOT))
     plant, source = trial.plant, PlantSource(trial.plant)
     scene = source.scene
     drawn = MujocoScene(scene, plant.terrain, *SIZE)
     brighten(drawn.model)
     camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 3.0 * scene.com_height, 150.0, -12.0
-    camera.lookat[:] = (*source.snapshot().com[:2], scene.floor + 0.9 * scene.com_height)
+    height = float(model.com[2])  # at half-sitting: a clip may begin bent
+    camera.distance, camera.azimuth, camera.elevation = 3.0 * height, 150.0, -12.0
+    camera.lookat[2] = scene.floor + 0.9 * height
     frames: list[Image.Image] = []
     with mujoco.Renderer(drawn.model, SIZE[1], SIZE[0]) as renderer:
 
         def film() -> None:
-            if len(frames) < SECONDS * RATE and plant.time >= START + len(frames) / RATE:
-                drawn.set(scene.frame(source.snapshot()))
+            if len(frames) < count and plant.time >= start + len(frames) / rate:
+                snapshot = source.snapshot()
+                drawn.set(scene.frame(snapshot))
+                if not frames or options.clip is not None:  # a robot that walks is followed
+                    camera.lookat[:2] = snapshot.com[:2]
                 renderer.update_scene(drawn.data, camera)
                 frames.append(Image.fromarray(renderer.render()))
 
         if not trial.run(film).completed:
             raise RuntimeError("the filmed robot has fallen")
-    duration = round(1000.0 / RATE)
+    duration = round(1000.0 / rate)
     frames[0].save(
-        path, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=4
+        options.out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=4
     )
-    print(f"wrote {path}, {path.stat().st_size} bytes")
+    print(f"wrote {options.out}, {options.out.stat().st_size} bytes")
 
 
 if __name__ == "__main__":

@@ -120,7 +120,7 @@ def find_contacts(
         return Contacts(motion.rate, float(np.percentile(lowest[known], 5.0)), known.copy())
     slow = speed < s.speed
     level = lowest[slow] if slow.any() else lowest.ravel()
-    # Of two soles at rest the higher one may be on a stair of the pose, not on the ground: take the lowest cluster.
+    # Soles may rest at several heights, such as a raised foot that is held still: the ground is the lowest of them.
     floor = np.percentile(level, 5.0)
     near = level[level < floor + s.height]
     ground = float(np.percentile(near, 5.0)) if near.size else float(floor)

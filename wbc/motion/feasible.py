@@ -1,6 +1,6 @@
 """Filter that makes a clip feasible for a robot: limits, speeds, feet on the ground, ZMP inside the supports.
 
-    clip  →  limits and low pass  →  time (speeds, rest at both ends)  →  contacts  →  feet frozen
+    clip  →  limits and low pass  →  time (speeds, rest at both ends)  →  contacts  →  footsteps  →  trunk straightened
           →  inverse kinematics ⇄ centre of mass moved until the ZMP is inside the support  →  feasible clip
 
 With Δp the change of the ZMP that is needed, the centre of mass moves by Δc, the solution over the whole clip of
@@ -14,7 +14,7 @@ S. Nakaoka et al., IROS 2005 (leg tasks); K. Yamane, Y. Nakamura, T-RA 19(3), 20
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -116,7 +116,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         settings: Settings; the defaults when None.
 
     Returns:
-        The feasible motion. `after` says what could not be had.
+        The feasible motion; `after` measures it, whether or not it is feasible everywhere.
 
     Raises:
         UnknownNameError: The clip is of another robot.
@@ -140,8 +140,8 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
     for attempt in range(s.stretches + 1):
         eased, source = _retime(smooth, pace, s)
-        q, result, shift, standing, shortened = _with_feet(robot, eased, s)
-        after = measure(robot, result, standing, s.share)
+        result = _balanced(robot, eased, s)
+        after = measure(robot, result.motion, result.contacts, s.share)
         slow = after.infeasible_frames
         if attempt == s.stretches or not slow.any():
             break
@@ -149,21 +149,22 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         frames = np.clip(np.round(source[slow] * s.rate).astype(int), 0, len(bad) - 1)
         bad[frames] = 1.0
         pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, s.stretch, 1.0)
+    q, standing = result.motion.q, result.contacts.standing
     given = full.sampled(np.clip(source, 0.0, full.duration), s.rate).joints
     difference = q[:, 7:] - given
     rms, largest = np.sqrt((difference**2).mean(axis=0)), abs(difference).max(axis=0)
     names = robot.joint_names
     rests = 2.0 * s.hold
     return FeasibleMotion(
-        MotionClip.of(robot, q, s.rate, clip.name, standing.standing),
+        MotionClip.of(robot, q, s.rate, clip.name, standing),
         source,
-        standing,
+        result.contacts,
         before,
         after,
         {name: float(value) for name, value in zip(names, rms, strict=True) if value > 1e-6},
         {name: float(value) for name, value in zip(names, largest, strict=True) if value > 1e-6},
-        shift,
-        shortened,
+        result.com_shift,
+        result.shortened,
         (len(q) / s.rate - rests) / clip.duration,
     )
 
@@ -223,9 +224,16 @@ def _eased(t: Array, total: float, ease: float) -> Array:
     return np.asarray(way * ((total - ease) / way[-1]))
 
 
-def _with_feet(
-    robot: Robot, clip: MotionClip, s: FilterSettings
-) -> tuple[Array, BodyMotion, float, Contacts, float]:
+class _Balanced(NamedTuple):
+    """A motion with its feet on the ground and its ZMP inside the support; see `FeasibleMotion`."""
+
+    motion: BodyMotion
+    contacts: Contacts
+    com_shift: float
+    shortened: float
+
+
+def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     q = clip.configurations(robot)
     motion = BodyMotion.of(robot, q, clip.rate)
@@ -275,7 +283,7 @@ def _with_feet(
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
     motion = BodyMotion.of(robot, result, clip.rate)
     shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
-    return result, motion, shift, contacts, steps.shortened
+    return _Balanced(motion, contacts, shift, steps.shortened)
 
 
 def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:

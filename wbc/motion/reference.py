@@ -6,7 +6,7 @@ given contains the change of the angular momentum,
 
     z = c − (h c̈ + L̇ × e_z / m) / (c̈_z + g),      c̈* = (c̈_z + g) (c − z) / h,
 
-so that fast arms are no disturbance: the wrench that it asks for is the one that the motion makes.
+so that fast arms are no disturbance: the wrench that the stabilizer wants is the one that the motion makes.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class TrackSettings:
 
 
 class MotionControl(WalkingControl):
-    """Controller that tracks a clip, and stands in its last frame for ever.
+    """Controller that tracks a clip, then stands in its last frame.
 
         result = make_feasible(robot, clip)
         robot.update(first_configuration(robot, result.clip), np.zeros(robot.nv))
@@ -70,7 +70,7 @@ class MotionControl(WalkingControl):
         clip: The clip, where the robot is.
         motion: References of each tick.
         tick: Index of the present tick in `motion`.
-        landings: Feet that have landed so far.
+        landings: Number of landings so far.
     """
 
     @checked
@@ -132,7 +132,7 @@ class MotionControl(WalkingControl):
 
     @property
     def steps_done(self) -> int:
-        """Feet that have landed so far."""
+        """Number of landings so far."""
         return self.landings
 
     def _update_walk(self, bias: Array | None) -> WalkReference:
