@@ -105,10 +105,12 @@ def test_soles_of_a_commanded_robot_do_not_bind_while_it_steps_out_of_a_push() -
 @pytest.mark.parametrize(
     ("robot", "impulse", "degrees"),
     [
-        ("hrp4_class", 0.44, 0.0),
-        ("hrp4_class", 0.4, 180.0),
+        ("hrp4_class", 0.48, 0.0),
+        ("hrp4_class", 0.52, 135.0),
+        ("hrp4_class", 0.48, 180.0),
         ("talos", 0.52, 0.0),
-        ("talos", 0.5, 180.0),
+        ("talos", 0.6, 45.0),
+        ("talos", 0.56, 180.0),
     ],
 )
 def test_a_robot_steps_out_of_a_push_that_its_feet_in_place_do_not_take(
