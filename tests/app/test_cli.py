@@ -68,6 +68,10 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         ["--forward", "0", "--turn", "0", "--back", "0", "--hands.reach", "0.8"],
         {"upright", "done", "runs", "results"},
     ),
+    "hands door": (
+        ["--push", "0.05", "--hands.reach", "0.8"],
+        {"upright", "done", "runs", "results"},
+    ),
     "hands one-foot": (
         ["--force", "0", "--seconds", "0.1", "--hands.reach", "0.1", "--hands.ramp", "0.1"],
         {"upright", "done", "runs", "results"},
@@ -231,6 +235,7 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
         (["carry", "--hand-overs", "0", "--steps", "4"], "hand-over"),
         (["hands", "press", "--on", "ceiling"], "table"),
         (["hands", "cart", "--resistance", "-1"], "resistance"),
+        (["hands", "door", "--push", "2"], "push"),
         (["hands", "one-foot", "--robot", "talso"], "did you mean 'talos'"),
         (["push", "--robot", "talso"], "did you mean 'talos'"),
         (["bench"], "bench"),

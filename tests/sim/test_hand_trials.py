@@ -10,7 +10,16 @@ import pytest
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
-from wbc.sim.hands import CartSpec, CartTrial, HandPressSpec, HandPressTrial, OneFootSpec, push_cart
+from wbc.sim.hands import (
+    CartSpec,
+    CartTrial,
+    DoorSpec,
+    HandPressSpec,
+    HandPressTrial,
+    OneFootSpec,
+    open_door,
+    push_cart,
+)
 from wbc.walking import HandSettings
 from wbc.walking.stabilizer.zmp import zmp_offset
 
@@ -52,6 +61,14 @@ def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied() 
     assert again.corrections > 0 and abs(again.heading_error_deg) < 2.5
 
 
+@pytest.mark.slow
+def test_a_door_is_opened_by_its_handle_while_the_robot_walks() -> None:
+    result = open_door()
+    assert result.stage == "done" and result.upright
+    assert result.released_deg > 40.0 and result.open_deg > 40.0
+    assert result.beyond_mm > 0.0, "it stands in the doorway"
+
+
 @pytest.mark.parametrize(
     ("spec", "values", "error", "message"),
     [
@@ -60,6 +77,7 @@ def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied() 
         (HandPressSpec, {"robot": "talso"}, UnknownNameError, "talos"),
         (CartSpec, {"resistance": -1.0}, InputError, "resistance"),
         (CartSpec, {"corrections": -1}, InputError, "corrections"),
+        (DoorSpec, {"push": 2.0}, InputError, "push"),
         (OneFootSpec, {"impulse": -0.1}, InputError, "impulse"),
         (OneFootSpec, {"noise": "loud"}, UnknownNameError, "realistic"),
     ],

@@ -7,7 +7,7 @@ function also takes `output: OutputOptions`, is decorated with `wbc.app.output.r
 
 GROUPS = {
     "robots": "List the robots, describe one, check and add robots of your own.",
-    "hands": "Press, hold on to a wall, push and pull a cart.",
+    "hands": "Press, hold on to a wall, push and pull a cart, open a door.",
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
     "study": "Run many walks, and continue where they stopped.",
@@ -27,6 +27,7 @@ COMMANDS = {
     "hands press": "wbc.app.commands.hands:press",
     "hands one-foot": "wbc.app.commands.hands:one_foot",
     "hands cart": "wbc.app.commands.hands:cart",
+    "hands door": "wbc.app.commands.hands:door",
     "check-plant": "wbc.app.commands.check_plant:check_plant",
     "bench tick": "wbc.app.commands.bench:tick",
     "bench solver": "wbc.app.commands.bench:solver",

@@ -15,6 +15,9 @@ from wbc.sim.hands import (
     CartResult,
     CartSpec,
     CartTrial,
+    DoorResult,
+    DoorSpec,
+    DoorTrial,
     HandPressResult,
     HandPressSpec,
     HandPressTrial,
@@ -62,6 +65,17 @@ class OneFootOptions(OneFootSpec):
     seeds: Count = 1
 
 
+@settings(kw_only=True)
+class DoorOptions(DoorSpec):
+    """A door trial, once or on several seeds.
+
+    Attributes:
+        seeds: Number of runs, each with the seed after the last one's.
+    """
+
+    seeds: Count = 1
+
+
 @reports
 def press(
     options: Flat[PressOptions] = PressOptions(),
@@ -82,6 +96,17 @@ def cart(
 ) -> Report:
     """Push a cart forward, turn it about its middle, pull it back, and report where it has come to stand."""
     return _report(_specs(CartSpec, options, options.seeds), CartTrial, _cart_text, live, output)
+
+
+@reports
+def door(
+    options: Flat[DoorOptions] = DoorOptions(),
+    *,
+    live: LiveOptions = LiveView(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Open a door by its handle while walking, let go, and walk on."""
+    return _report(_specs(DoorSpec, options, options.seeds), DoorTrial, _door_text, live, output)
 
 
 @reports
@@ -145,6 +170,14 @@ def _cart_text(result: CartResult) -> str:
         f"cart of {result.resistance_N:g} N {place}, {result.steps_done} steps, {result.corrections} corrections, at "
         f"most {result.force_N:.0f} N; tilt of the cart within {result.cart_tilt_deg:.1f}°, of the pelvis within "
         f"{result.pelvis_tilt_deg:.1f}°"
+    )
+
+
+def _door_text(result: DoorResult) -> str:
+    return (
+        f"door let go at {result.released_deg:.0f}°, {result.open_deg:.0f}° open at the end, pelvis "
+        f"{result.beyond_mm:.0f} mm behind its frame, {result.steps_done} steps; at most {result.force_N:.0f} N on the "
+        f"hand, {result.touch_N:.0f} N on the rest"
     )
 
 
