@@ -22,7 +22,7 @@ from typing import Any
 
 import platformdirs
 
-from wbc.core.errors import InputError, shown
+from wbc.core.errors import InputError, shown, shown_path
 from wbc.core.files import read_text, write_text
 from wbc.core.registry import call_checked
 from wbc.core.settings import from_json
@@ -67,16 +67,16 @@ def read(path: str | Path) -> RobotDescription:
     """
     place = Path(path).expanduser()
     if not place.is_file():
-        raise InputError(f"no robot file {shown(str(path))}; give an MJCF, a URDF or a TOML description")
+        raise InputError(f"no robot file {shown_path(path)}; give an MJCF, a URDF or a TOML description")
     if place.suffix.lower() != ".toml":
         return describe(place, {})
     try:
         values = tomllib.loads(read_text(place, "TOML"))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{shown(str(path))} is no TOML: {error}") from error
+        raise InputError(f"{shown_path(path)} is no TOML: {error}") from error
     source = values.pop("file", None)
     if not isinstance(source, str):
-        raise InputError(f'{shown(str(path))} must name the file of the robot: file = "my.xml"')
+        raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
     values.setdefault("name", place.stem)
     return describe(place.parent / Path(source).expanduser(), values)
 
@@ -101,7 +101,7 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
         feet = [link for link in links if any(word in link.lower() for word in ("foot", "sole", "ankle"))]
         raise InputError(
             "a URDF does not say which links are feet: give left_sole and right_sole (--left, --right); "
-            f"{shown(str(path))} has {', '.join((feet or links)[:8])}"
+            f"{shown_path(path)} has {', '.join((feet or links)[:8])}"
         )
     return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
 

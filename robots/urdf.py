@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown
+from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown, shown_path
 from wbc.core.files import read_text
 from wbc.core.robot import GRAVITY
 
@@ -52,7 +52,7 @@ def read(source: str | Path) -> Element:
     where = "URDF string"
     if is_file(source):
         path = Path(source).expanduser() if text.isprintable() else Path(shown(text))
-        where = shown(str(path))
+        where = shown_path(path)
         try:
             known = path.is_file()
         except OSError:  # a name that is too long

@@ -10,7 +10,7 @@ from typing import Any
 
 import mujoco
 
-from wbc.core.errors import InputError, ModelError, shown
+from wbc.core.errors import InputError, ModelError, shown, shown_path
 from wbc.core.files import read_text
 
 
@@ -71,7 +71,7 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
         _refuse_other_formats("MJCF string", content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = Path(source).expanduser() if content.isprintable() else Path(shown(content))
-    where = shown(str(path))
+    where = shown_path(path)
     try:
         known = path.is_file()
     except OSError:  # a name that is too long

@@ -541,7 +541,9 @@ def api_cases() -> list[ApiCase]:
             if annotation or not callable(target) or id(target) in seen or name in SKIP:
                 continue
             if isinstance(target, type) and (
-                issubclass(target, (BaseException, Enum)) or inspect.isabstract(target)
+                issubclass(target, (BaseException, Enum))
+                or inspect.isabstract(target)
+                or getattr(target, "_is_protocol", False)
             ):
                 continue
             seen.add(id(target))

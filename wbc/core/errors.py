@@ -10,6 +10,7 @@ import difflib
 import inspect
 import math
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
@@ -52,6 +53,12 @@ def shown(value: object) -> str:
     text = " ".join(text[: 4 * LONGEST].split()) if not isinstance(value, str) else repr(text[: 4 * LONGEST])
     text = text.encode("utf-8", "backslashreplace").decode()
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def shown_path(path: str | Path) -> str:
+    """Return a path as messages show it: on one line, of a long one the name of the file alone."""
+    whole = shown(str(path))
+    return whole if not whole.endswith("...") else shown(Path(path).name)
 
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:

@@ -240,12 +240,12 @@ class Driver:
         begins = phases.elapsed < 1.5 * self._walk.period
         if begins:
             remaining = self._swing_time(s) - phases.elapsed
-        if remaining <= s.freeze:
+        if remaining <= s.aim_until:
             return
         planned = phases.plan.steps[phases.step]
         landing = capture.landing(dcm, phases.plan.stance(phases.step), planned, remaining)
         moved = math.hypot(landing.x - planned.x, landing.y - planned.y)
-        if begins or moved > s.threshold:
+        if begins or moved > s.least_change:
             self._walk.aim(landing, remaining, dcm, s.sink)
 
     def _swing_time(self, settings: CaptureSettings) -> float:
@@ -256,7 +256,7 @@ class Driver:
         length = math.hypot(landing.x - lift.x, landing.y - lift.y)
         gait = settings.gait
         return min(
-            gait.single_support, max(shortest_swing(gait), settings.quickest + length / settings.speed)
+            gait.single_support, max(shortest_swing(gait), settings.quickest + length / settings.step_speed)
         )
 
     def _standing(self, time: float) -> Standing:

@@ -60,9 +60,9 @@ class CaptureSettings:
         steps: Greatest number of steps predicted.
         again: Time between predictions while both feet stand, s.
         quickest: Time of a step of no length, s.
-        speed: Length of a step over the time that it takes beyond that, m/s; `gait.single_support` is the longest time.
-        threshold: Change of landing below which a foot in the air goes on as planned, m.
-        freeze: Time before touch-down in which a landing is not moved any more, s.
+        step_speed: Length of a step over the time that it takes beyond that, m/s; at most `gait.single_support`.
+        least_change: Change of landing below which a foot in the air goes on as planned, m.
+        aim_until: Time before touch-down until which a landing is moved, s.
         sink: Depth under its landing at which a foot arrives unless it meets the ground before, m: a robot that tips
             over the edge of its stance foot holds the other one up.
         wait: Longest time that a loaded foot delays its lift-off, s.
@@ -79,9 +79,9 @@ class CaptureSettings:
     steps: Annotated[int, Field(ge=1, le=6)] = 3
     again: Annotated[Positive, "s"] = 0.02
     quickest: Annotated[NonNegative, "s"] = 0.15
-    speed: Annotated[Positive, "m/s"] = 3.0
-    threshold: Annotated[NonNegative, "m"] = 0.005
-    freeze: Annotated[NonNegative, "s"] = 0.06
+    step_speed: Annotated[Positive, "m/s"] = 3.0
+    least_change: Annotated[NonNegative, "m"] = 0.005
+    aim_until: Annotated[NonNegative, "s"] = 0.06
     sink: Annotated[NonNegative, "m"] = 0.015
     wait: Annotated[NonNegative, "s"] = 0.0
     gait: Gait = field(default_factory=_quick)
