@@ -35,7 +35,7 @@ SIDES = {"left_hand": 1.0, "right_hand": -1.0}
 
 @settings(kw_only=True)
 class HandTrialSpec:
-    """What all trials of hands have in common.
+    """Robot, drives and sensors of a trial of hands.
 
     Attributes:
         robot: Robot, one of those that `wbc robots` lists.
@@ -58,7 +58,7 @@ class HandTrialSpec:
 
 @dataclass(frozen=True)
 class HandTrialResult:
-    """What the results of all trials of hands have in common.
+    """Outcome of a trial of hands, which the result of each kind extends.
 
     Attributes:
         robot: Name of the robot.
@@ -78,7 +78,7 @@ class HandTrialResult:
 
 
 class ArmSpace(NamedTuple):
-    """Where a left hand of a robot that stands can be used.
+    """Space in which the left hand of a robot that stands can be used.
 
     Attributes:
         shoulder: First joint of the left arm, shape (3,), m.
