@@ -71,6 +71,7 @@ class StandResult:
         real_time_factor: Simulated time over wall time of the whole loop.
         tick_us: Wall time from measurement to command, median and 99th percentile.
         seconds: Simulated time, s; shorter than the spec's if it fell.
+        steps_taken: Steps that the robot took; 0 where its feet stay in place.
         failures: Ticks without a solution or with an unusable measurement.
         noise: Errors of the sensors.
         foot: Foot under both ankles.
@@ -86,6 +87,7 @@ class StandResult:
     real_time_factor: float
     tick_us: dict[str, float]
     seconds: float
+    steps_taken: int
     failures: int
     noise: str
     foot: str
@@ -115,10 +117,11 @@ class StandTrial:
         robot, self.plant, observer = spec.build()
         self.control: PositionControl | TorqueControl
         self._command: Callable[[Measurement], Command]
+        self._walking: WalkingControl | None = None
         if spec.steps == "allowed":
             settings = WalkingControlSettings(mode=spec.chosen)
             plan = FootstepPlan.standing(robot)
-            walking = WalkingControl(robot, plan, spec.period, settings, observer=observer)
+            self._walking = walking = WalkingControl(robot, plan, spec.period, settings, observer=observer)
             self.control, self._command = walking.control, walking.command
         else:
             controller = balance_controller(robot, spec.period, spec.gains)
@@ -182,6 +185,7 @@ class StandTrial:
             real_time_factor=_rounded(self.plant.time / elapsed),
             tick_us={"median": _rounded(np.median(ticks)), "p99": _rounded(np.percentile(ticks, 99))},
             seconds=self.plant.time,
+            steps_taken=0 if self._walking is None else self._walking.steps_done,
             failures=self.control.failures,
             noise=spec.noise,
             foot=spec.foot,

@@ -114,8 +114,10 @@ class WalkingControl:
         reach = None
         if s.com_height is None and not len(plan):
             height = min(height, bent_height(robot, s.drive.stretch))
-            # Bent knees reach further ahead; to the side the hips must carry what the step is wide.
-            reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
+            # Bent knees reach further ahead; to the side ankles must roll by what the robot sways, less in quick steps.
+            reach = Reach.of(robot, height)
+            narrow = Reach.of(robot).max_spacing
+            reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
         self.walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
         self.driver = Driver(self.walk, robot, s.drive, extent)
         self._omega = scalar(self.walk.omega)

@@ -19,6 +19,7 @@ from wbc.core.robot import Robot
 from wbc.walking.pattern.swing import shortest_swing
 from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
 from wbc.walking.planning.footsteps import SIDES, FootstepPlan
+from wbc.walking.planning.gait import reaction
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import check_plan
 from wbc.walking.planning.sources import (
@@ -206,7 +207,7 @@ class Driver:
             if self._outside < s.debounce - 1e-9:
                 return False
             phases.settings = replace(self._waits, max_wait=s.wait, early_credit=0.0)
-            walk.adjusts = False
+            walk.adjusts, walk.reaction = False, 0.0
             self._next = time
         if phases.phase is Phase.SINGLE:
             self._aim(dcm, capture)
@@ -294,13 +295,19 @@ class Driver:
         if isinstance(self.source, (VelocitySource, GoalSource)) and self._extent is None:
             return  # within reach by construction
         checked = replace(plan, left=now.start.left, right=now.start.right)
-        check_plan(checked, self._robot, self._walk.reach, self._extent)
+        reach = self._walk.reach
+        if isinstance(self.source, (VelocitySource, GoalSource)):
+            reach = replace(reach, max_spacing=reach.widest)
+        check_plan(checked, self._robot, reach, self._extent)
 
     def _steer(self, plan: FootstepPlan) -> None:
         walk = self._walk
         if not plan.steps and walk.phases.step >= len(walk.phases.plan):
             return  # it stands, or comes to rest
         gait = plan.gait
+        if plan.steps:
+            source = self.source
+            walk.reaction = reaction(source.pace) if isinstance(source, (VelocitySource, GoalSource)) else 0.0
         if gait is not walk.phases.plan.gait:
             gait, _ = gait.on_grid(walk.period)
         walk.steer(plan.steps, gait)

@@ -21,7 +21,7 @@ from wbc.tasks.motion.posture import PostureTask
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.walk import WalkReference
+from wbc.walking.walk import NO_PUSH, WalkReference
 
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
@@ -188,6 +188,9 @@ class WalkTasks:
             com[:2] += output.com_offset
             velocity[:2] += output.com_velocity_offset
             acceleration[:2] += output.com_acceleration_offset
+        if reference.push != NO_PUSH:
+            acceleration = acceleration.copy()
+            acceleration[:2] += reference.push
         self.com.follow(com, velocity, acceleration)
 
     def turn_trunk(self, yaw: float, lean: LeanMotion) -> None:

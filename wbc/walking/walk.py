@@ -24,6 +24,7 @@ from wbc.core.settings import Positive, Share, settings
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
+from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.planning.gait import Gait
@@ -33,6 +34,8 @@ from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
 from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 
 logger = logging.getLogger(__name__)
+
+NO_PUSH = (0.0, 0.0)
 
 TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
 
@@ -77,6 +80,7 @@ class WalkReference(NamedTuple):
         phase: Phase of the feet.
         step: Index of the step that swings, or that swings next.
         events: Events of this tick.
+        push: Acceleration of the CoM beyond that of the pendulum, by the reaction to the swing, m/s².
     """
 
     pendulum: Pendulum
@@ -86,6 +90,7 @@ class WalkReference(NamedTuple):
     phase: Phase
     step: int
     events: tuple[Event, ...]
+    push: tuple[float, float] = NO_PUSH
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +126,8 @@ class Walk:
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
         adjusts: True while step adjustment may move landings.
+        reaction: Share of the reaction to the swing of a leg that the CoM gives way to, 0 to 1; the feet hold the
+            rest.
     """
 
     @checked
@@ -177,6 +184,8 @@ class Walk:
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega = self._preview.omega
         self.adjusts = True
+        self.reaction = 0.0
+        self._reaction = SwingReaction(leg_share(robot, com_height), self.omega, self.period)
         self._adjuster: StepAdjuster | None = None
         if s.adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
@@ -325,14 +334,40 @@ class Walk:
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
             self._yaws[side] = heading(motion.placement.rotation)
         return WalkReference(
-            self._pattern.at(self._time) if self._rest is None else self._rest,
+            self._reacted(self._pattern.at(self._time)) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
             self.phases.contact,
             mean_heading(*self._yaws),
             self.phases.phase,
             self.phases.step,
             events,
+            self._reaction.push,
         )
+
+    def _reacted(self, pendulum: Pendulum) -> Pendulum:
+        """Pendulum with the deviation by the legs that swing."""
+        if self.reaction > 0.0 or not self._reaction.rests:
+            self._reaction.update(self._travels(), self.reaction)
+            return self._reaction.moved(pendulum)
+        return pendulum
+
+    def _travels(self) -> list[Travel]:
+        """Ways of the foot in the air and of the next one."""
+        phases, swing = self.phases, self._swing_gait
+        plan, step, lead = phases.plan, phases.step, phases.duration - phases.elapsed
+        on_way = swing.takeoff_time + swing.landing_time
+        travels = []
+        if phases.phase is Phase.SINGLE:
+            lift, landing = plan.lift_off(step), plan.steps[step]
+            time = phases.elapsed - swing.takeoff_time
+            travels.append(Travel(time, phases.duration - on_way, landing.x - lift.x, landing.y - lift.y))
+            step, lead = step + 1, lead + plan.gait.double_support
+        if step < len(plan) and phases.phase is not Phase.STANDING:
+            lift, landing = plan.lift_off(step), plan.steps[step]
+            time = -max(lead, 0.0) - swing.takeoff_time
+            duration = plan.gait.single_support - on_way
+            travels.append(Travel(time, duration, landing.x - lift.x, landing.y - lift.y))
+        return travels
 
     def _lift(self, placements: list[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
@@ -402,8 +437,13 @@ class Walk:
         elapsed, remaining = phases.elapsed, planned.duration - phases.elapsed
         if phases.remaining <= settings.freeze or remaining <= settings.freeze:
             return
+        if self.reaction > 0.0 and phases.step + 1 >= len(phases.plan):
+            return  # after a quick step that closes up both feet hold what is left; hurrying it would trip the robot
+        measured = np.asarray(dcm)[:2]
+        if not self._reaction.rests:  # the plan is that without
+            measured = measured - self._reaction.dcm
         adjusted = adjuster.adjust(
-            np.asarray(dcm),
+            measured,
             planned.pattern.dcm_at(elapsed - planned.begin),
             planned.dcm,
             planned.landing,

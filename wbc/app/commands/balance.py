@@ -33,9 +33,10 @@ def stand(
     with live.show(trial.plant) as watching:
         result = trial.run(watching.after_tick)
     state = "stood" if result.upright else "FELL after"
+    steps = f", {result.steps_taken} steps" if options.steps == "allowed" else ""
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
-        f"{state} {result.seconds:g} s\n"
+        f"{state} {result.seconds:g} s{steps}\n"
         f"  centre of mass within {result.com_error_mm:.3g} mm of its target, "
         f"zero-tilting moment point ± {result.zmp_noise_mm:.3g} mm (second half)\n"
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "

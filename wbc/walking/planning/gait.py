@@ -46,11 +46,18 @@ SPEEDS: dict[float, dict[str, float]] = {
         0.3: (0.57, 0.15, 0.6, 0.03, 0.08, 0.05, 0.01, 0.12, 0.42),
         0.4: (0.47, 0.1, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
         0.5: (0.42, 0.08, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
+        0.6: (0.36, 0.06, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
     }.items()
 }
 """Timings (s), heights (m) and shape of the swing by speed (m/s): the greatest of forward speed, twice the sideways
 speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first: a knee's greatest speed
 is needed to lift the foot."""
+
+SLOW = 0.3
+"""Speed up to which the feet hold the reaction to the swing of a leg, m/s; from `QUICK` on the CoM gives way to it."""
+
+QUICK = 0.35
+"""Speed from which the CoM gives way to the whole reaction, m/s."""
 
 GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 """Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
@@ -113,8 +120,11 @@ class Gait:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
             gait: Gait whose explicit values win: those that differ from the defaults stay.
         """
-        forward, left, turn = (abs(float(part)) for part in velocity)
-        speed = max(forward, 2.0 * left, 0.6 * turn)
+        return Gait.at_speed(pace(velocity), gait)
+
+    @staticmethod
+    def at_speed(speed: float, gait: Gait | None = None) -> Gait:
+        """Return the gait of a speed of the table (m/s); see `for_speed`."""
         return _at_speed(round(speed, 2), gait or Gait())
 
     def for_stairs(self) -> Gait:
@@ -154,6 +164,21 @@ class Gait:
         for note in notes:
             logger.warning("%s", note)
         return replace(self, **changed), tuple(notes)
+
+
+def pace(velocity: Sequence[float]) -> float:
+    """Return the speed by which the gait of a velocity goes, m/s.
+
+    Args:
+        velocity: Forward (m/s), left (m/s) and turn (rad/s).
+    """
+    forward, left, turn = (abs(float(part)) for part in velocity)
+    return max(forward, 2.0 * left, 0.6 * turn)
+
+
+def reaction(speed: float) -> float:
+    """Return the share of the reaction to a leg's swing that the CoM gives way to, at a speed of the gait (m/s)."""
+    return min(1.0, max(0.0, (speed - SLOW) / (QUICK - SLOW)))
 
 
 @lru_cache(maxsize=256)

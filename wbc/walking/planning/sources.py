@@ -23,7 +23,7 @@ from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.capture import CaptureSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
 from wbc.walking.planning.reach import Reach, soles_overlap
 from wbc.walking.planning.schedule import SoleSizes
 
@@ -41,6 +41,9 @@ LEADER_TURN = 4.0 / 3.0
 TURN_REACH = 0.9
 """Share of the greatest turn of a foot that steps may use."""
 
+FINER = 0.02
+"""Step of the speed by which a gait is made quicker until the legs reach, m/s."""
+
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
@@ -51,8 +54,8 @@ class DriveSettings:
 
     Attributes:
         acceleration: Greatest change of the granted velocity: forward, left and turn.
-        fastest: Greatest velocity granted: forward, left (or right) and turn. The defaults are for all built-in robots;
-            `talos` walks at 0.5 m/s.
+        fastest: Greatest velocity granted: forward, left (or right) and turn. The defaults are for the built-in robots:
+            all of them walk at 0.4 m/s.
         fastest_back: Greatest velocity granted backwards.
         reach: Share of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
         stretch: Share of its length to which the legs stretch of a robot that is driven and whose legs are
@@ -67,7 +70,7 @@ class DriveSettings:
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
-    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.15, 0.5)
+    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.2, 0.5)
     fastest_back: Annotated[NonNegative, "m/s"] = 0.3
     reach: Share = 0.75
     stretch: Share = 0.92
@@ -119,6 +122,7 @@ class VelocitySource:
         target: Commanded velocity.
         granted: Velocity of the present plan: the commanded one, limited in change, by the settings and by the reach of
             the legs.
+        pace: Speed of the gait (`SPEEDS`), m/s: that of the velocity, or more where the legs reach less far.
         settings: Settings.
     """
 
@@ -142,10 +146,9 @@ class VelocitySource:
         self.target: Velocity = AT_REST
         self.granted: Velocity = granted
         self._wish: Velocity = granted  # before the limits of the reach
-        self._shared: tuple[tuple[Velocity, float, float] | None, float] = (
-            None,
-            1.0,
-        )  # its share within reach
+        self.pace = 0.0
+        self._asked: tuple[Velocity, float, Gait] | None = None  # last asked of the reach
+        self._share = 1.0  # of that velocity within reach
         self._reach, self._sizes = reach, dict(zip(SIDES, sizes, strict=True))
         self._time: float | None = None
         self._stop: int | None = None  # steps begun when the stop was commanded
@@ -157,14 +160,13 @@ class VelocitySource:
             return self._stopping(now)
         self._stop = None
         self._ramp(0.0 if past is None else now.time - past)
-        # Quick steps of short legs: the gait is that of the speed wished for, also where the reach grants less.
-        gait = Gait.for_speed(self._wish, now.start.gait)
-        cycle = gait.single_support + gait.double_support
         side = now.first or self.leader()
-        asked = self._wish, cycle, now.start.spacing
-        if asked != self._shared[0]:  # a constant velocity keeps its share
-            self._shared = asked, self._share(*asked)
-        self.granted = _scaled(self._wish, self._shared[1])
+        asked = self._wish, now.start.spacing, now.start.gait
+        if asked != self._asked:  # a constant velocity keeps its share
+            self._asked, (self.pace, self._share) = asked, self._fit(*asked)
+        gait = Gait.at_speed(self.pace, now.start.gait)
+        cycle = gait.single_support + gait.double_support
+        self.granted = _scaled(self._wish, self._share)
         dx, dy, turn = (cycle * part for part in self.granted)
         moves = [(dx, dy, turn)] * self.settings.steps
         return replace(now.start, gait=gait, steps=self._steps(now.start, side, moves))
@@ -190,37 +192,51 @@ class VelocitySource:
         """Come to a stand: a shorter step where the last one was long, then the foot that closes up."""
         if self._stop is None:
             self._stop = now.begun - now.swings  # the step that has begun is the first of two
-        gait = Gait.for_speed(self._wish, now.start.gait)
+        gait = Gait.at_speed(self.pace, now.start.gait)
         start = replace(now.start, gait=gait)
         cycle = gait.single_support + gait.double_support
         left = 2 - (now.begun - self._stop)
         dx, dy, turn = (0.5 * cycle * part for part in self.granted)
         if now.first is None:
-            self.granted = self._wish = AT_REST
+            self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
             return start
         if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < self.settings.stopping:
             self.granted = self._wish = AT_REST
+            if self.pace <= SLOW:
+                self.pace = 0.0
             return close_up(start, now.first)
         return replace(start, steps=self._steps(start, now.first, [(dx, dy, turn)]))
 
-    def _share(self, velocity: Velocity, cycle: float, spacing: float) -> float:
-        """Return the greatest share of a velocity whose steps are within reach."""
-        if self._within(velocity, cycle, spacing, 1.0):
-            return 1.0
+    def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
+        """Return the speed of the gait for a velocity, and the greatest share of the velocity within reach.
+
+        Where the legs do not reach, steps are quicker.
+        """
+        speed, quickest = pace(velocity), max(SPEEDS)
+        while not self._within(velocity, speed, spacing, gait, 1.0):
+            if speed >= quickest:
+                break
+            speed = min(speed + FINER, quickest)
+        else:
+            return speed, 1.0
         low, high = 0.0, 1.0
         for _ in range(8):
             middle = 0.5 * (low + high)
-            if self._within(velocity, cycle, spacing, middle):
+            if self._within(velocity, speed, spacing, gait, middle):
                 low = middle
             else:
                 high = middle
-        return low
+        return speed, low
 
-    def _within(self, velocity: Velocity, cycle: float, spacing: float, share: float) -> bool:
+    def _within(self, velocity: Velocity, speed: float, spacing: float, gait: Gait, share: float) -> bool:
         """True if both feet's steps with a share of a velocity are within reach, and no sole is on the other."""
         r, s = self._reach, self.settings.reach
+        gait = Gait.at_speed(speed, gait)
+        cycle = gait.single_support + gait.double_support
         dx, dy, turn = (share * cycle * part for part in velocity)
-        wider = s * (r.max_spacing - spacing)
+        swift = min(1.0, max(0.0, (speed - SLOW) / (max(SPEEDS) - SLOW)))
+        widest = r.max_spacing + swift * (r.widest - r.max_spacing)
+        wider = s * (widest - spacing)
         outer, inner = (abs(turn) * part for part in (LEADER_TURN, 2.0 - LEADER_TURN))
         # Steps that are long and wide at once take more of the hip than each alone.
         effort = (dx / (s * r.max_length)) ** 2 + (2.0 * dy / max(wider, 1e-6)) ** 2
@@ -230,7 +246,7 @@ class VelocitySource:
             stance = Footstep(other(side), 0.0, 0.0)
             step = self._step(_middle(stance, spacing), side, (dx, dy, turn), 0.5 * spacing, 0.0)[0]
             forward, left, _, _ = step.seen_from(stance)
-            far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
+            far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= widest
             if far or soles_overlap(stance, step, self._sizes):
                 return False
         return True
@@ -288,6 +304,11 @@ class GoalSource:
     def granted(self) -> Velocity:
         """Velocity of the present plan."""
         return self._drive.granted
+
+    @property
+    def pace(self) -> float:
+        """Speed of the gait, m/s."""
+        return self._drive.pace
 
     def footsteps(self, now: Standing) -> FootstepPlan:
         """See `FootstepSource`."""
