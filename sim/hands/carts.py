@@ -29,9 +29,6 @@ BEHIND = 0.57
 GRIP = 0.2
 """Distance of each handle from the middle of the bar, m."""
 
-PER_STEP = math.radians(2.2)
-"""Turn of a step about the middle of the cart, rad."""
-
 GOOD = math.radians(1.5)
 """Error of the heading that is left alone, rad."""
 
@@ -49,6 +46,7 @@ class CartSpec(HandTrialSpec):
             resistance when not given.
         distance: Of the bar in front of the middle of the feet; where the arms are at ease when not given.
         height: Of the bar over the ground; likewise.
+        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways.
         corrections: Greatest number of turns after each leg that take back an error of the heading, which the robot
             knows from its hands.
         hands: Settings of the hands.
@@ -61,6 +59,7 @@ class CartSpec(HandTrialSpec):
     limit: Annotated[Positive, "N"] | None = None
     distance: Annotated[Positive, "m"] | None = None
     height: Annotated[Positive, "m"] | None = None
+    turn_step: Annotated[float, Field(gt=0.1, le=20.0), "°"] = 2.2
     corrections: Annotated[int, Field(ge=0, le=20)] = 3
     hands: HandSettings = HandSettings()
 
@@ -201,7 +200,8 @@ class CartTrial(HandTrial):
 
     def _turning(self, start: FootstepPlan, angle: float) -> FootstepPlan:
         """Return a plan that turns the robot about the middle of the cart."""
-        radius, steps = self._bar[0] + BEHIND, max(2, math.ceil(abs(angle) / PER_STEP))
+        radius = self._bar[0] + BEHIND
+        steps = max(2, math.ceil(abs(angle) / math.radians(self.spec.turn_step)))
         duration = start.gait.single_support + start.gait.double_support
         rate, before = angle / (steps * duration), _mean_yaw(start.left, start.right)
         for _ in range(4):  # the step that closes up turns as well

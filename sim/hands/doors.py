@@ -1,4 +1,4 @@
-"""Simulated door: opened by its handle, and walked through."""
+"""Simulated door: opened by its handle, pushed on by the other hand, and walked through."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import pinocchio as pin
 from pydantic import Field
 
 from wbc.core.arguments import checked
+from wbc.core.errors import Array
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
 from wbc.sim.hands.trial import ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.planners import walk_distance
+from wbc.walking.planning.planners import turn_in_place, walk_distance
 
 HANDLE = (0.62, 0.42)
 """The handle in front of and below the shoulder, in shares of the arm's reach."""
@@ -26,8 +27,23 @@ HANDLE = (0.62, 0.42)
 HAND = "right_hand"
 """Hand that opens the door, whose hinge is on the left."""
 
+OTHER = "left_hand"
+"""Hand that pushes the leaf on."""
+
+TUCK = (0.3, 0.0, 0.5)
+"""Place of a hand close to the trunk: before, outside and below the shoulder, in shares of the arm's reach."""
+
+BACK = (-0.25, 0.1, 0.6)
+"""Place of the other hand while the first one opens the door, likewise."""
+
+SWEEP = ((0.45, -0.1, 0.4), (0.65, 0.0, 0.35), (0.65, 0.4, 0.35), TUCK)
+"""Way of the other hand, likewise."""
+
 ASIDE = 0.4
 """Distance of the handle to the right of the middle of the doorway, m."""
+
+GOOD = math.radians(3.0)
+"""Angle by which the feet have slipped that is left alone, rad."""
 
 LEAF = 0.06
 """Distance of the handle before the leaf, m."""
@@ -35,20 +51,23 @@ LEAF = 0.06
 
 @settings(kw_only=True)
 class DoorSpec(HandTrialSpec):
-    """The right hand grips the handle of a door that opens away, the robot walks, lets go, and walks on through.
+    """A door that opens away is opened by its handle, pushed on, and walked through.
+
+    The right hand grips the handle and the robot walks until the door is ajar. It lets go, the left hand pushes the
+    leaf aside, both hands come to the trunk, and the robot walks through.
 
     Attributes:
         resistance: Dry friction of the hinge.
         push: Way forward with the handle in the hand.
-        through: Way forward after the hand has let go.
+        through: Way forward after the left hand has pushed the leaf aside; 0 ends when the right hand has let go.
         limit: Force above which the hand yields.
         height: Of the handle over the ground; where the arm is at ease when not given.
         hands: Settings of the hand.
     """
 
     resistance: Annotated[NonNegative, "Nm"] = 2.0
-    push: Annotated[float, Field(gt=0.0, le=0.85), "m"] = 0.6
-    through: Annotated[float, Field(ge=0.0, le=10.0), "m"] = 0.0
+    push: Annotated[float, Field(gt=0.0, le=0.85), "m"] = 0.25
+    through: Annotated[float, Field(ge=0.0, le=10.0), "m"] = 1.5
     limit: Annotated[Positive, "N"] = 10.0
     height: Annotated[Positive, "m"] | None = None
     hands: HandSettings = HandSettings()
@@ -63,7 +82,8 @@ class DoorResult(HandTrialResult):
         open_deg: Angle of the door at the end, degrees.
         beyond_mm: Distance of the pelvis behind the door's frame at the end; negative before it.
         force_N: Greatest force of the hand, low-passed as the controller has it.
-        touch_N: Greatest force of the door and its frame on the robot after the hand had let go, over 10 ms.
+        touch_N: Greatest force of the door and its frame on the robot after the hand had let go, over 10 ms; the left
+            hand pushes the leaf with a part of it.
         steps_done: Steps.
     """
 
@@ -90,7 +110,10 @@ class DoorTrial(HandTrial):
             InputError: A robot that stands in the door.
         """
         self.spec = spec
-        handle = ArmSpace.of(load(spec.robot).robot()).point(*HANDLE)
+        robot = load(spec.robot).robot()
+        self._arm = ArmSpace.of(robot)
+        self._shoulder = robot.placement(robot.base_frame).actInv(self._arm.shoulder)
+        handle = self._arm.point(*HANDLE)
         self._handle = float(handle[0]), float(handle[2]) if spec.height is None else spec.height
         scene = make_scene(
             "door", distance=self._handle[0] + LEAF, handle=self._handle[1], resistance=spec.resistance
@@ -130,7 +153,8 @@ class DoorTrial(HandTrial):
             return
         self.stage = "grip"
         x, z = self._handle
-        hand = hands.all[HAND]
+        hand, other = hands.all[HAND], self.walking.arms[OTHER]
+        other.reach(self._before(BACK, 1.0), "pelvis")
         hands.grip(HAND, (x, -ASIDE, z), (1.0, 0.0, 0.0), spec.limit)
         if not self.until(lambda: hand.state is HandState.GRIP, 20.0):
             return
@@ -144,19 +168,50 @@ class DoorTrial(HandTrial):
         self._released = self._angle
         plant.let_go(HAND)
         hands.release(HAND)
-        if not self.advance(2.0, self._bump):
+        if not self.advance(1.0, self._bump):
             return
-        self.stage = "through"
-        if spec.through == 0.0 or self._walk(spec.through, self._bump):
-            self.stage = "done"
+        if spec.through > 0.0:
+            self.stage = "open"
+            if not self._sweep():
+                return
+            self.stage = "through"
+            slip = hands.slip
+            if abs(slip) > GOOD and not self._follow(turn_in_place(self._stand(), -slip), self._bump):
+                return
+            if not self._walk(spec.through, self._bump):
+                return
+        self.stage = "done"
+
+    def _sweep(self) -> bool:
+        """Push the leaf on with the other hand, and take both hands to the trunk; False if the robot falls."""
+        arms = self.walking.arms
+        arms[HAND].reach(self._before(TUCK, -1.0), "pelvis")
+        for shares in SWEEP:
+            arms[OTHER].reach(self._before(shares, 1.0), "pelvis")
+            if not self.advance(1.5, self._bump):
+                return False
+        return True
+
+    def _before(self, shares: tuple[float, float, float], side: float) -> Array:
+        """Return a point in the pelvis: in front of, outside and below the shoulder, in shares of the reach."""
+        forward, outward, below = shares
+        point: Array = self._shoulder + self._arm.reach * np.array((forward, outward, -below))
+        point[1] *= side
+        return point
 
     def _walk(self, distance: float, look: Callable[[], None]) -> bool:
         """Walk straight ahead and come to rest; False if the robot falls."""
+        return self._follow(walk_distance(self._stand(), distance), look)
+
+    def _stand(self) -> FootstepPlan:
+        """Return the robot's stand as the start of a plan."""
         left, right = (
             replace(Footstep.of(side, pin.SE3(self.robot.placement(sole.frame))), roll=0.0, pitch=0.0)
             for side, sole in zip(("left", "right"), self.robot.soles, strict=True)
         )
-        plan = walk_distance(replace(FootstepPlan.standing(self.robot), left=left, right=right), distance)
+        return replace(FootstepPlan.standing(self.robot), left=left, right=right)
+
+    def _follow(self, plan: FootstepPlan, look: Callable[[], None]) -> bool:
         self.walking.follow(plan)
         if not self.advance(1.0, look):
             return False

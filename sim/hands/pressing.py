@@ -49,7 +49,7 @@ class HandPressSpec(HandTrialSpec):
         seconds: Time for which the force is held.
         distance: Of the hands in front of the middle of the feet; where the arms are at ease when not given.
         height: Of the hands over the ground; likewise.
-        hands: Settings of the hands.
+        hands: Settings of the hands; those that suit the surface when not given: hands on a wall help to balance.
     """
 
     on: Surface = "table"
@@ -57,7 +57,7 @@ class HandPressSpec(HandTrialSpec):
     seconds: Annotated[Positive, "s"] = 30.0
     distance: Annotated[Positive, "m"] | None = None
     height: Annotated[Positive, "m"] | None = None
-    hands: HandSettings = HandSettings(edge=0.5, help=1.0, ramp=6.0)
+    hands: HandSettings | None = None
 
     def point(self, robot: Robot) -> Array:
         """Return the point on which the left hand presses, shape (3,), m."""
@@ -81,6 +81,7 @@ class HandPressResult(HandTrialResult):
         least_N: Least, over 0.1 s.
         greatest_N: Greatest, over 0.1 s.
         within: Part of the time in which each hand, as measured, is within 10 % of what it should be.
+        steady: Part of the time in which the force of both hands, over 0.1 s, is within 10 % of what it should be.
         lost: Hands that have lost their contact.
         bounded: True if an arm had less force than was asked for.
         beyond_toes_mm: Greatest distance of the centre of mass before the toes.
@@ -93,6 +94,7 @@ class HandPressResult(HandTrialResult):
     least_N: float
     greatest_N: float
     within: float
+    steady: float
     lost: tuple[str, ...]
     bounded: bool
     beyond_toes_mm: float
@@ -114,7 +116,8 @@ class HandPressTrial(HandTrial):
         """
         self.spec = spec
         self._point = spec.point(load(spec.robot).robot())
-        super().__init__(spec, _surface(spec.on, self._point), spec.hands)
+        settings = spec.hands or HandSettings(edge=0.5, help=1.0 if spec.on == "wall" else 0.0, ramp=6.0)
+        super().__init__(spec, _surface(spec.on, self._point), settings)
         self._along = np.array(DIRECTION[spec.on]) / np.linalg.norm(DIRECTION[spec.on])
         self._rows: list[tuple[float, ...]] = []  # force of the surface, forces as measured, before the toes
         self._bounded = False
@@ -144,6 +147,7 @@ class HandPressTrial(HandTrial):
             least_N=_rounded(spans.min()),
             greatest_N=_rounded(spans.max()),
             within=_rounded(share.mean()) if len(rows) else 0.0,
+            steady=_rounded(np.mean(np.abs(spans - spec.force) <= TOLERANCE * spec.force)),
             lost=self.hands.lost,
             bounded=self._bounded,
             beyond_toes_mm=_rounded(1e3 * rows[:, 3].max()) if len(rows) else float("nan"),
@@ -160,7 +164,7 @@ class HandPressTrial(HandTrial):
         if not self.until(self._holding, 30.0):
             return
         self.stage = "ramp"
-        if not self.advance(spec.hands.ramp + CALM):
+        if not self.advance(hands.settings.ramp + CALM):
             return
         self.stage = "hold"
         steady = spec.seconds

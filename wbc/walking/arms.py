@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -35,6 +35,14 @@ WORLD, PELVIS = "world", "pelvis"
 
 HANDS = ("left_hand", "right_hand")
 """Roles of the hands in `Robot.frames`."""
+
+
+class Occupied(Protocol):
+    """A hand that may press or grip, and then takes no target."""
+
+    @property
+    def active(self) -> bool:
+        """True while the hand presses, grips, or is on its way to it."""
 
 
 @settings
@@ -87,6 +95,7 @@ class Arm:
         dt: float,
         settings: ArmSettings,
         objects: Mapping[str, tuple[pin.SE3, Array]],
+        occupied: Mapping[str, Occupied],
     ) -> None:
         """Leave the arm to the posture.
 
@@ -96,8 +105,9 @@ class Arm:
             dt: Control period, s.
             settings: Settings.
             objects: Objects in whose frames targets may be given: name → pose and velocity, shape (6,), as they are.
+            occupied: Hands that may press or grip: role → hand, as they are.
         """
-        self._objects = objects
+        self._objects, self._occupied = objects, occupied
         robot = controller.robot
         self.name, self.frame = name, robot.frames[name]
         trunk = robot.base_frame if settings.waist else robot.torso_frame
@@ -148,7 +158,7 @@ class Arm:
 
         Raises:
             UnknownNameError: No such frame.
-            InputError: Not a point or a pose, or one that is not finite.
+            InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips.
         """
         choose("frame of a hand's target", frame, (WORLD, PELVIS, *self._objects))
         what = f"target of '{self.name}'"
@@ -158,6 +168,11 @@ class Arm:
             if not isinstance(target, pin.SE3)
             else pose(what, target)
         )
+        if self.name in self._occupied and self._occupied[self.name].active:
+            raise InputError(
+                f"{what} must wait until the hand neither presses nor grips: hands.release('{self.name}') lets go, "
+                f"got {np.round(goal.translation, 3).tolist()}"
+            )
         moved = frame != self._within or not self.active
         self._within, self._goal, self._point, self._on = frame, goal, point, True
         if moved:  # the reference begins where the hand is
@@ -270,6 +285,7 @@ class Arms:
 
     Attributes:
         settings: Settings.
+        occupied: Hands that may press or grip, role → hand; one that does is given no target.
     """
 
     def __init__(
@@ -288,8 +304,11 @@ class Arms:
         self._com, self._posture, self._controller = com, posture, controller
         robot = controller.robot
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
+        self.occupied: dict[str, Occupied] = {}
         self._hands = {
-            name: Arm(controller, name, dt, settings, self._objects) for name in HANDS if name in robot.frames
+            name: Arm(controller, name, dt, settings, self._objects, self.occupied)
+            for name in HANDS
+            if name in robot.frames
         }
         self._swing = _ArmSwing(robot, self._hands, posture) if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()

@@ -174,7 +174,12 @@ class WalkingControl:
         """Return the hands; a loss is survived within the sole and, sideways, between both feet."""
         (length, width), _ = self._sizes
         return Hands(
-            self.controller, self.control.observer.robot, settings, (0.5 * length, 0.5 * width), height
+            self.controller,
+            self.control.observer.robot,
+            settings,
+            (0.5 * length, 0.5 * width),
+            height,
+            self.arms,
         )
 
     @property

@@ -84,7 +84,7 @@ class HandSettings:
     behind: Annotated[Positive, "m"] = 0.03
     touch: Annotated[Positive, "N"] = 4.0
     ramp: Annotated[Positive, "s"] = 2.0
-    lag: Annotated[Positive, "s"] = 0.06
+    lag: Annotated[Positive, "s"] = 0.02
     compliance: Annotated[Positive, "m/N"] = 3e-4
     follow: Annotated[Positive, "s"] = 0.25
     edge: Share = 0.0
@@ -107,6 +107,8 @@ class Hand:
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force with which it is to press now.
+        tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
+            its way before the surface. Zero where it has none.
         extra: Force for the balance on top of the one that is asked for, N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the arm has less force than is asked for.
@@ -139,6 +141,7 @@ class Hand:
         self.direction = np.zeros(3)
         self.force = Ramp()
         self.pressed = self.extra = 0.0
+        self.tare = np.zeros(6)
         self.bounded = False
         self.extra = 0.0
         self.excess = np.zeros(3)
@@ -186,6 +189,7 @@ class Hand:
         self._rotation = np.array(self._start.rotation)
         if at is not None:
             self.state = HandState.REACH
+            self.tare = np.zeros(6)
             self._path = at - (settings.clearance + settings.length) * direction - self._start.translation
             self._turn = least_turn(self._axis, self._rotation.T @ direction)
 
@@ -211,7 +215,7 @@ class Hand:
         """Advance by one tick.
 
         Args:
-            wrench: Measured wrench on the hand, [force; moment] in its frame, shape (6,), N and Nm.
+            wrench: Measured wrench on the hand, less its tare, [force; moment] in its frame, shape (6,), N and Nm.
             rotation: Measured orientation of the hand, shape (3, 3).
             most: Greatest force that the arm has now, N.
             middle: Frame that goes with the robot.
@@ -223,6 +227,8 @@ class Hand:
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
         if self.state in (HandState.REACH, HandState.APPROACH):
             if self.state is HandState.REACH:
+                if float(np.linalg.norm(wrench[:3])) < self._settings.touch:
+                    self.tare += dt / (self._elapsed + dt) * wrench
                 if self._reach(dt):
                     self.state = HandState.GRIP if self._grips else HandState.APPROACH
                     self._held = middle.placement.actInv(self._start)

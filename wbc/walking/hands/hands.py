@@ -30,6 +30,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.walking.arms import Arms
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.balance import ComShift
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
@@ -41,7 +42,9 @@ from wbc.walking.stabilizer.zmp import zmp_offset
 from wbc.walking.walk import WalkReference
 
 SLOW_TIME = 1.0
-"""Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest."""
+"""Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest.
+
+The servos of the arms are told of the same share."""
 
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
@@ -54,6 +57,11 @@ HELP_LEAK = 0.05
 
 FILTER_TIME = 0.05
 """Time constant of the low-pass on the measured force that the feet do not have to give, s: mc_rtc's."""
+
+
+SMOOTHING = 0.04
+"""Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
+fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
 
 
 class Hands:
@@ -73,6 +81,7 @@ class Hands:
         settings: HandSettings,
         edges: tuple[float, float],
         height: float,
+        arms: Arms | None = None,
     ) -> None:
         """Add a task for each hand, without weight.
 
@@ -82,6 +91,7 @@ class Hands:
             settings: Settings.
             edges: Distances from the middle of the stance to the toes and to the side, m.
             height: Height of the CoM over the support, m.
+            arms: Targets of the same hands; a hand has either a target or something to press on.
 
         Raises:
             InputError: A robot without hands.
@@ -109,12 +119,17 @@ class Hands:
                     weight=0.0,
                     stiffness=settings.stiffness,
                     velocity_bound=(2.0 * settings.approach, 0.1),
+                    time_constant=SMOOTHING,
                 )
             )
             hands[role] = Hand(self._robot, role, index, task, arm.axis(), settings)
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
+        self._targets = {} if arms is None else {arm.name: arm for arm in arms.hands}
+        if arms is not None:
+            arms.occupied.update(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
+        self._borne = np.zeros((len(hands), 6))  # the same, the slow share of hands that grip
         self._missing = np.zeros(2)
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._middle = MovingFrame(settings.follow)
@@ -173,7 +188,7 @@ class Hands:
         Raises:
             UnknownNameError: No such hand.
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
-                point out of reach.
+                point out of reach; a hand that has a target (`arms`).
         """
         self._start(hand, force, direction, at, firm=firm, grip=False)
 
@@ -192,7 +207,8 @@ class Hands:
 
         Raises:
             UnknownNameError: No such hand.
-            InputError: A force whose sudden loss the robot would not survive; a handle out of reach.
+            InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
+                target (`arms`).
         """
         self._start(hand, limit, direction, at, firm=False, grip=True)
 
@@ -208,6 +224,10 @@ class Hands:
     ) -> None:
         """Check what a hand is to do, and let it begin."""
         choose("hand", hand, self.all)
+        if hand in self._targets and self._targets[hand].target is not None:
+            raise InputError(
+                f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
+            )
         force = finite_scalar(f"force of {hand} (N)", force, low=0.0)
         along = finite_array(f"direction of {hand}", direction, (3,))
         length = float(np.linalg.norm(along))
@@ -301,13 +321,14 @@ class Hands:
         self._heading = np.array(((c, -sine), (sine, c)))
         feet = [motion.placement.translation for motion in reference.feet]
         self._middle.update(feet, reference.heading, dt)
-        wrenches, quick = measurement.hand_wrenches, -math.expm1(-dt / FILTER_TIME)
+        wrenches = measurement.hand_wrenches
+        quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         for name, hand in self.all.items():
             if not hand.active:
                 continue
             place = self._estimate.data.oMf[self._frames[name]]
-            wrench = np.zeros(6) if wrenches is None else wrenches[hand.index]
+            wrench = np.zeros(6) if wrenches is None else wrenches[hand.index] - hand.tare
             most = self.strength(name, hand.direction)[0] if hand.state is HandState.HOLD else math.inf
             hand.update(wrench, place.rotation, most, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
@@ -319,11 +340,12 @@ class Hands:
                 pulled += place.act(pin.Force(wrench)).vector
                 axes = np.concatenate((place.rotation @ wrench[:3], place.rotation @ wrench[3:]))
                 self._felt[hand.index] += quick * (axes - self._felt[hand.index])
+                self._borne[hand.index] += slow * (axes - self._borne[hand.index])
             else:
-                self._felt[hand.index] = 0.0
+                self._felt[hand.index] = self._borne[hand.index] = 0.0
         self._yield()
         self._outside += quick * (felt + pulled - self._outside)
-        self._slow += -math.expm1(-dt / SLOW_TIME) * (pulled - self._slow)
+        self._slow += slow * (pulled - self._slow)
         self._shift.follow(self._lean(-zmp_offset(planned + self._slow, zmp, self._weight)), dt)
         self._acting = pressing or not self._shift.still or float(np.abs(self._outside[:3]).max()) > 0.1
         if not self._acting:
@@ -400,7 +422,8 @@ class Hands:
     def forces(self) -> Array:
         """Return the generalised forces on the controller's robot that its dynamics have to know, shape (nv,).
 
-        Hands that press feel what is planned, hands that grip what is measured.
+        Hands that press feel what is planned, hands that grip the slow share of what is measured: servos that were
+        told the whole of it at once would answer every force with its opposite, and hold the hand without yielding.
         """
         robot = self._robot
         total = np.zeros(robot.nv)
@@ -408,7 +431,7 @@ class Hands:
             if hand.state is HandState.HOLD:
                 wrench = np.concatenate((-hand.target * hand.direction, np.zeros(3)))
             elif hand.state is HandState.GRIP:
-                wrench = self._felt[hand.index]
+                wrench = self._borne[hand.index]
             else:
                 continue
             total += wrench @ pin.getFrameJacobian(

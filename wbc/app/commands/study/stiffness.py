@@ -16,6 +16,8 @@ from wbc.app.commands.study.show import (
     JournalOptions,
     PartOptions,
     StudyName,
+    note_left_out,
+    read_study,
 )
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
@@ -38,16 +40,13 @@ class BestOptions(JournalOptions):
     Attributes:
         separate: Find the best stiffness of each cell from its own walks alone; otherwise the curve of the other cells
             is the prior.
+        any_code: Take walks of other versions of the code, too.
         out: File to write the result to as JSON (.json), as studies of the library that rest on it read it.
-        table: Table to write (.csv) that `wbc stiffness train` makes a model of: profiles of the cells' grounds, with
-            the best stiffness of their cell.
-        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
     """
 
     separate: bool = False
+    any_code: bool = False
     out: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None
-    table: Path | None = None
-    windows: Annotated[int, Field(ge=2)] = 6
 
 
 @settings(kw_only=True)
@@ -122,17 +121,15 @@ def best(
     /,
     *,
     options: Flat[BestOptions],
-    part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
-    target = table = None
+    target = None
     if options.out is not None:
         target = check_target("a result", options.out, (".json",), [options.journal])
-    if options.table is not None:
-        table = check_target("a stiffness table", options.table, (".csv",), [options.journal])
-    chosen, entries, unused = part.read(study, options)
-    found = labels(chosen, entries, pooled=not options.separate, any_code=part.any_code)
+    chosen, entries = read_study(study), options.entries()
+    unused = note_left_out(chosen, entries, any_code=options.any_code)
+    found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
     if not found:
         raise InputError(
             f"{options.journal} has no cell of '{chosen.name}' with walks of enough stiffnesses; run the study"
@@ -140,13 +137,11 @@ def best(
     data = {
         "study": chosen.name,
         "separate": options.separate,
-        **origin(chosen, entries, any_code=part.any_code),
+        **origin(chosen, entries, any_code=options.any_code),
         "labels": to_json(found),
     }
     if target is not None:
         write_text(target, json.dumps(data, indent=1) + "\n")
-    if table is not None:
-        stiffness_table(chosen, found, windows=options.windows, made=data).save(table)
     return output.report(data | unused, label_table(found))
 
 

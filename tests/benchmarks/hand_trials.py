@@ -1,0 +1,301 @@
+"""Tables of hands, arms and loads: presses, carts, doors, arm swing and carries, one run after another.
+
+Every run is a line of the journal, and a run that is there already is not made again.
+
+Usage: python tests/benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--seeds N] [--first SEED]
+           [--most RUNS]
+       python tests/benchmarks/hand_trials.py press --journal runs.jsonl --table    (the journal may be an .xz)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import lzma
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.robots import load as load_robot
+from wbc.sim import Plant, TrueFallDetector
+from wbc.sim.balance import CarrySpec, carry
+from wbc.sim.balance.setup import CONTROL_PERIOD, chosen_mode
+from wbc.sim.hands import CartSpec, DoorSpec, HandPressSpec, open_door, press_hands, push_cart
+from wbc.walking import (
+    ArmSettings,
+    FootstepPlan,
+    HandSettings,
+    WalkingControl,
+    WalkingControlSettings,
+    walk_distance,
+)
+
+FIRST_SEED = 200
+ROBOTS = ("hrp4_class", "talos", "g1")
+TALOS_WALL = {"distance": 0.6, "height": 1.0}  # its stretched arms are too heavy for their shoulders
+CARTS: dict[str, dict[str, Any]] = {
+    "hrp4_class": {},
+    "talos": {"resistance": 49.0, "limit": 30.0, "distance": 0.55, "height": 0.95},
+    "g1": {
+        "limit": 13.0,
+        "distance": 0.36,
+        "height": 0.85,
+        "turn_step": 1.1,
+        "hands": HandSettings(lag=0.03),
+    },
+}
+
+Row = dict[str, Any]
+
+
+def presses(robots: Iterable[str]) -> list[HandPressSpec]:
+    """Return 20, 60 and 100 N on a table and on a wall."""
+    return [
+        HandPressSpec(
+            robot=robot, on=on, force=force, **(TALOS_WALL if (robot, on) == ("talos", "wall") else {})
+        )
+        for robot in robots
+        for on in ("table", "wall")
+        for force in (20.0, 60.0, 100.0)
+    ]
+
+
+def carts(robots: Iterable[str]) -> list[CartSpec]:
+    """Return one metre forward, 30 degrees, one metre back, for each robot."""
+    return [CartSpec(robot=robot, **CARTS[robot]) for robot in robots]
+
+
+def doors(robots: Iterable[str]) -> list[DoorSpec]:
+    """Return a door that is opened and walked through."""
+    return [DoorSpec(robot=robot) for robot in robots]
+
+
+def loads(robots: Iterable[str]) -> list[CarrySpec]:
+    """Return ten hand-overs of 20 % in the hands, 22 steps, a drop."""
+    return [CarrySpec(robot=robot, hand_overs=10, steps=22, end="drop") for robot in robots]
+
+
+def chests(robots: Iterable[str]) -> list[CarrySpec]:
+    """Return two hand-overs of 30 % at the chest, 22 steps, a drop."""
+    return [
+        CarrySpec(robot=robot, load=0.3, hold="chest", forward=0.2, hand_overs=2, steps=22, end="drop")
+        for robot in robots
+    ]
+
+
+@dataclass(frozen=True)
+class SwingSpec:
+    """A walk of 3 m, with arms that swing by a share of the way of the other side's foot, or hang still."""
+
+    robot: str
+    swing: float
+    seed: int = 0
+
+
+def swings(robots: Iterable[str]) -> list[SwingSpec]:
+    """Return the walk without and with arms that swing."""
+    return [SwingSpec(robot, swing) for robot in robots for swing in (0.0, 0.5, 1.0)]
+
+
+def walk_with_arms(spec: SwingSpec) -> Row:
+    """Walk, and return the moment about the vertical under the stance foot and the turn that was not planned."""
+    description = load_robot(spec.robot)
+    mode = chosen_mode(description, None)
+    plant = Plant(description, noise="realistic", seed=spec.seed, control_period=CONTROL_PERIOD[mode])
+    robot = description.robot()
+    settings = WalkingControlSettings(mode=mode, arms=ArmSettings(swing=spec.swing))
+    plan = walk_distance(FootstepPlan.standing(robot), 3.0)
+    walking = WalkingControl(robot, plan, plant.control_period, settings)
+    falls, moments = TrueFallDetector(plant.robot), []
+    while not walking.finished and walking.fallen is None and not falls.fallen(plant.truth().q):
+        plant.step(walking.command(plant.measure()))
+        if walking.reference is not None and sum(walking.reference.contact) == 1:
+            stance = walking.reference.contact.index(True)
+            moments.append(float(plant.truth().sole_wrench[stance, 5]))
+    x, y, z, w = plant.data.qpos[[4, 5, 6, 3]]
+    return {
+        "robot": spec.robot,
+        "seed": spec.seed,
+        "swing": spec.swing,
+        "stage": "done" if walking.finished else "fell",
+        "yaw_rms_Nm": float(np.sqrt(np.mean(np.square(moments)))),
+        "yaw_most_Nm": float(np.percentile(np.abs(moments), 99.0)),
+        "turned_deg": math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))),
+    }
+
+
+TRIALS: dict[str, tuple[Callable[[Iterable[str]], list[Any]], Callable[[Any], Any]]] = {
+    "press": (presses, press_hands),
+    "cart": (carts, push_cart),
+    "door": (doors, open_door),
+    "load": (loads, carry),
+    "chest": (chests, carry),
+    "swing": (swings, walk_with_arms),
+}
+
+
+def journal(path: Path) -> list[Row]:
+    """Return all runs of a journal."""
+    if not path.exists():
+        return []
+    text = (lzma.decompress(path.read_bytes()) if path.suffix == ".xz" else path.read_bytes()).decode()
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def table(kind: str, rows: list[Row]) -> str:
+    """Return the runs of one kind as a table."""
+    cells: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
+    for row in rows:
+        if row["kind"] == kind:
+            result = row["result"]
+            cells[
+                result["robot"], result.get("on"), result.get("force_N") if kind == "press" else None
+            ].append(result)
+    head, line = TABLES[kind]
+    width = head.count("|") - 1
+    lines = [head, "|" + "---|" * width]
+    for (robot, *_), results in cells.items():
+        lines.append(f"| `{robot}` | " + line(results) + " |")
+    return "\n".join(lines)
+
+
+def _most(results: list[Row], name: str, signed: bool = False) -> float:
+    """Return the greatest size of a field."""
+    values = [row[name] for row in results if row[name] is not None and not math.isnan(row[name])]
+    return max((value if signed else abs(value) for value in values), default=math.nan)
+
+
+def _least(results: list[Row], name: str) -> float:
+    return min((row[name] for row in results if not math.isnan(row[name])), default=math.nan)
+
+
+def _seeds(results: list[Row]) -> str:
+    seeds = sorted(row["seed"] for row in results)
+    spans: list[list[int]] = []
+    for seed in seeds:
+        if spans and seed == spans[-1][1] + 1:
+            spans[-1][1] = seed
+        else:
+            spans.append([seed, seed])
+    return ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in spans)
+
+
+def _done(results: list[Row]) -> str:
+    return f"{sum(row['stage'] == 'done' for row in results)} of {len(results)}"
+
+
+def _press(results: list[Row]) -> str:
+    one = results[0]
+    means = [row["mean_N"] for row in results]
+    return (
+        f"{one['on']} | {one['force_N']:.0f} N | {_done(results)} | {min(means):.1f} to {max(means):.1f} N | "
+        f"{_least(results, 'least_N'):.1f}, {_most(results, 'greatest_N'):.1f} N | "
+        f"{100.0 * _least(results, 'steady'):.0f} % | {_most(results, 'beyond_toes_mm', signed=True):.0f} mm | "
+        f"{_seeds(results)}"
+    )
+
+
+def _cart(results: list[Row]) -> str:
+    good = sum(
+        row["stage"] == "done" and row["place_error_mm"] <= 250.0 and abs(row["heading_error_deg"]) <= 5.0
+        for row in results
+    )
+    return (
+        f"{results[0]['resistance_N']:.0f} N | {_done(results)} | {good} of {len(results)} | "
+        f"{_most(results, 'place_error_mm'):.0f} mm | {_most(results, 'heading_error_deg'):.1f}° | "
+        f"{_most(results, 'cart_tilt_deg'):.1f}°, {_most(results, 'pelvis_tilt_deg'):.1f}° | "
+        f"{_most(results, 'force_N'):.0f} N | {_seeds(results)}"
+    )
+
+
+def _door(results: list[Row]) -> str:
+    return (
+        f"{_done(results)} | {_least(results, 'released_deg'):.0f}° | {_least(results, 'beyond_mm'):.0f} mm | "
+        f"{_most(results, 'force_N'):.0f} N | {_most(results, 'touch_N'):.0f} N | {_seeds(results)}"
+    )
+
+
+def _carry(results: list[Row]) -> str:
+    return (
+        f"{results[0]['load_kg']:.1f} kg | {_done(results)} | {100.0 * _most(results, 'mass_error'):.1f} % | "
+        f"{_most(results, 'place_error_mm'):.1f} mm | {min(row['steps_done'] for row in results)} | "
+        f"{_seeds(results)}"
+    )
+
+
+def _swing(results: list[Row]) -> str:
+    mean = {name: sum(row[name] for row in results) / len(results) for name in ("yaw_rms_Nm", "yaw_most_Nm")}
+    return (
+        f"{results[0]['swing']:g} | {_done(results)} | {mean['yaw_rms_Nm']:.2f} Nm | {mean['yaw_most_Nm']:.2f} Nm | "
+        f"{_most(results, 'turned_deg'):.1f}° | {_seeds(results)}"
+    )
+
+
+LOAD_HEAD = "| Robot | Load | Done without a fall | Mass within | Place within | Least steps | Seeds |"
+TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
+    "press": (
+        "| Robot | On | Asked | Held 30 s | Mean | Least, greatest over 0.1 s | Within 10 % of the time | "
+        "CoM before the toes | Seeds |",
+        _press,
+    ),
+    "cart": (
+        "| Robot | Resistance | Done | Within 0.25 m and 5° | Place | Heading | Tilt of cart, pelvis | "
+        "Greatest force of both hands | Seeds |",
+        _cart,
+    ),
+    "door": (
+        "| Robot | Walked through | Let go at | Pelvis behind the frame | On the hand | Touch | Seeds |",
+        _door,
+    ),
+    "load": (LOAD_HEAD, _carry),
+    "chest": (LOAD_HEAD, _carry),
+    "swing": (
+        "| Robot | `arms.swing` | Done | Yaw moment of the stance foot, rms | 99 % below | Turned, most | Seeds |",
+        _swing,
+    ),
+}
+
+
+def main() -> None:
+    """Run what the journal does not have, or print a table of it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("kind", choices=TRIALS)
+    parser.add_argument("--journal", type=Path, required=True)
+    parser.add_argument("--robot", action="append", choices=ROBOTS)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first", type=int, default=FIRST_SEED)
+    parser.add_argument("--most", type=int, default=10_000, help="greatest number of runs")
+    parser.add_argument("--table", action="store_true")
+    options = parser.parse_args()
+    rows = journal(options.journal)
+    if options.table:
+        print(table(options.kind, rows))
+        return
+    logging.getLogger("wbc").setLevel(logging.CRITICAL)  # robots that fall are reported here
+    specs, trial = TRIALS[options.kind]
+    done = {json.dumps(row["spec"], sort_keys=True) for row in rows if row["kind"] == options.kind}
+    for seed in range(options.first, options.first + options.seeds):
+        for given in specs(options.robot or ROBOTS):
+            spec = replace(given, seed=seed)
+            key = json.loads(json.dumps(asdict(spec), default=str))
+            if json.dumps(key, sort_keys=True) in done:
+                continue
+            if options.most <= 0:
+                return
+            options.most -= 1
+            outcome = trial(spec)
+            result = outcome if isinstance(outcome, dict) else asdict(outcome)
+            line = json.dumps({"kind": options.kind, "spec": key, "result": result})
+            with options.journal.open("a") as file:
+                file.write(line + "\n")
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
