@@ -22,7 +22,7 @@ from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.quintic import Quintic
-from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
+from wbc.walking.pattern.reaction import TRUNK, SwingReaction, Travel, leg_share
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
@@ -364,7 +364,7 @@ def test_the_reaction_to_a_swing_stays_bounded_and_obeys_the_pendulum() -> None:
         moved = reaction.moved(rest)
         coms.append(moved.com[0])
         dcms.append(reaction.dcm[0])
-        pushes.append(share * path.at(time)[2] if 0.0 <= time <= duration else 0.0)
+        pushes.append(TRUNK * share * path.at(time)[2] if 0.0 <= time <= duration else 0.0)
         assert moved.dcm[0] == pytest.approx(reaction.dcm[0], abs=1e-12)
         assert reaction.push[0] == pytest.approx(pushes[-1], abs=1e-9)
     acceleration = np.diff(coms, 2) / dt**2

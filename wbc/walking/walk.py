@@ -37,6 +37,10 @@ logger = logging.getLogger(__name__)
 
 NO_PUSH = (0.0, 0.0)
 
+STEADY = 0.3
+"""Least time to touch-down to which a step is hurried while the CoM gives way to the reaction, s: a swing that is quick
+already has no time to spare."""
+
 TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
 
 
@@ -189,6 +193,8 @@ class Walk:
         self._adjuster: StepAdjuster | None = None
         if s.adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
+            steady = replace(s.adjustment, shortest=max(s.adjustment.shortest, STEADY))
+            self._steady = StepAdjuster(self.omega, self.reach, self.sole_sizes, steady)
 
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
         self._events: tuple[Event, ...] = ()  # those of `start`, for the next update
@@ -328,7 +334,7 @@ class Walk:
             if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
                 self._replan(dcm)
         elif self.adjusts and dcm is not None and self._adjuster and self._swing is not None and not overdue:
-            self._adjust(dcm, self._adjuster, self._swing)
+            self._adjust(dcm, self._steady if self.reaction > 0.0 else self._adjuster, self._swing)
         if self._swing is not None:
             side = SIDES.index(self._swing.landing.side)
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
@@ -357,10 +363,11 @@ class Walk:
         plan, step, lead = phases.plan, phases.step, phases.duration - phases.elapsed
         on_way = swing.takeoff_time + swing.landing_time
         travels = []
-        if phases.phase is Phase.SINGLE:
-            lift, landing = plan.lift_off(step), plan.steps[step]
-            time = phases.elapsed - swing.takeoff_time
-            travels.append(Travel(time, phases.duration - on_way, landing.x - lift.x, landing.y - lift.y))
+        if phases.phase is Phase.SINGLE and self._planned_swing is not None:
+            # As planned at lift-off: adjustments are judged by what this leaves of the DCM's error.
+            planned, lift = self._planned_swing, plan.lift_off(step)
+            time, landing = phases.elapsed - swing.takeoff_time, planned.landing
+            travels.append(Travel(time, planned.duration - on_way, landing.x - lift.x, landing.y - lift.y))
             step, lead = step + 1, lead + plan.gait.double_support
         if step < len(plan) and phases.phase is not Phase.STANDING:
             lift, landing = plan.lift_off(step), plan.steps[step]

@@ -32,6 +32,11 @@ NEGLIGIBLE = 1e-6
 """Deviation below which the centre of mass is that of the pendulum, m."""
 
 
+TRUNK = 1.15
+"""Reaction of both legs over that of the swinging one: the trunk slows down over the stance foot while the other foot
+is thrown forward, and both legs move against it. In walks of the built-in robots at 0.4 m/s it is 1.10 to 1.20."""
+
+
 class Travel(NamedTuple):
     """Way of a foot through the air.
 
@@ -106,7 +111,7 @@ class SwingReaction:
             sway, push = _unit(travel.time, travel.duration, self._omega)
             x, y = x + sway * travel.x, y + sway * travel.y
             push_x, push_y = push_x + push * travel.x, push_y + push * travel.y
-        share = weight * self._share
+        share = weight * TRUNK * self._share
         self.dcm, self.push = (share * x, share * y), (share * push_x, share * push_y)
         com_x, com_y = self._com
         self._com = (
