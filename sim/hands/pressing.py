@@ -49,7 +49,8 @@ class HandPressSpec(HandTrialSpec):
         seconds: Time for which the force is held.
         distance: Of the hands in front of the middle of the feet; where the arms are at ease when not given.
         height: Of the hands over the ground; likewise.
-        hands: Settings of the hands; those that suit the surface when not given: hands on a wall help to balance.
+        hands: Settings of the hands; those that suit the surface when not given: on a wall or a rail hands help to
+            balance.
     """
 
     on: Surface = "table"
@@ -116,7 +117,7 @@ class HandPressTrial(HandTrial):
         """
         self.spec = spec
         self._point = spec.point(load(spec.robot).robot())
-        settings = spec.hands or HandSettings(edge=0.5, help=1.0 if spec.on == "wall" else 0.0, ramp=6.0)
+        settings = spec.hands or HandSettings(edge=0.5, help=0.0 if spec.on == "table" else 1.0, ramp=6.0)
         super().__init__(spec, _surface(spec.on, self._point), settings)
         self._along = np.array(DIRECTION[spec.on]) / np.linalg.norm(DIRECTION[spec.on])
         self._rows: list[tuple[float, ...]] = []  # force of the surface, forces as measured, before the toes

@@ -192,9 +192,9 @@ def _done(results: list[Row]) -> str:
 
 def _press(results: list[Row]) -> str:
     one = results[0]
-    means = [row["mean_N"] for row in results]
+    means = sorted({f"{row['mean_N']:.1f}" for row in results}, key=float)
     return (
-        f"{one['on']} | {one['force_N']:.0f} N | {_done(results)} | {min(means):.1f} to {max(means):.1f} N | "
+        f"{one['on']} | {one['force_N']:.0f} N | {_done(results)} | {' to '.join((means[0], *means[1:][-1:]))} N | "
         f"{_least(results, 'least_N'):.1f}, {_most(results, 'greatest_N'):.1f} N | "
         f"{100.0 * _least(results, 'steady'):.0f} % | {_most(results, 'beyond_toes_mm', signed=True):.0f} mm | "
         f"{_seeds(results)}"
