@@ -30,6 +30,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from wbc.core.files import read_json
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
@@ -60,6 +61,7 @@ class Mark:
             if option not in OPTIONS:
                 raise SystemExit(f"table {words}: no option {option}")
             self.options.setdefault(option, []).append(value)
+        self.file = journals / self.name if self.name.endswith(".json") else None  # a study of its own
         path = journals / file
         if not path.is_file():
             raise SystemExit(f"table {words}: no journal {path}")
@@ -72,9 +74,8 @@ class Mark:
     @property
     def whole(self) -> Study:
         """The study with all its layouts."""
-        return study_by_name(self.name).narrowed(
-            self.options.get("--cell", ()), self.options.get("--arm", ())
-        )
+        study = study_by_name(self.name) if self.file is None else Study.from_json(read_json(self.file))
+        return study.narrowed(self.options.get("--cell", ()), self.options.get("--arm", ()))
 
     @property
     def study(self) -> Study:

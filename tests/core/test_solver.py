@@ -44,6 +44,21 @@ def test_the_ladder_leaves_changing_limits_to_daqp_and_the_first_tick_to_proxqp(
     assert counts["ProxQP"] == 1 and counts["DAQP"] > 5 and counts["active set"] > 5
 
 
+def test_the_first_tick_is_proxqp_s_from_daqp_s_guess_and_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    problems = stream()
+    for _ in range(20):
+        solution = problems.step()
+    problem = problems.controller.problem
+    guessed = QpSolver(problem)
+    assert guessed.solve() is Status.SOLVED and guessed.counts["ProxQP"] == 1
+    assert guessed.iterations == 0, "ProxQP confirms an exact guess without an iteration"
+    monkeypatch.setattr(DaqpSolver, "solve", lambda *_: None)
+    alone = QpSolver(problem)
+    assert alone.solve() is Status.SOLVED and alone.counts["ProxQP"] == 1 and alone.iterations > 0
+    for one in (guessed, alone):
+        np.testing.assert_allclose(one.x[: problem.nv], solution.accelerations, atol=1e-4)
+
+
 def test_daqp_finds_the_same_from_any_guess_and_repeats_bit_for_bit() -> None:
     problems = stream(3)
     for _ in range(20):

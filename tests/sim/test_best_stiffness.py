@@ -284,6 +284,11 @@ def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest
     words = ["study", "best", str(study), "--journal", str(journal), "--output", str(out)]
     assert cli.main(words) == 0
     assert json.loads(out.read_text())["labels"] == told["labels"]
+    table = tmp_path / "table.csv"
+    assert cli.main([*words[:5], "--table", str(table), "--windows", "3"]) == 0
+    rows = StiffnessTable.load(table)
+    assert len(rows) == 3 * len(small().cells) * len(small().seeds)
+    assert set(np.round(rows.stiffness)) == {9.0}
     capfd.readouterr()
     assert cli.main(["study", "best", "push_recovery", "--journal", str(journal)]) == 2
     assert cli.main(["study", "best", "tuned_fixed", "--journal", str(journal)]) == 2  # other grounds

@@ -12,6 +12,7 @@ import pytest
 from wbc.app import cli
 from wbc.app.commands.study.paper import BUDGET, JOURNALS, LEGACY_GROUNDS, PARTS, VALIDATIONS
 from wbc.core.errors import InputError
+from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, Journal
 from wbc.sim.studies.paper.choice import choice
@@ -122,6 +123,12 @@ def test_a_choice_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFix
     told = json.loads(capfd.readouterr().out)
     assert told["single"] == "2000" and told["gain"]["mean"] == 0.0 and len(told["grounds"]) == 2
     assert cli.main([*words, "--arm", "5"]) == cli.BAD_INPUT
+    table = tmp_path / "table.csv"
+    assert cli.main([*words, "--seeds", "5", "--cell", "stones,", "--table", str(table)]) == cli.RAN
+    rows = StiffnessTable.load(table)
+    assert set(rows.stiffness) == {2000.0} and set(rows.family) == {"stones"} and len(rows) == 5 * 6
+    assert cli.main([*words, "--arm", "5", "--arm", "rigid", "--table", str(table)]) == cli.BAD_INPUT
+    assert "a table needs arms with a stiffness; rigid" in capfd.readouterr().err
 
 
 def test_the_oracle_needs_every_family_and_dampers_share_walks() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import to_json
+from wbc.sim.studies.best_stiffness import Label
 from wbc.sim.studies.intervals import Equivalence, Estimate, equivalence, holm, mean_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import METRICS, Study, study_entries
@@ -76,6 +78,35 @@ class Choice:
         """Return the result as plain values."""
         plain: dict[str, Any] = to_json(self)
         return plain
+
+    def labels(self, study: Study) -> dict[str, Label]:
+        """Return the stiffness of the best arm of each ground, for the table of a model: cell → label.
+
+        Args:
+            study: The study.
+
+        Raises:
+            InputError: An arm without a stiffness.
+        """
+        without = ", ".join(arm for arm in self.arms if "stiffness" not in study.arms[arm])
+        if without:
+            raise InputError(f"a table needs arms with a stiffness; {without} of '{study.name}' has none")
+        k = {arm: float(study.arms[arm]["stiffness"]) for arm in self.arms}
+        found = {}
+        for ground in self.grounds:
+            same = [k[arm] for arm in {*ground.same, ground.best}]
+            found[ground.row] = Label(
+                stiffness=k[ground.best],
+                nearly_low=min(same),
+                nearly_high=max(same),
+                best_low=min(same),
+                best_high=max(same),
+                J=math.nan,
+                J_std=math.nan,
+                gain=math.nan,
+                walks=ground.layouts * len(self.arms),
+            )
+        return found
 
     def markdown(self) -> str:
         """Return the table of grounds and the worth of choosing, as Markdown."""

@@ -16,8 +16,6 @@ from wbc.app.commands.study.show import (
     JournalOptions,
     PartOptions,
     StudyName,
-    note_left_out,
-    read_study,
 )
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
@@ -40,13 +38,16 @@ class BestOptions(JournalOptions):
     Attributes:
         separate: Find the best stiffness of each cell from its own walks alone; otherwise the curve of the other cells
             is the prior.
-        any_code: Take walks of other versions of the code, too.
         out: File to write the result to as JSON (.json), as studies of the library that rest on it read it.
+        table: Table to write (.csv) that `wbc stiffness train` makes a model of: profiles of the cells' grounds, with
+            the best stiffness of their cell.
+        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
     """
 
     separate: bool = False
-    any_code: bool = False
     out: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None
+    table: Path | None = None
+    windows: Annotated[int, Field(ge=2)] = 6
 
 
 @settings(kw_only=True)
@@ -56,10 +57,15 @@ class ChoiceOptions(JournalOptions):
     Attributes:
         metric: Part of the results, such as steps_done; more is better. That of the study when not given.
         margin: Gain that counts as none, in the unit of the metric.
+        table: Table to write (.csv) that `wbc stiffness train` makes a model of: profiles of the cells' grounds, with
+            the stiffness of the best arm of their cell.
+        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
     """
 
     metric: str | None = None
     margin: Positive = DEFAULT_MARGIN
+    table: Path | None = None
+    windows: Annotated[int, Field(ge=2)] = 6
 
 
 @settings(kw_only=True)
@@ -121,15 +127,15 @@ def best(
     /,
     *,
     options: Flat[BestOptions],
+    part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
-    target = None
+    target, table = None, _table_target(options)
     if options.out is not None:
         target = check_target("a result", options.out, (".json",), [options.journal])
-    chosen, entries = read_study(study), options.entries()
-    unused = note_left_out(chosen, entries, any_code=options.any_code)
-    found = labels(chosen, entries, pooled=not options.separate, any_code=options.any_code)
+    chosen, entries, unused = part.read(study, options)
+    found = labels(chosen, entries, pooled=not options.separate, any_code=part.any_code)
     if not found:
         raise InputError(
             f"{options.journal} has no cell of '{chosen.name}' with walks of enough stiffnesses; run the study"
@@ -137,11 +143,13 @@ def best(
     data = {
         "study": chosen.name,
         "separate": options.separate,
-        **origin(chosen, entries, any_code=options.any_code),
+        **origin(chosen, entries, any_code=part.any_code),
         "labels": to_json(found),
     }
     if target is not None:
         write_text(target, json.dumps(data, indent=1) + "\n")
+    if table is not None:
+        stiffness_table(chosen, found, windows=options.windows, made=data).save(table)
     return output.report(data | unused, label_table(found))
 
 
@@ -159,6 +167,7 @@ def choice(
     Of the arms with a stiffness, or of those that --arm names. The worth is judged on layouts that nothing was chosen
     on.
     """
+    table = _table_target(options)
     chosen, entries, unused = part.read(study, options)
     made = make_choice(
         chosen,
@@ -168,7 +177,10 @@ def choice(
         margin=options.margin,
         any_code=part.any_code,
     )
-    return output.report(made.to_json() | unused, made.markdown())
+    data = made.to_json() | origin(chosen, entries, any_code=part.any_code)
+    if table is not None:
+        stiffness_table(chosen, made.labels(chosen), windows=options.windows, made=data).save(table)
+    return output.report(data | unused, made.markdown())
 
 
 @reports
@@ -192,6 +204,13 @@ def heights(
         **unused,
     }
     return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
+
+
+def _table_target(options: BestOptions | ChoiceOptions) -> Path | None:
+    """Return the table to write, if any, before any work starts."""
+    if options.table is None:
+        return None
+    return check_target("a stiffness table", options.table, (".csv",), [options.journal])
 
 
 def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
