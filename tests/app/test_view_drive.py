@@ -27,7 +27,7 @@ def stage(distance: float | None = None) -> tuple[wbc.Plant, WalkingControl]:
 def test_a_page_drives_a_robot_that_stands_and_no_plan() -> None:
     plant, walking = stage()
     controls = LiveControls(plant, walking)
-    assert controls.available()["drive"] == {"forward": 0.4, "back": 0.3, "left": 0.15, "turn": 0.5}
+    assert controls.available()["drive"] == {"forward": 0.4, "back": 0.3, "left": 0.2, "turn": 0.5}
     controls.apply({"do": "drive", "forward": 0.2, "left": -0.1, "turn": 0.3})
     assert walking.velocity == (0.2, -0.1, 0.3) and "0.20 m/s forward" in controls.message
     controls.apply({"do": "drive", "forward": 0.1, "left": 0.0, "turn": 0.0})
