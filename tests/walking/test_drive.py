@@ -282,13 +282,16 @@ def test_the_reach_of_every_robot_grants_its_speed(name: str, least: float) -> N
     robot = ROBOTS[name]
     height = bent_height(robot, DriveSettings().stretch)
     assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
-    source = VelocitySource(Reach.of(robot, height), SIZES[name])
-    source.target = (0.4, 0.0, 0.0)
+    calm = VelocitySource(Reach.of(robot, height), SIZES[name])
+    source = VelocitySource(Reach.of(robot, height), SIZES[name], DriveSettings(pace_limit=0.6))
+    source.target = calm.target = (0.4, 0.0, 0.0)
     now = standing(name)
     for i in range(30):
         source.footsteps(now._replace(time=0.1 * i))
+        calm.footsteps(now._replace(time=0.1 * i))
     assert source.granted[0] == pytest.approx(least)
     assert (source.pace > 0.45) == (name == "g1")  # the others reach far enough at the pace of 0.4 m/s
+    assert calm.pace == pytest.approx(0.4) and (calm.granted[0] < 0.38) == (name == "g1")
     source.target = (0.2, 0.0, 0.0)
     for i in range(30, 60):
         source.footsteps(now._replace(time=0.1 * i))

@@ -54,9 +54,10 @@ class DriveSettings:
 
     Attributes:
         acceleration: Greatest change of the granted velocity: forward, left and turn.
-        fastest: Greatest velocity granted: forward, left (or right) and turn. The defaults are for the built-in robots:
-            all of them walk at 0.4 m/s.
+        fastest: Greatest velocity granted: forward, left (or right) and turn. The defaults are for the built-in robots.
         fastest_back: Greatest velocity granted backwards.
+        pace_limit: Speed of the gait up to which steps become quicker where the legs do not reach; what they still do
+            not reach is not granted. With 0.6 m/s `g1` walks at 0.4 m/s; robots that are pushed then fall more often.
         reach: Share of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
         stretch: Share of its length to which the legs stretch of a robot that is driven and whose legs are
             straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
@@ -72,6 +73,7 @@ class DriveSettings:
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
     fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.2, 0.5)
     fastest_back: Annotated[NonNegative, "m/s"] = 0.3
+    pace_limit: Annotated[NonNegative, "m/s"] = 0.4
     reach: Share = 0.75
     stretch: Share = 0.92
     steps: Annotated[int, Field(ge=2, le=20)] = 4
@@ -212,7 +214,8 @@ class VelocitySource:
 
         Where the legs do not reach, steps are quicker.
         """
-        speed, quickest = pace(velocity), max(SPEEDS)
+        speed = pace(velocity)
+        quickest = max(speed, min(self.settings.pace_limit, max(SPEEDS)))
         while not self._within(velocity, speed, spacing, gait, 1.0):
             if speed >= quickest:
                 break
