@@ -204,6 +204,8 @@ def test_a_fault_of_the_command_is_named(fault: str) -> None:
 @pytest.mark.slow
 def test_a_stated_delay_is_no_fault() -> None:
     assert conformance(Late(plant(), 2), delay=0.01).ok
+    with pytest.raises(InputError, match="delay of the loop"):
+        conformance(plant(), delay=-0.01)
 
 
 def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

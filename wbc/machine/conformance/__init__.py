@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, non_negative
 from wbc.core.signals import Measurement
 from wbc.machine.conformance.body import BodyChecks
 from wbc.machine.conformance.joints import JointChecks
@@ -34,8 +34,9 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
         One result a check.
 
     Raises:
-        InputError: Something without the four parts of a loop.
+        InputError: Something without the four parts of a loop, or a delay below zero.
     """
+    delay = non_negative("delay of the loop (s)", delay)
     for part in ("description", "control_period", "measure", "step"):
         if not hasattr(loop, part):
             raise InputError(
