@@ -154,9 +154,8 @@ def table(kind: str, rows: list[Row]) -> str:
     for row in rows:
         if row["kind"] == kind:
             result = row["result"]
-            cells[
-                result["robot"], result.get("on"), result.get("force_N") if kind == "press" else None
-            ].append(result)
+            force = result["force_N"] if kind == "press" else None  # of a cart or a door it is a result
+            cells[result["robot"], result.get("on"), force, result.get("swing")].append(result)
     head, line = TABLES[kind]
     width = head.count("|") - 1
     lines = [head, "|" + "---|" * width]

@@ -1,4 +1,4 @@
-"""Where the room of a walking robot goes that is pushed: DCM, spin, CoP, lean and joint limits, every few ticks.
+"""Budget of the room of a walking robot that is pushed: DCM, spin, CoP, lean and joint limits, every few ticks.
 
 All along the push, from the edge of the feet on the ground, in mm, positive inside: the room of the true DCM; the room
 that is left when the robot has stopped spinning; the room of the true CoP. The spin is the angular momentum about the
