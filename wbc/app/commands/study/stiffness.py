@@ -32,40 +32,50 @@ from wbc.sim.studies.study import Study, study_entries
 
 
 @settings(kw_only=True)
-class BestOptions(JournalOptions):
+class TableOptions(JournalOptions):
+    """Table that a stiffness model learns from.
+
+    Attributes:
+        table: Table to write (.csv) that `wbc stiffness train` makes a model of: profiles of the cells' grounds, each
+            with the best stiffness of its cell.
+        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
+    """
+
+    table: Path | None = None
+    windows: Annotated[int, Field(ge=2)] = 6
+
+    def target(self) -> Path | None:
+        """Return the table to write, if any, before any work starts."""
+        if self.table is None:
+            return None
+        return check_target("a stiffness table", self.table, (".csv",), [self.journal])
+
+
+@settings(kw_only=True)
+class BestOptions(TableOptions):
     """Walks that the best stiffness comes from.
 
     Attributes:
         separate: Find the best stiffness of each cell from its own walks alone; otherwise the curve of the other cells
             is the prior.
         out: File to write the result to as JSON (.json), as studies of the library that rest on it read it.
-        table: Table to write (.csv) that `wbc stiffness train` makes a model of: profiles of the cells' grounds, with
-            the best stiffness of their cell.
-        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
     """
 
     separate: bool = False
     out: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None
-    table: Path | None = None
-    windows: Annotated[int, Field(ge=2)] = 6
 
 
 @settings(kw_only=True)
-class ChoiceOptions(JournalOptions):
+class ChoiceOptions(TableOptions):
     """Walks that a choice comes from.
 
     Attributes:
         metric: Part of the results, such as steps_done; more is better. That of the study when not given.
         margin: Gain that counts as none, in the unit of the metric.
-        table: Table to write (.csv) that `wbc stiffness train` makes a model of: profiles of the cells' grounds, with
-            the stiffness of the best arm of their cell.
-        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
     """
 
     metric: str | None = None
     margin: Positive = DEFAULT_MARGIN
-    table: Path | None = None
-    windows: Annotated[int, Field(ge=2)] = 6
 
 
 @settings(kw_only=True)
@@ -131,7 +141,7 @@ def best(
     output: OutputOptions = Output(),
 ) -> Report:
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
-    target, table = None, _table_target(options)
+    target, table = None, options.target()
     if options.out is not None:
         target = check_target("a result", options.out, (".json",), [options.journal])
     chosen, entries, unused = part.read(study, options)
@@ -167,7 +177,7 @@ def choice(
     Of the arms with a stiffness, or of those that --arm names. The worth is judged on layouts that nothing was chosen
     on.
     """
-    table = _table_target(options)
+    table = options.target()
     chosen, entries, unused = part.read(study, options)
     made = make_choice(
         chosen,
@@ -204,13 +214,6 @@ def heights(
         **unused,
     }
     return output.report(data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()))
-
-
-def _table_target(options: BestOptions | ChoiceOptions) -> Path | None:
-    """Return the table to write, if any, before any work starts."""
-    if options.table is None:
-        return None
-    return check_target("a stiffness table", options.table, (".csv",), [options.journal])
 
 
 def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
