@@ -356,8 +356,10 @@ class WalkingControl:
         self.driver.update(self.time, dcm, self._beyond)
         if self.driver.capturing is not captures:
             self.tasks.free(not captures)
+        # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
+        held = self.hands is not None and self.hands.gripping
         # Filtered loads: a foot that has just met the ground presses in jerks.
-        return self.walk.update(self.control.observer.load.tolist(), self._soles, dcm)
+        return self.walk.update(self.control.observer.load.tolist(), self._soles, None if held else dcm)
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
         for side, stands in enumerate(contact):

@@ -46,6 +46,10 @@ SLOW_TIME = 1.0
 
 The servos of the arms are told of the same share."""
 
+RELAX = 0.1
+"""Share of all forces on them to which hands that grip yield while the robot stands: forces that are left from the way
+there decay within about a second, as slowly as the CoM follows them, so that the next way begins without a lean."""
+
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
 
@@ -158,6 +162,11 @@ class Hands:
     def active(self) -> bool:
         """True while a hand presses, or the balance still remembers that one did."""
         return self._acting
+
+    @property
+    def gripping(self) -> bool:
+        """True while a hand grips."""
+        return any(hand.state is HandState.GRIP for hand in self.all.values())
 
     @property
     def lost(self) -> tuple[str, ...]:
@@ -343,7 +352,7 @@ class Hands:
                 self._borne[hand.index] += slow * (axes - self._borne[hand.index])
             else:
                 self._felt[hand.index] = self._borne[hand.index] = 0.0
-        self._yield()
+        self._yield(rests)
         self._outside += quick * (felt + pulled - self._outside)
         self._slow += slow * (pulled - self._slow)
         self._shift.follow(self._lean(-zmp_offset(planned + self._slow, zmp, self._weight)), dt)
@@ -354,11 +363,15 @@ class Hands:
             self._shift.reset()
         return self._outside
 
-    def _yield(self) -> None:
+    def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to what is of no use, and to what is too much.
 
         Of no use are vertical forces, and the squeeze of two hands along the line between them. Too much is what all
-        hands together feel above their limits; a couple, which turns what they hold, may be more.
+        hands together feel above their limits; a couple, which turns what they hold, may be more. While the robot stands,
+        no force is of use.
+
+        Args:
+            rests: True while the robot stands.
         """
         gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
         if not gripping:
@@ -373,6 +386,8 @@ class Hands:
             )
             line = (second - first) / max(float(np.linalg.norm(second - first)), 1e-6)
             excess += np.outer((forces - mean) @ line, line)
+        if rests:
+            excess += RELAX * (forces - excess)
         excess[:, 2] = forces[:, 2]
         for hand, part in zip(gripping, excess, strict=True):
             hand.excess = part

@@ -350,6 +350,9 @@ class GoalSource:
 class PlanSource:
     """Steps of a footstep plan, one after the other; then a stand.
 
+    The steps stay where they are planned, at the height at which the last landing has found the ground: the estimate of
+    the height drifts by millimetres a step.
+
     Attributes:
         plan: The plan, in the world.
     """
@@ -374,7 +377,13 @@ class PlanSource:
                     start.left if now.first == "left" else start.right,
                 )
                 self.plan = replace(self.plan, steps=(*closing, *self.plan.steps))
-        return replace(start, steps=self.plan.steps[now.begun - self._begun :])
+        done = now.begun - self._begun
+        steps = self.plan.steps[done:]
+        if 0 < done <= len(self.plan):
+            last = self.plan.steps[done - 1]
+            rise = (start.left if last.side == "left" else start.right).z - last.z
+            steps = tuple(replace(step, z=step.z + rise) for step in steps)
+        return replace(start, steps=steps)
 
 
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:
