@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
@@ -29,6 +30,14 @@ BEHIND = 0.57
 GRIP = 0.2
 """Distance of each handle from the middle of the bar, m."""
 
+ROBOTS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "talos": {"resistance": 49.0, "limit": 30.0, "distance": 0.55, "height": 0.95},
+        "g1": {"height": 0.85, "turn_step": 1.1},
+    }
+)
+"""Values of `CartSpec` that are not given, by robot, where they are not those of the spec."""
+
 GOOD = math.radians(1.5)
 """Error of the heading that is left alone, rad."""
 
@@ -41,12 +50,14 @@ class CartSpec(HandTrialSpec):
         forward: Way forward.
         turn: Turn to the left about the middle of the cart.
         back: Way back.
-        resistance: Force along the ground that moves the cart.
-        limit: Force of a hand above which it yields; what the robot may lose suddenly bounds it. Nine tenths of the
-            resistance when not given.
-        distance: Of the bar in front of the middle of the feet; where the arms are at ease when not given.
+        resistance: Force along the ground that moves the cart; 15 N, or that of the robot (`ROBOTS`), when not given.
+        limit: Force of a hand above which it yields; what the robot may lose suddenly bounds it. That of the robot, or
+            nine tenths of the resistance, when not given.
+        distance: Of the bar in front of the middle of the feet; that of the robot, or where the arms are at ease, when
+            not given.
         height: Of the bar over the ground; likewise.
-        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways.
+        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways; 2.2°, or that of the
+            robot, when not given.
         corrections: Greatest number of turns after each leg that take back an error of the heading, which the robot
             knows from its hands.
         hands: Settings of the hands.
@@ -55,13 +66,18 @@ class CartSpec(HandTrialSpec):
     forward: Annotated[float, Field(ge=0.0, le=10.0), "m"] = 1.0
     turn: Annotated[float, Field(ge=-180.0, le=180.0), "°"] = 30.0
     back: Annotated[float, Field(ge=0.0, le=10.0), "m"] = 1.0
-    resistance: Annotated[NonNegative, "N"] = 15.0
+    resistance: Annotated[NonNegative, "N"] | None = None
     limit: Annotated[Positive, "N"] | None = None
     distance: Annotated[Positive, "m"] | None = None
     height: Annotated[Positive, "m"] | None = None
-    turn_step: Annotated[float, Field(gt=0.1, le=20.0), "°"] = 2.2
+    turn_step: Annotated[float, Field(gt=0.1, le=20.0), "°"] | None = None
     corrections: Annotated[int, Field(ge=0, le=20)] = 3
     hands: HandSettings = HandSettings()
+
+    def of_robot(self, name: str, otherwise: float) -> float:
+        """Return the value of a field; where it is not given that of the robot, and else another one."""
+        given = getattr(self, name)
+        return float(ROBOTS.get(self.robot, {}).get(name, otherwise) if given is None else given)
 
 
 @dataclass(frozen=True)
@@ -104,13 +120,10 @@ class CartTrial(HandTrial):
             InputError: A robot that stands in the cart.
         """
         self.spec = spec
-        bar = ArmSpace.of(load(spec.robot).robot()).point(*BAR)
-        self._bar = (
-            bar[0] if spec.distance is None else spec.distance,
-            GRIP,
-            bar[2] if spec.height is None else spec.height,
-        )
-        scene = make_scene("cart", distance=self._bar[0], handle=self._bar[2], resistance=spec.resistance)
+        x, _, z = ArmSpace.of(load(spec.robot).robot()).point(*BAR).tolist()
+        self._bar = (spec.of_robot("distance", x), GRIP, spec.of_robot("height", z))
+        self._resistance = spec.of_robot("resistance", 15.0)
+        scene = make_scene("cart", distance=self._bar[0], handle=self._bar[2], resistance=self._resistance)
         super().__init__(spec, scene, spec.hands)
         self._cart = int(self.plant.model.body("scene/cart").id)
         self._begin = self._pose()
@@ -131,7 +144,7 @@ class CartTrial(HandTrial):
         cart, pelvis, force = self._greatest.tolist()
         return CartResult(
             **asdict(self.common()),
-            resistance_N=self.spec.resistance,
+            resistance_N=self._resistance,
             place_error_mm=round(1e3 * float(np.hypot(*error.translation[:2])), 1),
             heading_error_deg=round(math.degrees(_yaw(error)), 2),
             cart_tilt_deg=round(math.degrees(cart), 2),
@@ -147,7 +160,7 @@ class CartTrial(HandTrial):
             return
         self.stage = "grip"
         x, y, z = self._bar
-        limit = 0.9 * spec.resistance if spec.limit is None else spec.limit
+        limit = spec.of_robot("limit", 0.9 * self._resistance)
         for name, side in SIDES.items():
             hands.grip(name, (x, side * y, z), (1.0, 0.0, 0.0), limit)
         if not self.until(lambda: all(hand.state is HandState.GRIP for hand in hands.all.values()), 20.0):
@@ -201,7 +214,7 @@ class CartTrial(HandTrial):
     def _turning(self, start: FootstepPlan, angle: float) -> FootstepPlan:
         """Return a plan that turns the robot about the middle of the cart."""
         radius = self._bar[0] + BEHIND
-        steps = max(2, math.ceil(abs(angle) / math.radians(self.spec.turn_step)))
+        steps = max(2, math.ceil(abs(angle) / math.radians(self.spec.of_robot("turn_step", 2.2))))
         duration = start.gait.single_support + start.gait.double_support
         rate, before = angle / (steps * duration), _mean_yaw(start.left, start.right)
         for _ in range(4):  # the step that closes up turns as well

@@ -30,7 +30,6 @@ from wbc.sim.hands import CartSpec, DoorSpec, HandPressSpec, open_door, press_ha
 from wbc.walking import (
     ArmSettings,
     FootstepPlan,
-    HandSettings,
     WalkingControl,
     WalkingControlSettings,
     walk_distance,
@@ -39,17 +38,6 @@ from wbc.walking import (
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
 TALOS_WALL = {"distance": 0.6, "height": 1.0}  # its stretched arms are too heavy for their shoulders
-CARTS: dict[str, dict[str, Any]] = {
-    "hrp4_class": {},
-    "talos": {"resistance": 49.0, "limit": 30.0, "distance": 0.55, "height": 0.95},
-    "g1": {
-        "limit": 13.0,
-        "distance": 0.36,
-        "height": 0.85,
-        "turn_step": 1.1,
-        "hands": HandSettings(lag=0.03),
-    },
-}
 
 Row = dict[str, Any]
 
@@ -68,7 +56,7 @@ def presses(robots: Iterable[str]) -> list[HandPressSpec]:
 
 def carts(robots: Iterable[str]) -> list[CartSpec]:
     """Return one metre forward, 30 degrees, one metre back, for each robot."""
-    return [CartSpec(robot=robot, **CARTS[robot]) for robot in robots]
+    return [CartSpec(robot=robot) for robot in robots]
 
 
 def doors(robots: Iterable[str]) -> list[DoorSpec]:

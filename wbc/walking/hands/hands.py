@@ -367,8 +367,8 @@ class Hands:
         """Let hands that grip yield to what is of no use, and to what is too much.
 
         Of no use are vertical forces, and the squeeze of two hands along the line between them. Too much is what all
-        hands together feel above their limits; a couple, which turns what they hold, may be more. While the robot stands,
-        no force is of use.
+        hands together feel above their limits; a couple, which turns what they hold, may be more. While the robot
+        stands, no force is of use.
 
         Args:
             rests: True while the robot stands.
