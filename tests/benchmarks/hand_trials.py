@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import lzma
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from own_loop import Row, journal
 
 from wbc.robots import load as load_robot
 from wbc.sim import Plant, TrueFallDetector
@@ -38,8 +38,6 @@ from wbc.walking import (
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
 TALOS_WALL = {"distance": 0.6, "height": 1.0}  # its stretched arms are too heavy for their shoulders
-
-Row = dict[str, Any]
 
 
 def presses(robots: Iterable[str]) -> list[HandPressSpec]:
@@ -126,14 +124,6 @@ TRIALS: dict[str, tuple[Callable[[Iterable[str]], list[Any]], Callable[[Any], An
     "chest": (chests, carry),
     "swing": (swings, walk_with_arms),
 }
-
-
-def journal(path: Path) -> list[Row]:
-    """Return all runs of a journal."""
-    if not path.exists():
-        return []
-    text = (lzma.decompress(path.read_bytes()) if path.suffix == ".xz" else path.read_bytes()).decode()
-    return [json.loads(line) for line in text.splitlines()]
 
 
 def table(kind: str, rows: list[Row]) -> str:

@@ -207,6 +207,20 @@ def test_sources_are_exchanged_while_it_walks() -> None:
     assert phases.completed == stage.walk.steps_done
 
 
+def test_steps_of_a_plan_are_expected_where_the_last_foot_has_found_the_ground() -> None:
+    """A plan keeps its places; its height is that of the ground, of which the estimate drifts."""
+    start = FootstepPlan.standing(ROBOTS["hrp4_class"])
+    stairs = replace(
+        start, steps=tuple(replace(s, z=0.1 * i) for i, s in enumerate(walk_distance(start, 0.5).steps))
+    )
+    source = PlanSource(stairs)
+    assert source.footsteps(Standing(start, None, 3, False, 0.0)).steps == stairs.steps
+    sunk = replace(start, **{stairs.steps[1].side: replace(stairs.steps[1], z=0.1 - 0.03)})
+    rest = source.footsteps(Standing(sunk, None, 5, False, 0.0)).steps
+    assert [(step.side, step.x, step.y) for step in rest] == [(s.side, s.x, s.y) for s in stairs.steps[2:]]
+    assert [step.z for step in rest] == pytest.approx([step.z - 0.03 for step in stairs.steps[2:]])
+
+
 class _Raises:
     def footsteps(self, now: Standing) -> FootstepPlan:
         raise RuntimeError("no map")

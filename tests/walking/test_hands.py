@@ -216,26 +216,35 @@ def test_a_hand_on_a_wall_keeps_a_robot_on_one_foot_that_is_pushed(hand: bool) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", ["none", "realistic"])
-def test_a_cart_is_pushed(noise: str) -> None:
-    stand = Stand(make_scene("cart", distance=0.38, resistance=15.0), noise=noise)
+@pytest.mark.parametrize(
+    ("robot", "noise", "height"),
+    [("hrp4_class", "none", 0.9), ("hrp4_class", "realistic", 0.9), ("g1", "realistic", 0.85)],
+)
+def test_a_cart_is_pushed(robot: str, noise: str, height: float) -> None:
+    stand = Stand(make_scene("cart", distance=0.37, handle=height, resistance=15.0), robot=robot, noise=noise)
     plant, walking = stand.plant, stand.walking
     cart = plant.model.body("scene/cart").id
     stand.run(0.2)
     for side, y in (("left", 0.2), ("right", -0.2)):
-        stand.hands.grip(f"{side}_hand", (0.38, y, 0.9), AHEAD, limit=15.0)
+        stand.hands.grip(f"{side}_hand", (0.37, y, height), AHEAD, limit=13.0)
     stand.run(3.2)
     assert all(hand.state is HandState.GRIP for hand in stand.hands.all.values())
     for side in ("left", "right"):
         plant.grip(f"{side}_hand", f"{side} handle")
     stand.run(1.0)
     before = plant.data.xpos[cart].copy()
-    walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.4))
+    plan = walk_distance(FootstepPlan.standing(walking.controller.robot), 0.4)
+    walking.follow(plan)
+    pushed = []
     stand.run(1.0)
     while not walking.finished:
-        stand.run(0.5)
-    stand.run(1.5)
+        stand.run(0.5, lambda: pushed.append(float(np.linalg.norm(stand.hands.outside[:2]))))
+    stand.run(4.0)
     assert plant.data.xpos[cart] - before == pytest.approx([0.4, 0.0, 0.0], abs=0.03)
+    for foot, planned in zip(walking.controller.robot.soles, plan.steps[-2:], strict=True):
+        landed = walking.controller.robot.placement(foot.frame).translation[1]
+        assert abs(landed) == pytest.approx(abs(planned.y), abs=0.01), "no force on the hands moves a landing"
+    assert np.linalg.norm(stand.hands.outside[:2]) < 0.5 * max(pushed), "and it fades at rest"
 
 
 @pytest.mark.parametrize(
