@@ -134,6 +134,33 @@ def speed(seeds: int = 4) -> Study:
     )
 
 
+def steered(seeds: int = 10) -> Study:
+    """Return drives at one speed in each direction: three robots, two modes. A walk without a fall has that speed."""
+    asked = {"forward": 0.4, "back": 0.3, "left": 0.2, "turn": 0.5}
+    quick = {"drive.pace_limit": 0.6}
+    wide = {
+        **quick,
+        "drive.reach": 0.85,
+    }  # g1 is granted 0.18 m/s to the side with three quarters of its reach
+    cells = []
+    for robot in ("hrp4_class", "talos", "g1"):
+        for heading, speed in asked.items():
+            values = {"robot": robot, "heading": heading, "highest": speed, "resolution": speed}
+            changes = wide if (robot, heading) == ("g1", "left") else quick
+            cells.append(Cell(f"{robot}, {heading}", {**values, "changes": changes}))
+    return Study(
+        name="steered",
+        about="robots that are steered at 0.4 m/s forward, 0.3 back, 0.2 to the left and 0.5 rad/s: the speed, or 0 "
+        "where the walk falls or is slower than nine tenths of it",
+        kind="speed_limit",
+        base={"terrain": "flat", "noise": "realistic"},
+        cells=tuple(cells),
+        arms={"position": {}, "torque": {"mode": "torque"}},
+        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
+        reference="position",
+    )
+
+
 def driving(seeds: int = 6) -> Study:
     """Return drives of five minutes with random velocities and pushes: falls per hour, drift of the estimate."""
     return Study(
@@ -155,6 +182,7 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
         "push_recovery": push_recovery,
         "speed": speed,
+        "steered": steered,
         "driving": driving,
         "dataset": dataset,
         "halfway": halfway,
