@@ -6,9 +6,11 @@ walked, so that a run that was killed asks the same again and finds the answers 
 
 from __future__ import annotations
 
+import io
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -252,13 +254,16 @@ class Asker:
             verbose=0,
             allow_duplicate_points=True,
         )
-        for point, value in zip(X, y, strict=True):
-            engine.register(params=dict(zip(NAMES, point, strict=True)), target=value)
+        with redirect_stdout(io.StringIO()):  # it prints a line for every point that it asks for again
+            for point, value in zip(X, y, strict=True):
+                engine.register(params=dict(zip(NAMES, point, strict=True)), target=value)
         fitted_at = max(FIRST_DESIGN, told - told % REFIT)
         if self._kernel[0] != fitted_at:
             data = np.array(X[:fitted_at]), np.array(y[:fitted_at])
             self._kernel = fitted_at, fitted(*data, seed=self._seed).kernel_
-        engine.set_gp_params(kernel=self._kernel[1], optimizer=None, normalize_y=True, alpha=1e-6)
+        # As alpha, the noise of single walks is no part of the deviation: the bound is that of their mean.
+        function, noise = self._kernel[1].k1, self._kernel[1].k2.noise_level
+        engine.set_gp_params(kernel=function, optimizer=None, normalize_y=True, alpha=noise)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = engine.suggest()
