@@ -3,7 +3,8 @@
 The functions have the noise of walks: a walk falls at a step of its own or not at all. All engines are judged alike, by
 the Gaussian process of `wbc study optimize` fitted to what they asked for, and by the true mean at its optimum.
 
-Usage: pip install -e '.[studies]' "optuna>=5,<6" scikit-optimize && python tests/benchmarks/askers.py [--seeds N] [--budget N ...]
+Usage: pip install -e '.[studies]' "optuna>=5,<6" scikit-optimize
+       python tests/benchmarks/askers.py [--seeds N] [--budget N ...] [--engine NAME ...]
 """
 
 from __future__ import annotations
@@ -98,7 +99,9 @@ def scikit_optimize(seed: int) -> Any:
         initial_point_generator="sobol",
         random_state=seed,
     )
-    return lambda: tuple(float(v) for v in engine.ask()), lambda point, value: engine.tell(list(point), -value)
+    return lambda: tuple(float(v) for v in engine.ask()), lambda point, value: engine.tell(
+        list(point), -value
+    )
 
 
 def sobol(seed: int) -> Any:
