@@ -86,7 +86,8 @@ PUSHED_STEP = 5
 def push_recovery(seeds: int = 1) -> Study:
     """Return push limits while walking: four phases of a step, eight directions, with and without step adjustment.
 
-    The pushed step is one of the left foot, so that 90° pushes towards the swing foot's side.
+    A third arm adds a catch on one foot. The pushed step is one of the left foot, so that 90° pushes towards the swing
+    foot's side.
     """
     cells = []
     for phase in (0.0, 0.25, 0.5, 0.75):
@@ -105,7 +106,11 @@ def push_recovery(seeds: int = 1) -> Study:
             "resolution": 0.02,
         },
         cells=tuple(cells),
-        arms={"with step adjustment": {}, "without": {"changes": {"walk.adjustment": None}}},
+        arms={
+            "with step adjustment": {},
+            "without": {"changes": {"walk.adjustment": None}},
+            "with a catch": {"changes": {"walk.catch.enabled": True}},
+        },
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         reference="without",
     )

@@ -4,6 +4,7 @@ Whatever decides on footsteps goes into `planning`, on reference motion into `pa
 """
 
 from wbc.walking.arms import Arm, Arms, ArmSettings
+from wbc.walking.catching import CatchSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings, HandState
@@ -105,6 +106,7 @@ __all__ = [
     "Lean",
     "LeanSettings",
     "AdjustmentSettings",
+    "CatchSettings",
     "StepAdjuster",
     "NoContactForceError",
     "cop",

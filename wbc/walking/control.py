@@ -31,6 +31,7 @@ from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.arms import Arms
+from wbc.walking.catching import Trunk
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
@@ -156,6 +157,7 @@ class WalkingControl:
         self.output: StabilizerOutput | None = None
         self.time = 0.0
         self._in_contact = (True, True)
+        self._freed = False  # from the edges of its soles
         self._wrench_targets = np.zeros((2, 6))
         self._dcm = np.zeros(3)  # as measured, with its bias
 
@@ -352,14 +354,22 @@ class WalkingControl:
         if self.hands is not None and self.hands.active:  # the plan is that without hands
             dcm = dcm.copy()
             dcm[:2] -= self.hands.shift
-        captures = self.driver.capturing
         self.driver.update(self.time, dcm, self._beyond)
-        if self.driver.capturing is not captures:
-            self.tasks.free(not captures)
         # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
         held = self.hands is not None and self.hands.gripping
         # Filtered loads: a foot that has just met the ground presses in jerks.
-        return self.walk.update(self.control.observer.load.tolist(), self._soles, None if held else dcm)
+        load, told = self.control.observer.load.tolist(), None if held else dcm
+        catch = self.walk.catch
+        if catch is None or self.lean is None:
+            reference = self.walk.update(load, self._soles, told)
+        else:
+            trunk = Trunk(math.hypot(*self.lean.angle), self.lean.sway(self.walk.omega))
+            reference = self.walk.update(load, self._soles, told, trunk)
+        free = self.driver.capturing or (catch is not None and catch.active)
+        if free is not self._freed:
+            self._freed = free
+            self.tasks.free(free)
+        return reference
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
         for side, stands in enumerate(contact):
