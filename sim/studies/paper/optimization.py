@@ -37,6 +37,9 @@ which no walk of an optimisation has."""
 FIRST_DESIGN = 12
 """Number of points before the first model: four for each parameter, a scrambled Sobol sequence."""
 
+CANDIDATES = 2000
+"""Number of random points of which the next walk is the best: the best of all is a corner again and again."""
+
 REFIT = 10
 """Number of walks after which the length scales of the model are fitted anew."""
 
@@ -204,7 +207,8 @@ class Asker:
     """Chooses points by a Gaussian process and an upper confidence bound.
 
     Engine: `bayesian-optimization` (MIT), with a Matérn kernel of one length a parameter and the noise of single walks,
-    both fitted. Points that are asked for together are told apart by believing the model's mean at those before.
+    both fitted; `tests/benchmarks/askers.py` has others beside it. Points that are asked for together are told apart by
+    believing the model's mean at those before.
 
     Source: batches: D. Ginsbourger et al., "Kriging is well-suited to parallelize optimization", 2010 (Kriging
     believer); bound: N. Srinivas et al., ICML 2010.
@@ -246,10 +250,11 @@ class Asker:
 
     def _suggest(self, X: list[Any], y: list[float], told: int) -> tuple[tuple[float, ...], float]:
         rng = np.random.RandomState(np.random.SeedSequence([self._seed, len(X)]).generate_state(1)[0])  # noqa: NPY002 - the engine's kind
+        bound = self._engine.acquisition.UpperConfidenceBound(kappa=2.0)
         engine = self._engine.BayesianOptimization(
             f=None,
             pbounds={name: (0.0, 1.0) for name in NAMES},
-            acquisition_function=self._engine.acquisition.UpperConfidenceBound(kappa=2.0),
+            acquisition_function=bound,
             random_state=rng,
             verbose=0,
             allow_duplicate_points=True,
@@ -266,8 +271,8 @@ class Asker:
         engine.set_gp_params(kernel=function, optimizer=None, normalize_y=True, alpha=noise)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = engine.suggest()
-            point = tuple(float(f"{found[name]:.9g}") for name in NAMES)
+            found = bound.suggest(engine._gp, engine.space, n_random=CANDIDATES, n_smart=0, random_state=rng)
+            point = tuple(float(f"{value:.9g}") for value in found)
             believed = float(engine._gp.predict(np.array([point]))[0])
         return point, believed
 
