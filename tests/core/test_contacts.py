@@ -11,7 +11,14 @@ from scipy.optimize import nnls
 from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, standing
 
 from wbc.core.errors import Array, InputError, UnknownNameError
-from wbc.core.qp.contact import AXES, PointContact, SoleContact, friction_pyramid, rectangle_wrench_cone
+from wbc.core.qp.contact import (
+    AXES,
+    PointContact,
+    SoleContact,
+    friction_pyramid,
+    mean_distance,
+    rectangle_wrench_cone,
+)
 from wbc.core.qp.controller import Controller
 from wbc.core.signals import Measurement
 from wbc.tasks import CoMTask, CoPTask, PostureTask, WrenchTask
@@ -53,6 +60,20 @@ def test_cone_holds_what_corner_forces_can_do_and_nothing_else(x: float, y: floa
             assert feasible == bool((cone @ wrench <= 1e-9 * abs(wrench[2])).all())
             inside, outside = inside + feasible, outside + (not feasible)
     assert inside == outside == 300
+
+
+@pytest.mark.parametrize(("x", "y", "friction"), RECTANGLES)
+def test_even_pressure_holds_the_yaw_moment_of_the_mean_distance(x: float, y: float, friction: float) -> None:
+    """The closed form against the mean over a grid; all other bounds stay."""
+    grid = (np.arange(400) + 0.5) / 400
+    distance = np.hypot(x * grid[:, None], y * grid).mean()
+    assert mean_distance(x, y) == pytest.approx(distance, rel=1e-4)
+    cone, even = (rectangle_wrench_cone(x, y, friction, even=each) for each in (False, True))
+    np.testing.assert_array_equal(even[:, :5], cone[:, :5])
+    for moment, inside in ((0.999, True), (1.001, False)):
+        wrench = np.array([0.0, 0.0, 1.0, 0.0, 0.0, moment * friction * mean_distance(x, y)])
+        assert bool((even @ wrench <= 0.0).all()) == inside
+        assert (cone @ wrench < 0.0).all()
 
 
 @robots

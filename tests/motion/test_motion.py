@@ -14,6 +14,7 @@ import pytest
 from wbc import load_robot
 from wbc.app.cli import main
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import (
     MOTIONS,
@@ -28,8 +29,8 @@ from wbc.motion import (
 from wbc.motion.contacts import Contacts, find_contacts
 from wbc.motion.feasible import centre_of_mass_shift
 from wbc.motion.footsteps import footsteps
-from wbc.motion.kinematics import BodyMotion, second_difference, sole_corners
-from wbc.motion.measures import Support
+from wbc.motion.kinematics import BodyMotion, load_shares, second_difference, sole_corners
+from wbc.motion.measures import ZMP_SLACK, Support
 from wbc.walking.planning.reach import Reach
 
 
@@ -206,6 +207,25 @@ def test_the_shift_of_the_centre_of_mass_shifts_the_zmp_by_what_was_asked_for() 
     assert shift[150, 0] > 1e-3, "it moves ahead of the change"
 
 
+def test_the_friction_that_soles_need_is_that_of_the_forces_and_of_the_yaw_moment(g1: Robot) -> None:
+    """Closed forms on one sole and two: a force needs f/N, a yaw moment τ/(N d), of two soles over their distance."""
+    still = BodyMotion.of(g1, np.tile(g1.half_sitting, (100, 1)), 100.0)
+    t, middle = np.arange(100) / 100.0, slice(20, 80)
+    weight, sole = g1.mass * GRAVITY, g1.soles[0]
+    distance = mean_distance(0.5 * sole.length, 0.5 * sole.width)
+    both, left = np.ones((100, 2), dtype=bool), np.tile((True, False), (100, 1))
+    turning = replace(still, momentum=np.outer(t, (0.0, 0.0, 3.0)))  # 3 Nm
+    for standing, lever in (
+        (left, distance),
+        (both, np.hypot(0.5 * np.linalg.norm(np.diff(still.sole_positions[0], axis=0)), distance)),
+    ):
+        needed = turning.friction(g1, standing)[middle]
+        np.testing.assert_allclose(needed, 3.0 / (weight * lever), rtol=0.02)
+    above = still.com + (still.sole_positions[0, 0] - still.com[0]) * (1.0, 1.0, 0.0)
+    pushed = replace(still, com=above + np.outer(0.5 * 0.2 * t**2, (1.0, 0.0, 0.0)))  # 0.2 m/s²
+    np.testing.assert_allclose(pushed.friction(g1, left)[middle], 0.2 / GRAVITY, rtol=0.02)
+
+
 def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> None:
     clip = make_motion(g1, "one_leg", 1)
     motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
@@ -253,6 +273,28 @@ def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(g1: Robot) ->
     for side, sole in enumerate(sole_corners(g1)):
         heights = [(sole @ pair[side].rotation[2]).min() + pair[side].translation[2] for pair in moved.soles]
         assert min(heights) > -1e-9
+
+
+def test_arms_that_ask_for_more_yaw_moment_than_the_soles_hold_are_slowed_down(g1: Robot) -> None:
+    clip = make_motion(g1, "dance", 6)
+    loose = make_feasible(g1, clip, FilterSettings(friction=9.0))
+    kept = make_feasible(g1, clip)
+    assert loose.after.friction > 0.8 and loose.stretched < 1.2
+    assert kept.after.feasible and kept.after.friction < 1.05 * FilterSettings().friction
+    assert kept.stretched > 1.2 * loose.stretched
+
+
+def test_both_soles_stay_loaded_where_no_step_is_near(g1: Robot) -> None:
+    """The ZMP keeps to the middle 60 % of each sole, moved inward by the least load."""
+    clip, shares = make_motion(g1, "dance", 4), []
+    for least in (0.0, 0.15):
+        result = make_feasible(g1, clip, FilterSettings(least_load=least, friction=9.0))
+        motion = BodyMotion.of(g1, result.clip.configurations(g1), result.clip.rate)
+        load = load_shares(motion.sole_positions[..., :2], motion.zmp(), result.contacts.standing)
+        shares.append(float(np.percentile(load.min(axis=1), 2.0)))
+    spacing = float(np.linalg.norm(np.diff(motion.sole_positions[0], axis=0)))
+    edge = 0.15 - 0.6 * 0.5 * g1.soles[0].width / spacing
+    assert shares[0] < 0.03 and shares[1] > edge - ZMP_SLACK / spacing
 
 
 @pytest.mark.parametrize("name", sorted(MOTIONS))

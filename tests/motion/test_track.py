@@ -12,6 +12,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.app.cli import main
+from wbc.core.control import Mode
 from wbc.core.conventions import rotation_of
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY, Robot
@@ -213,3 +214,12 @@ def test_a_dance_that_is_too_fast_for_the_joints_has_no_failed_tick() -> None:
     clip = make_motion(model, "dance", 1)
     result = track_motion(clip, TrackSpec(robot="hrp4_class"))
     assert result.completed and result.failures == 0, result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_feet_stand_still_while_arms_dance(g1: Robot, mode: Mode) -> None:
+    """Seed 6 asks for the greatest yaw moment of twelve."""
+    clip = make_feasible(g1, make_motion(g1, "dance", 6)).clip
+    result = track_motion(clip, TrackSpec(mode=mode))
+    assert result.completed and result.failures == 0 and result.foot_slide_mm < 3.0, result

@@ -215,6 +215,22 @@ def test_a_zmp_between_level_feet_loads_them_by_the_ratio_and_needs_no_ankle_tor
         np.testing.assert_allclose(feet.wrenches, expected, atol=0.5)
 
 
+@pytest.mark.parametrize("y", [0.07, -0.05])
+def test_torques_by_load_keep_the_cop_of_the_foot_with_less_load_off_the_edge(y: float) -> None:
+    """Torques go with the squares of the loads; at equal costs the foot with less load has its CoP further out."""
+    equal, by_load = (
+        [cop(wrench)[0] for wrench in standing(y, 0.04, settings=settings).wrenches]
+        for settings in (DistributionSettings(), DistributionSettings(torque_by_load=True))
+    )
+    light = 1 if y > 0.0 else 0
+    assert equal[light] > equal[1 - light] + 0.02
+    share = 0.5 + abs(y) / 0.21  # of the load, on the other foot
+    torques = np.array([(1.0 - share) ** 2, share**2]) / ((1.0 - share) ** 2 + share**2) * 0.04
+    np.testing.assert_allclose(
+        [by_load[light], by_load[1 - light]], torques / (1.0 - share, share), rtol=0.05
+    )
+
+
 def test_bad_input_is_refused() -> None:
     net = through(np.zeros(3), np.array([0.0, 0.0, WEIGHT]))
     distribution = WrenchDistribution(SIZES)

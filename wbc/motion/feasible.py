@@ -54,6 +54,11 @@ class FilterSettings:
         smoothing: Standard deviation of the last smoothing of all joints, s.
         sole_share: Share of length and width of each sole, about its centre, on which the ZMP stays; the rest is for
             feedback.
+        least_load: Least share of the load of each sole, for a ZMP between their centres, where both stand and none is
+            about to leave.
+        shift: Time from a step in which the load may leave a sole that stands, s.
+        friction: Greatest coefficient of friction that forces and yaw moments of the soles may need; the rest is
+            for feedback.
         passes: Passes of inverse kinematics and ZMP.
         stretch: Factor by which time is stretched around frames that are still not feasible.
         stretches: Most of these stretches.
@@ -70,6 +75,9 @@ class FilterSettings:
     blend: Annotated[Positive, "s"] = 0.1
     smoothing: Annotated[Positive, "s"] = 0.03
     sole_share: Annotated[Share, Positive] = 0.6
+    least_load: Annotated[Share, Field(lt=0.5)] = 0.15
+    shift: Annotated[Positive, "s"] = 0.6
+    friction: Positive = 0.5
     passes: Annotated[int, Field(ge=1, le=20)] = 8
     stretch: Annotated[float, Field(gt=1.0, le=3.0)] = 1.2
     stretches: Annotated[int, Field(ge=0, le=20)] = 3
@@ -134,14 +142,14 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
     contacts = find_contacts(motion, s.contacts, resampled.standing)
     contacts.refuse_flight(s.contacts.flight)
-    before = measure(robot, motion, contacts.fill(), s.share)
+    before = measure(robot, motion, contacts.fill(), s.share, s.friction)
 
     smooth = _smooth(resampled, robot, s)
     pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
     for attempt in range(s.stretches + 1):
         eased, source = _retime(smooth, pace, s)
         result = _balanced(robot, eased, s)
-        after = measure(robot, result.motion, result.contacts, s.share)
+        after = measure(robot, result.motion, result.contacts, s.share, s.friction)
         slow = after.infeasible_frames
         if attempt == s.stretches or not slow.any():
             break
@@ -252,7 +260,7 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
         ]
         motion = BodyMotion.of(robot, q, clip.rate)
     solver = InverseKinematics(robot, s.joint_margin, s.weights)
-    supports = supports_of(robot, soles, contacts.standing, s.sole_share)
+    supports = supports_of(robot, soles, contacts.standing, s.sole_share, _least_load(contacts, s))
     q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
@@ -266,7 +274,7 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
     for _ in range(s.passes):
         result = solver.solve(KinematicTargets(q, soles, stands, com), result)
         motion = BodyMotion.of(robot, result, clip.rate)
-        momentum = gaussian_filter1d(motion.momentum, 0.05 * clip.rate, axis=0)
+        momentum = gaussian_filter1d(motion.momentum, 0.02 * clip.rate, axis=0)
         zmp = replace(motion, com=com, momentum=momentum).zmp()
         needed = (
             np.array([support.project(point) for support, point in zip(supports, zmp, strict=True)]) - zmp
@@ -284,6 +292,15 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
     motion = BodyMotion.of(robot, result, clip.rate)
     shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
     return _Balanced(motion, contacts, shift, steps.shortened)
+
+
+def _least_load(contacts: Contacts, s: FilterSettings) -> Array:
+    """Return the least share of the load of each of two soles that stand; zero next to a step, shape (T,)."""
+    alone = contacts.standing.sum(axis=1) < 2
+    near = maximum_filter1d(alone.astype(float), max(1, round(s.shift * contacts.rate)))
+    return np.asarray(
+        s.least_load * gaussian_filter1d(1.0 - near, s.shift / 6.0 * contacts.rate, mode="nearest")
+    )
 
 
 def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:

@@ -9,10 +9,15 @@ import pinocchio as pin
 from scipy.ndimage import gaussian_filter1d
 
 from wbc.core.errors import Array
+from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
 TORQUE_SMOOTHING = 0.02
 """Standard deviation with which accelerations are smoothed for torques, s: differences of recordings are noisy."""
+
+
+SLIP_PASSES = 8
+"""Passes of least squares for the friction that two soles need."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +93,44 @@ class BodyMotion:
         y = self.com[:, 1] - (height * acceleration[:, 1] - moment[:, 0]) / lift
         return np.column_stack([x, y])
 
+    def friction(self, robot: Robot, standing: Array, ground: float = 0.0) -> Array:
+        """Return the least coefficient of friction with which the soles that stand do not slip, shape (T,).
+
+        A sole of load N transmits every horizontal force f and yaw moment τ in the ellipsoid |f|² + (τ/d)² ≤ (μN)²,
+        with d the mean distance of its points from its centre (`mean_distance`). The ZMP says how two soles share the
+        load. By duality μ is the greatest ratio of the power of the needed wrench to Σ N √(|v|² + (dω)²) over all
+        motions of the ground under both soles; the motion is found by repeated least squares.
+
+        Args:
+            robot: The robot.
+            standing: True where the left and the right sole stand, shape (T, 2).
+            ground: Height of the ground, m.
+
+        Source: R. D. Howe, M. R. Cutkosky, IJRR 15(6), 1996 (ellipsoid).
+        """
+        smoothing = TORQUE_SMOOTHING * self.rate
+        acceleration = gaussian_filter1d(second_difference(self.com, self.rate), smoothing, axis=0)
+        force = self.mass * acceleration[:, :2]
+        turning = gaussian_filter1d(np.gradient(self.momentum[:, 2], 1.0 / self.rate), smoothing)
+        zmp = gaussian_filter1d(self.zmp(ground), smoothing, axis=0)
+        weight = self.mass * np.maximum(acceleration[:, 2] + GRAVITY, 0.05 * GRAVITY)
+        loads = weight[:, None] * load_shares(self.sole_positions[..., :2], zmp, standing)
+        arms = self.sole_positions[..., :2] - self.com[:, None, :2]
+        distance = np.array([mean_distance(0.5 * s.length, 0.5 * s.width) for s in robot.soles[:2]])
+        stiffness = loads.copy()
+        for _ in range(SLIP_PASSES):
+            total = stiffness.sum(axis=1)
+            centre = (stiffness[..., None] * arms).sum(axis=1) / total[:, None]
+            from_centre = arms - centre[:, None]
+            moment = turning - centre[:, 0] * force[:, 1] + centre[:, 1] * force[:, 0]
+            inertia = (stiffness * ((from_centre**2).sum(axis=-1) + distance**2)).sum(axis=1)
+            speed, rate = force / total[:, None], moment / inertia
+            slip = speed[:, None] + rate[:, None, None] * from_centre[..., ::-1] * (-1.0, 1.0)
+            size = np.sqrt((slip**2).sum(axis=-1) + (distance * rate[:, None]) ** 2) + 1e-9
+            stiffness = loads * size.max(axis=1, keepdims=True) / size
+        power = (force * speed).sum(axis=1) + moment * rate
+        return np.asarray(power / (loads * size).sum(axis=1))
+
     def torque_share(self, robot: Robot) -> Array:
         """Return the torque of each joint as a share of its limit, shape (T, na); zero for the legs.
 
@@ -126,6 +169,20 @@ def sole_corners(robot: Robot) -> list[Array]:
         np.array([(0.5 * x * s.length, 0.5 * y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
         for s in robot.soles[:2]
     ]
+
+
+def load_shares(soles: Array, zmp: Array, standing: Array) -> Array:
+    """Return the share of the load that each sole bears, by the place of the ZMP between them, shape (T, 2).
+
+    Args:
+        soles: Centres of left and right sole, shape (T, 2, 2), m.
+        zmp: ZMP, shape (T, 2), m.
+        standing: True where a sole stands, shape (T, 2).
+    """
+    between = soles[:, 0] - soles[:, 1]
+    left = ((zmp - soles[:, 1]) * between).sum(axis=1) / np.maximum((between**2).sum(axis=1), 1e-9)
+    left = np.where(standing.all(axis=1), np.clip(left, 0.0, 1.0), standing[:, 0])
+    return np.column_stack([left, 1.0 - left])
 
 
 def velocities(model: pin.Model, q: Array, rate: float) -> Array:

@@ -25,7 +25,7 @@ FLOATS = 0.02
 """A sole in contact floats if its lowest corner is this high, m."""
 
 SHARE_SLACK, ZMP_SLACK = 1.05, 0.005
-"""Excess that still counts as feasible, because motions are sampled: of speeds and torques, and of the ZMP, m."""
+"""Excess that still counts as feasible, as motions are sampled: of speeds, torques and friction, and of the ZMP, m."""
 
 
 class Support:
@@ -67,7 +67,11 @@ class Support:
 
 
 def supports_of(
-    robot: Robot, soles: Sequence[Sequence[pin.SE3]], standing: Array, share: float = 1.0
+    robot: Robot,
+    soles: Sequence[Sequence[pin.SE3]],
+    standing: Array,
+    share: float = 1.0,
+    least_load: Array | None = None,
 ) -> list[Support]:
     """Return the support area of each frame; areas of equal soles are shared.
 
@@ -76,14 +80,18 @@ def supports_of(
         soles: Placements of left and right sole, T pairs.
         standing: True where a sole stands, shape (T, 2).
         share: Share of length and width of each sole that counts, about its centre.
+        least_load: Least share of the load of each of two soles that stand, shape (T,); zero when None. It moves the
+            areas of both towards the middle between them.
     """
+    least = np.zeros(len(soles)) if least_load is None else least_load
     corners = [share * offsets for offsets in sole_corners(robot)]
     made: dict[bytes, Support] = {}
     areas: list[Support] = []
-    for pair, stands in zip(soles, standing, strict=True):
+    for pair, stands, load in zip(soles, standing, least, strict=True):
+        inward = (load if stands.all() else 0.0) * (pair[1].translation - pair[0].translation)
         points = np.vstack(
             [
-                (corners[side] @ sole.rotation.T + sole.translation)[:, :2]
+                (corners[side] @ sole.rotation.T + sole.translation + (inward, -inward)[side])[:, :2]
                 for side, sole in enumerate(pair)
                 if stands[side] or not stands.any()
             ]
@@ -109,8 +117,9 @@ class MotionMeasures:
         floating: Share of contact frames in which the sole is 20 mm over the ground.
         zmp_outside: Distance of the ZMP to the support, integrated, mm·s.
         zmp_worst: Greatest distance, mm.
+        friction: Greatest coefficient of friction that the soles need for their horizontal forces and yaw moments.
         single_support: Share of the time on one foot.
-        infeasible_frames: Frames that are too fast, need too much torque or have the ZMP outside, shape (T,).
+        infeasible_frames: Frames that are too fast, need too much torque or friction, or have the ZMP outside, (T,).
     """
 
     duration: float
@@ -122,6 +131,7 @@ class MotionMeasures:
     floating: float
     zmp_outside: float
     zmp_worst: float
+    friction: float
     single_support: float
     infeasible_frames: Array
 
@@ -132,11 +142,13 @@ class MotionMeasures:
 
     @property
     def feasible(self) -> bool:
-        """True if limits, speeds, torques and ZMP are kept."""
+        """True if limits, speeds, torques, ZMP and friction are kept."""
         return not (self.joint_excess or self.infeasible_frames.any())
 
 
-def measure(robot: Robot, motion: BodyMotion, contacts: Contacts, share: float) -> MotionMeasures:
+def measure(
+    robot: Robot, motion: BodyMotion, contacts: Contacts, share: float, friction: float
+) -> MotionMeasures:
     """Measure a motion.
 
     Args:
@@ -144,6 +156,7 @@ def measure(robot: Robot, motion: BodyMotion, contacts: Contacts, share: float) 
         motion: Its motion.
         contacts: Contacts of the motion, one foot at least in each frame.
         share: Allowed share of the limits of joint speeds and torques.
+        friction: Allowed coefficient of friction.
     """
     names, joints = robot.joint_names, motion.q[:, 7:]
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
@@ -156,6 +169,7 @@ def measure(robot: Robot, motion: BodyMotion, contacts: Contacts, share: float) 
     areas = supports_of(robot, soles, contacts.standing)
     zmp = motion.zmp(contacts.ground)
     outside = np.array([area.outside(point) for area, point in zip(areas, zmp, strict=True)])
+    needed = motion.friction(robot, contacts.standing, contacts.ground)
     both = np.logical_and(contacts.standing[1:], contacts.standing[:-1])
     path = np.linalg.norm(np.diff(motion.sole_positions[..., :2], axis=0), axis=-1)
     lowest = motion.corners[..., 2].min(axis=2) - contacts.ground
@@ -170,8 +184,11 @@ def measure(robot: Robot, motion: BodyMotion, contacts: Contacts, share: float) 
         floating=float((lowest[stands] > FLOATS).mean()) if stands.any() else 0.0,
         zmp_outside=1e3 * float(np.maximum(outside, 0.0).sum()) / motion.rate,
         zmp_worst=1e3 * max(0.0, float(outside.max())),
+        friction=float(needed.max()),
         single_support=float((stands.sum(axis=1) == 1).mean()),
-        infeasible_frames=(np.maximum(speed, torque) > allowed).any(axis=1) | (outside > ZMP_SLACK),
+        infeasible_frames=(np.maximum(speed, torque) > allowed).any(axis=1)
+        | (outside > ZMP_SLACK)
+        | (needed > SHARE_SLACK * friction),
     )
 
 
@@ -186,6 +203,7 @@ def check_motion(
     clip: MotionClip,
     *,
     share: float = 1.0,
+    friction: float = 0.7,
     contacts: ContactSettings | None = None,
 ) -> MotionMeasures:
     """Measure a clip as it is.
@@ -194,6 +212,7 @@ def check_motion(
         robot: The robot; its state is not changed.
         clip: Clip of its joints.
         share: Allowed share of the limits of joint speeds and torques.
+        friction: Allowed coefficient of friction.
         contacts: Settings of the search for contacts; the defaults when None.
 
     Raises:
@@ -204,4 +223,4 @@ def check_motion(
     motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
     found = find_contacts(motion, settings, clip.standing)
     found.refuse_flight(settings.flight)
-    return measure(robot, motion, found.fill(), share)
+    return measure(robot, motion, found.fill(), share, friction)

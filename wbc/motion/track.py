@@ -29,7 +29,9 @@ from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.stabilizer.distribution import DistributionSettings
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.tasks import TaskGains
 from wbc.walking.walk import WalkReference
 
 START = 0.1
@@ -50,7 +52,12 @@ class TrackSettings:
         early: Time before the planned landing from which on such a load is a landing, s.
     """
 
-    walking: WalkingControlSettings = field(default_factory=WalkingControlSettings)
+    walking: WalkingControlSettings = field(
+        default_factory=lambda: WalkingControlSettings(
+            distribution=DistributionSettings(torque_by_load=True),
+            tasks=TaskGains(moment_by_load=True, even_soles=True),
+        )
+    )
     posture_weight: Positive = 1.0
     leg_weight: Positive = 0.01
     posture_stiffness: Annotated[Positive, "1/s²"] = 100.0

@@ -19,6 +19,7 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.walking.planning.footsteps import heading
+from wbc.walking.stabilizer.distribution import LEAST_SHARE
 from wbc.walking.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.walk import NO_PUSH, WalkReference
@@ -46,6 +47,9 @@ class TaskGains:
         contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
         contact_return: Stiffness of a standing foot towards its place in torque control, 1/s².
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
+        moment_by_load: Let moments of the desired wrenches of two feet cost by the inverse square of each one's share
+            of the load: at equal costs the foot with less load gets moments that bring its CoP to the edge, and turns.
+        even_soles: Bound yaw moments of soles in torque control as under even pressure, not at their corners alone.
     """
 
     com_weight: Positive = 100.0
@@ -59,6 +63,8 @@ class TaskGains:
     contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
     contact_return: Annotated[Positive, "1/s²"] = 100.0
     wrench_weight: Positive = 1e-3
+    moment_by_load: bool = False
+    even_soles: bool = False
 
 
 class WalkTasks:
@@ -118,12 +124,15 @@ class WalkTasks:
                     ramp=0.0,
                     stiffness=gains.contact_return if torque else gains.contact_stiffness,
                     friction=friction if torque else FREE_FRICTION,
+                    even=torque and gains.even_soles,
                 )
             )
             for sole in robot.soles
         ]
         self._soles = robot.soles[:2]
         self._wrenches: list[WrenchTask] = []
+        self._wrench_weight = np.full(6, gains.wrench_weight)
+        self._moment_by_load = gains.moment_by_load
         controller.add(TorqueLimits())
         if torque:
             self._wrenches = [
@@ -167,8 +176,18 @@ class WalkTasks:
                 self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
             elif self._torque:
                 self._wrenches[side].target = output.feet.wrenches[side]
+                if self._moment_by_load:
+                    self._weigh_moments(side, reference, output)
             else:
                 contact.follow(*output.corrections[side].apply(motion.placement))
+
+    def _weigh_moments(self, side: int, reference: WalkReference, output: StabilizerOutput) -> None:
+        """Let the moments of a desired wrench cost by the foot's share of the load."""
+        weight, (left, right) = self._wrench_weight.copy(), output.feet.wrenches[:, 2].tolist()
+        if all(reference.contact):
+            share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)
+            weight[3:] *= (0.5 / share) ** 2
+        self._wrenches[side].weight = weight
 
     def move_com(self, reference: WalkReference, output: StabilizerOutput, *, shifted: bool) -> None:
         """Follow the pendulum: with the stabilizer's shift in position control, its acceleration in torque control.

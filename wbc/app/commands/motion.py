@@ -212,6 +212,7 @@ ROWS = (
     ("depth of soles below the ground", lambda m: m.penetration, "mm"),
     ("ZMP outside the support", lambda m: m.zmp_outside, "mm s"),
     ("ZMP outside, most", lambda m: m.zmp_worst, "mm"),
+    ("friction that soles need, most", lambda m: m.friction, ""),
     ("time on one foot", lambda m: 100.0 * m.single_support, "%"),
     ("frames that are not feasible", lambda m: 100.0 * float(m.infeasible_frames.mean()), "%"),
 )

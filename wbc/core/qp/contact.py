@@ -23,13 +23,29 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
 
 
-def rectangle_wrench_cone(half_length: float, half_width: float, friction: float) -> Array:
+def mean_distance(half_length: float, half_width: float) -> float:
+    """Return the mean distance d of the points of a rectangle from its centre, m; even pressure holds μ f_z d.
+
+    Args:
+        half_length: Half extent along x, m.
+        half_width: Half extent along y, m.
+    """
+    x, y = half_length, half_width
+    return float(np.hypot(x, y) / 3 + x**2 / (6 * y) * np.arcsinh(y / x) + y**2 / (6 * x) * np.arcsinh(x / y))
+
+
+def rectangle_wrench_cone(
+    half_length: float, half_width: float, friction: float, *, even: bool = False
+) -> Array:
     """Return the cone of wrenches that a rectangular sole can transmit with Coulomb friction at its corners.
 
     Args:
         half_length: Half extent along x, m.
         half_width: Half extent along y, m.
         friction: Coulomb coefficient μ of the inner friction pyramid |f_x|, |f_y| ≤ μ f_z.
+        even: Scale the bounds of the yaw moment so that the greatest one is that of even pressure, μ f_z d with d the
+            mean distance of the points from the centre, instead of μ (X + Y) f_z: with friction at its corners alone a
+            sole holds about twice as much.
 
     Returns:
         Matrix F with F w ≤ 0 for a wrench w = [force; moment] in the sole frame at its centre, shape (16, 6).
@@ -54,6 +70,8 @@ def rectangle_wrench_cone(half_length: float, half_width: float, friction: float
             for t in (1.0, -1.0):
                 cone[row] = [s * y, t * x, -mu * (x + y), yaw * s * mu, yaw * t * mu, yaw]
                 row += 1
+    if even:
+        cone[8:, 5] *= (x + y) / mean_distance(x, y)
     return cone
 
 
@@ -299,6 +317,7 @@ class SoleContact(Contact):
         *,
         friction: float = 0.7,
         margin: float = 0.005,
+        even: bool = False,
         **options: Unpack[ContactOptions],
     ) -> None:
         """Describe the contact; the rectangle comes from the robot's sole.
@@ -307,6 +326,7 @@ class SoleContact(Contact):
             sole: Name of one of the robot's soles, or its frame.
             friction: Coulomb coefficient; 0.7 as in the soft-foot experiments of Frizza et al., 2022.
             margin: Distance that the CoP keeps from the edge of the rectangle, m.
+            even: Bound the yaw moment as under even pressure (`rectangle_wrench_cone`).
             **options: See `ContactOptions`.
 
         Raises:
@@ -316,6 +336,7 @@ class SoleContact(Contact):
         check_options(self, ContactOptions, options)
         self._friction = positive(f"friction of contact '{sole}'", friction)
         self._margin = non_negative(f"CoP margin of contact '{sole}' (m)", margin)
+        self._even = even
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
         chosen: ContactOptions = {"min_force": 10.0, "wrench_weight": weight, **options}
@@ -346,7 +367,7 @@ class SoleContact(Contact):
             InputError: A size that is not larger than twice the margin.
         """
         self.cone[:] = rectangle_wrench_cone(
-            length / 2 - self._margin, width / 2 - self._margin, self._friction
+            length / 2 - self._margin, width / 2 - self._margin, self._friction, even=self._even
         )
         self.revision += 1
 

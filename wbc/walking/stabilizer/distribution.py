@@ -36,6 +36,10 @@ ROWS = 17
 """Inequalities of a foot: 16 of its wrench cone, then its normal force."""
 
 
+LEAST_SHARE = 0.05
+"""Least share of the load by which moments of a foot cost."""
+
+
 @settings
 class DistributionSettings:
     """Limits and costs of the distribution.
@@ -55,6 +59,9 @@ class DistributionSettings:
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
         pressure: Cost of a load that is not shared by the left-foot ratio, 1/N².
+        torque_by_load: Let the ankle torque of each of two feet cost by the inverse square of its share of the load, so
+            that the CoP of the foot with less load lies closer to the middle of its sole. At equal costs both get the
+            same torque, and its CoP lies at the edge.
     """
 
     friction: Positive = 0.7
@@ -67,6 +74,7 @@ class DistributionSettings:
     ankle_shear: Annotated[Positive, "1/N²"] = 1e-4
     ankle_normal: Annotated[Positive, "1/N²"] = 1e-5
     pressure: Annotated[Positive, "1/N²"] = 1e-2
+    torque_by_load: bool = False
 
     @staticmethod
     def legacy() -> DistributionSettings:
@@ -202,6 +210,9 @@ class WrenchDistribution:
             p.soft_weight[0] = s.pressure if both else 0.0
         if both:
             p.soft[0, 2], p.soft[0, 8] = 1.0 - ratio, -ratio
+            if s.torque_by_load:
+                for columns, share in ((slice(3, 5), ratio), (slice(9, 11), 1.0 - ratio)):
+                    p.diagonal[columns] = s.ankle_torque * (0.5 / max(share, LEAST_SHARE)) ** 2
         fx, fy, fz, mx, my, mz = net.tolist()
         x, y, z = zmp.tolist()
         about_zmp = (mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)
