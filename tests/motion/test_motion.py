@@ -154,6 +154,9 @@ def test_bad_clips_are_refused_with_value_and_rule(g1: Robot, arms: MotionClip, 
     np.savez(tmp_path / "rate.npz", **dict(np.load(tmp_path / "rate.npz")) | {"rate": "fast"})
     with pytest.raises(InputError, match="rate must be one number, got \\['fast'\\]"):
         read_motion(tmp_path / "rate.npz")
+    for missing in ("missing.npz", "missing.csv"):
+        with pytest.raises(InputError, match=f"{missing} cannot be read: No such file"):
+            read_motion(tmp_path / missing)
     np.savez(tmp_path / "pickle.npz", joint_pos=np.array([{}], dtype=object))
     with pytest.raises(InputError, match="pickles and are not opened"):
         read_motion(tmp_path / "pickle.npz")

@@ -23,7 +23,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive, shown
-from wbc.core.files import FileError, read_text, replacing
+from wbc.core.files import read_text, replacing
 from wbc.core.registry import Registry
 from wbc.motion.clip import MotionClip
 
@@ -83,8 +83,8 @@ def read_motion(
 
     Raises:
         UnknownNameError: No such format.
-        InputError: A file that is not of that format, a rate or joint names that are missing or contradict the file.
-        FileError: The file cannot be read.
+        InputError: A file that cannot be read or is not of that format, a rate or joint names that are missing or
+            contradict the file.
     """
     path = Path(path)
     if rate is not None:
@@ -122,7 +122,7 @@ def _arrays(path: Path) -> dict[str, Any]:
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
     except (ValueError, zipfile.BadZipFile, EOFError) as error:
         more = "; arrays of objects are pickles and are not opened" if "pickle" in str(error) else ""
         raise InputError(f"{path} is not an .npz of plain arrays{more}") from error
