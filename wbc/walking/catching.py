@@ -117,7 +117,7 @@ class _State(enum.Enum):
 
 
 class _Room(NamedTuple):
-    """Where the DCM is, seen from the outer edge of the stance foot: outward, shape (2,); m."""
+    """Room of the DCM to the outer edge of the stance foot, m; the direction outward has shape (2,)."""
 
     outward: Array
     now: float

@@ -255,7 +255,6 @@ class Asker:
         engine = self._engine.BayesianOptimization(
             f=None,
             pbounds={name: (0.0, 1.0) for name in NAMES},
-            acquisition_function=bound,
             random_state=rng,
             verbose=0,
             allow_duplicate_points=True,
