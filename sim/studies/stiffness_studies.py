@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,6 +47,22 @@ def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
 def stiffness_grid(evaluations: int) -> tuple[float, ...]:
     """Return the stiffnesses that are tried, a geometric series of three digits, Nm/rad."""
     return tuple(float(f"{k:.3g}") for k in np.geomspace(SOFTEST, STIFFEST, evaluations))
+
+
+def spread(count: int, of: int) -> list[int]:
+    """Return indices of some members of a series, spread evenly over it; more members include those of fewer.
+
+    Both ends come first, then in turn the middle of the widest gap.
+
+    Args:
+        count: Number of members, at most all.
+        of: Length of the series, at least 2.
+    """
+    chosen = [0, of - 1][:count]
+    while len(chosen) < min(count, of):
+        gaps = [(b - a, (a + b) // 2) for a, b in pairwise(chosen)]
+        chosen = sorted([*chosen, max(gaps, key=lambda gap: gap[0])[1]])
+    return chosen
 
 
 @settings(kw_only=True)

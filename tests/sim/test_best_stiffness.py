@@ -31,6 +31,7 @@ from wbc.sim.studies.stiffness_studies import (
     dataset,
     half_heights,
     halfway,
+    spread,
     stiffness_grid,
     training_grounds,
 )
@@ -174,6 +175,14 @@ def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
     for bad in ({"height": 0.0}, {"seeds": 0}, {"amplitudes": 0}, {"evaluations": 3}, {"distance": 0.0}):
         with pytest.raises(InputError, match=f"^{next(iter(bad))}.* must be .* (above|at least) [014], got"):
             dataset(DatasetSize(**bad))  # type: ignore[arg-type]
+
+
+def test_a_part_of_the_stiffnesses_covers_the_range_and_stays_when_there_are_more() -> None:
+    assert spread(5, 50) == [0, 12, 24, 36, 49]
+    for count in range(1, 50):
+        assert len(spread(count, 50)) == count and set(spread(count, 50)) < set(spread(count + 1, 50))
+    assert spread(50, 50) == spread(60, 50) == list(range(50))
+    assert max(np.diff(spread(10, 50))) <= 7
 
 
 def test_windows_are_what_the_toes_see() -> None:

@@ -205,14 +205,15 @@ def check_journal(
 
 
 class Asker:
-    """Chooses points by a Gaussian process and an upper confidence bound.
+    """Chooses points by a Gaussian process and the expected improvement over the best expected value.
 
     Engine: `bayesian-optimization` (MIT), with a Matérn kernel of one length a parameter and the noise of single walks,
-    both fitted; `tests/benchmarks/askers.py` has others beside it. Points that are asked for together are told apart by
+    both fitted; `tests/benchmarks/askers.py` has others beside it. The value to improve on is the best expected one of
+    the points known, as the greatest of noisy values says little. Points that are asked for together are told apart by
     believing the model's mean at those before.
 
     Source: batches: D. Ginsbourger et al., "Kriging is well-suited to parallelize optimization", 2010 (Kriging
-    believer); bound: N. Srinivas et al., ICML 2010.
+    believer); improvement with noise: E. Vazquez et al., "Global optimization based on noisy evaluations", 2008.
     """
 
     def __init__(self, seed: int) -> None:
@@ -251,7 +252,8 @@ class Asker:
 
     def _suggest(self, X: list[Any], y: list[float], told: int) -> tuple[tuple[float, ...], float]:
         rng = np.random.RandomState(np.random.SeedSequence([self._seed, len(X)]).generate_state(1)[0])  # noqa: NPY002 - the engine's kind
-        bound = self._engine.acquisition.UpperConfidenceBound(kappa=2.0)
+        acquisition = self._engine.acquisition
+        improvement = acquisition.ExpectedImprovement(xi=0.0)
         engine = self._engine.BayesianOptimization(
             f=None,
             pbounds={name: (0.0, 1.0) for name in NAMES},
@@ -266,14 +268,18 @@ class Asker:
         if self._kernel[0] != fitted_at:
             data = np.array(X[:fitted_at]), np.array(y[:fitted_at])
             self._kernel = fitted_at, fitted(*data, seed=self._seed).kernel_
-        # As alpha, the noise of single walks is no part of the deviation: the bound is that of their mean.
+        # As alpha, the noise of single walks is no part of the deviation: the improvement is that of their mean.
         function, noise = self._kernel[1].k1, self._kernel[1].k2.noise_level
         engine.set_gp_params(kernel=function, optimizer=None, normalize_y=True, alpha=noise)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = bound.suggest(engine._gp, engine.space, n_random=CANDIDATES, n_smart=0, random_state=rng)
+            model = engine._gp.fit(np.array(X), np.array(y))
+            improvement.y_max = float(model.predict(np.array(X)).max())  # its own is the greatest noisy value
+            found = acquisition.AcquisitionFunction.suggest(
+                improvement, model, engine.space, CANDIDATES, 0, fit_gp=False, random_state=rng
+            )
             point = tuple(float(f"{value:.9g}") for value in found)
-            believed = float(engine._gp.predict(np.array([point]))[0])
+            believed = float(model.predict(np.array([point]))[0])
         return point, believed
 
 

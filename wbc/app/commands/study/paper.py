@@ -36,7 +36,7 @@ from wbc.sim.studies.paper.experiments import (
 from wbc.sim.studies.paper.optimization import FIRST_DESIGN, check_journal
 from wbc.sim.studies.paper.optimum import TABLE_II, table_two
 from wbc.sim.studies.provenance import code_version
-from wbc.sim.studies.stiffness_studies import DatasetSize, dataset
+from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, spread
 from wbc.sim.studies.study import Study, ground_of, merged
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepSummary
@@ -65,6 +65,9 @@ LEGACY_GROUNDS = ("flat", "stones", "cylinder_obstacles", "roof_tiles")
 
 BUDGET, VALIDATIONS = 400, 20
 """Walks of an optimisation on one ground, and seeds of its validation, at full scale."""
+
+EVALUATIONS = 50
+"""Stiffnesses of the data set at full scale; a smaller scale walks some of them, spread over the range."""
 
 MARGIN = 0.5
 """Difference that counts as none in the tables, steps."""
@@ -221,11 +224,11 @@ def _optimisation(part: str, options: PaperOptions) -> str:
 
 def _dataset(options: PaperOptions) -> str:
     """Run the walks of the data set, write its tables, and judge the paper's model on them by all folds."""
-    evaluations = max(round(50 * options.scale), 4)
-    size = DatasetSize(seeds=2, amplitudes=5, evaluations=evaluations, distance=options.distance or 3.0)
-    study = dataset(size)
-    whole = dataset(replace(size, evaluations=50)).size
-    study = study.narrowed([cell.name for cell in study.cells[: options.cells]])
+    size = DatasetSize(seeds=2, amplitudes=5, evaluations=EVALUATIONS, distance=options.distance or 3.0)
+    full = dataset(size)
+    whole, arms = full.size, list(full.arms)
+    tried = [arms[i] for i in spread(max(round(options.scale * EVALUATIONS), 4), EVALUATIONS)]
+    study = full.narrowed([cell.name for cell in full.cells[: options.cells]], tried)
     summary = run_trials(study, options.run("dataset"), any_code=options.any_code)
     found = labels(study, read_journal(options.journal("dataset")), any_code=options.any_code)
     if not found:
