@@ -13,7 +13,7 @@ from wbc.core.robot import BASE_DOF
 from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
 from wbc.tasks import CoMTask, PostureTask
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl
-from wbc.walking.arms import Arms, approach
+from wbc.walking.hands.reaching import Arms, approach
 from wbc.walking.pattern.swing import FootMotion
 
 DT = 0.005

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError, UnknownNameError
@@ -25,6 +26,7 @@ from wbc.walking import (
     WalkingControlSettings,
     walk_distance,
 )
+from wbc.walking.hands.motion import least_turn
 from wbc.walking.stabilizer.zmp import zmp_offset
 
 TABLE = {"distance": 0.18, "height": 0.7}
@@ -168,6 +170,32 @@ def test_hands_that_do_nothing_change_nothing() -> None:
             commands.append(command.joint_position)
         ways.append(np.array(commands))
     assert ways[1] == pytest.approx(ways[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("turned", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-9, np.pi])
+def test_the_least_turn_brings_an_axis_to_a_direction(turned: float) -> None:
+    for axis, across in ((AHEAD, (0.0, 1.0, 0.0)), (DOWN, AHEAD), ((0.0, 0.6, 0.8), AHEAD)):
+        direction = np.cos(turned) * np.array(axis) + np.sin(turned) * np.array(across)
+        turn = least_turn(np.array(axis), direction)
+        np.testing.assert_allclose(pin.exp3(turn) @ axis, direction, atol=1e-6)
+        assert np.linalg.norm(turn) == pytest.approx(turned, abs=1e-6)
+
+
+def test_a_hand_that_was_let_go_keeps_nothing_of_its_last_force() -> None:
+    robot = load("hrp4_class").robot()
+    settings = WalkingControlSettings(hands=HandSettings())
+    hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings).hands
+    assert hands is not None
+    hand = hands.all["left_hand"]
+    hands.press("left_hand", 20.0, AHEAD, firm=True)
+    hand.extra, hand.excess, hand.bounded = (
+        7.0,
+        np.ones(3),
+        True,
+    )  # help of the last push, a handle that pulled
+    hands.release("left_hand")
+    assert (hand.state, hand.target, hand.bounded) == (HandState.FREE, 0.0, False)
+    assert not hand.excess.any()
 
 
 def test_a_hand_that_finds_no_surface_stops() -> None:

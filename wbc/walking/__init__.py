@@ -3,12 +3,12 @@
 Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`, on feedback into `stabilizer`.
 """
 
-from wbc.walking.arms import Arm, Arms, ArmSettings
 from wbc.walking.catching import CatchSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.hands import Hands
+from wbc.walking.hands.reaching import Arm, Arms, ArmSettings
 from wbc.walking.load import HeldLoad, LoadSettings
 from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern

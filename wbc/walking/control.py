@@ -30,12 +30,12 @@ from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.walking.arms import Arms
 from wbc.walking.catching import Trunk
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.hands import Hands
+from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, check_start
 from wbc.walking.planning.reach import Reach, bent_height

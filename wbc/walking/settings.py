@@ -7,9 +7,9 @@ from typing import Annotated
 
 from wbc.core.control import Mode, SafetySettings
 from wbc.core.settings import Positive, settings
-from wbc.walking.arms import ArmSettings
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hand import HandSettings
+from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.planning.sources import DriveSettings
 from wbc.walking.stabilizer.bias import BiasSettings

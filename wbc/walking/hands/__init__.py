@@ -1,1 +1,1 @@
-"""Hands that press on things: the state of each, and what their forces do to the balance."""
+"""Hands of a robot that walks: targets that they go to, what they press on or grip, and arms that swing."""

@@ -143,7 +143,6 @@ class Hand:
         self.pressed = self.extra = 0.0
         self.tare = np.zeros(6)
         self.bounded = False
-        self.extra = 0.0
         self.excess = np.zeros(3)
         self.lost_for = math.nan
         self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
@@ -179,7 +178,7 @@ class Hand:
         self.direction = direction
         self.state, self._felt, self._way = HandState.APPROACH, 0.0, 0.0
         self._path, self._elapsed, self._grips = np.zeros(3), 0.0, False
-        self.lost_for = math.nan
+        self.lost_for, self.extra, self.excess, self.bounded = math.nan, 0.0, np.zeros(3), False
         self._start = pin.SE3(self._robot.placement(self.task.frame))
         self.task.target = self._start
         self.task.reset()
@@ -337,4 +336,6 @@ class Hand:
         self.task.weight = 0.0
         self.task.reset()
         self.force = Ramp()
-        self.pressed = 0.0
+        self.pressed = self.extra = 0.0
+        self.excess = np.zeros(3)
+        self.bounded = False

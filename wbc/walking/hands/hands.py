@@ -30,11 +30,11 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
-from wbc.walking.arms import Arms
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.balance import ComShift
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import MovingFrame
+from wbc.walking.hands.reaching import Arms
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase

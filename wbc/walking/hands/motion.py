@@ -109,5 +109,8 @@ def least_turn(axis: Array, direction: Array) -> Array:
     cross = np.cross(axis, direction)
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
     if sine < 1e-6:
-        return np.zeros(3)
+        if cosine > 0.0:
+            return np.zeros(3)
+        cross = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])  # half a turn, about any axis across
+        return np.asarray(math.pi / np.linalg.norm(cross) * cross)
     return math.atan2(sine, cosine) / sine * cross

@@ -1,4 +1,4 @@
-"""Arms of a robot that walks: hands that go to targets and stay there, and arms that swing with the steps.
+"""Hands that go to targets and stay there while the robot stands or walks.
 
     target  →  reference that moves with bounded speed and acceleration  →  pose or position task of the hand
 
@@ -22,19 +22,17 @@ from numpy.typing import ArrayLike
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import BASE_DOF
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import PoseTask, pose
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
+from wbc.walking.hands.arm_swing import HANDS, ArmSwing
 from wbc.walking.pattern.swing import FootMotion
 
 WORLD, PELVIS = "world", "pelvis"
 """Frames of targets that are always there."""
-
-HANDS = ("left_hand", "right_hand")
-"""Roles of the hands in `Robot.frames`."""
 
 
 class Occupied(Protocol):
@@ -310,7 +308,8 @@ class Arms:
             for name in HANDS
             if name in robot.frames
         }
-        self._swing = _ArmSwing(robot, self._hands, posture) if settings.swing > 0.0 else None
+        arms = {name: (hand.frame, hand.joints) for name, hand in self._hands.items()}
+        self._swing = ArmSwing(robot, arms, posture) if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Arm:
@@ -337,7 +336,7 @@ class Arms:
                 None.
 
         Raises:
-            InputError: A pose or velocity that is not finite, a name that is taken by a frame of the robot.
+            InputError: A pose or velocity that is not finite, or the name "world" or "pelvis".
         """
         if name in (WORLD, PELVIS):
             raise InputError(f"the name of an object must not be '{name}'")
@@ -369,41 +368,6 @@ class Arms:
         solution = self._controller.solution
         if solution is not None and self._spared:
             self._com.spared_acceleration = solution.accelerations[self._com.spared]
-
-
-class _ArmSwing:
-    """Arms that swing with the opposite foot: by the joint of each arm that moves its hand forward most."""
-
-    def __init__(self, robot: Robot, hands: dict[str, Arm], posture: PostureTask) -> None:
-        self._posture = posture
-        self._rest = np.array(posture.target)
-        self._joints: list[tuple[int, int, float]] = []  # joint, side, hand's way forward per radian
-        for side, name in enumerate(HANDS):
-            hand = hands.get(name)
-            if hand is None or not hand.joints:
-                continue
-            rows = pin.getFrameJacobian(
-                robot.model, robot.data, robot.frame_id(hand.frame), pin.LOCAL_WORLD_ALIGNED
-            )
-            forward = robot.placement(robot.base_frame).rotation[:, 0]
-            gains = [float(forward @ rows[:3, BASE_DOF + joint]) for joint in hand.joints]
-            best = max(range(len(gains)), key=lambda i: abs(gains[i]))
-            self._joints.append((hand.joints[best], side, gains[best]))
-
-    def update(self, feet: Sequence[FootMotion], yaw: float, swing: float) -> None:
-        """Set the targets of the posture and their velocities."""
-        c, s = math.cos(yaw), math.sin(yaw)
-        (left, right), velocity = feet, np.zeros(self._posture.dim)
-        x, y, _ = (right.placement.translation - left.placement.translation).tolist()
-        ahead = c * x + s * y
-        u, v = (right.velocity - left.velocity)[:2].tolist()
-        speed = c * u + s * v
-        target = self._rest.copy()
-        for joint, side, gain in self._joints:
-            way = (1.0, -1.0)[side] * swing / gain
-            target[joint] += way * ahead
-            velocity[joint] = way * speed
-        self._posture.follow(target, velocity, np.zeros(self._posture.dim))
 
 
 def approach(way: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
