@@ -30,13 +30,16 @@ BEHIND = 0.57
 GRIP = 0.2
 """Distance of each handle from the middle of the bar, m."""
 
+USUAL: Mapping[str, float] = MappingProxyType({"resistance": 15.0, "turn_step": 2.2})
+"""Values of `CartSpec` that are not given."""
+
 ROBOTS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "talos": {"resistance": 49.0, "limit": 30.0, "distance": 0.55, "height": 0.95},
         "g1": {"height": 0.85, "turn_step": 1.1},
     }
 )
-"""Values of `CartSpec` that are not given, by robot, where they are not those of the spec."""
+"""The same of single robots, which come before the usual ones."""
 
 GOOD = math.radians(1.5)
 """Error of the heading that is left alone, rad."""
@@ -50,14 +53,14 @@ class CartSpec(HandTrialSpec):
         forward: Way forward.
         turn: Turn to the left about the middle of the cart.
         back: Way back.
-        resistance: Force along the ground that moves the cart; 15 N, or that of the robot (`ROBOTS`), when not given.
-        limit: Force of a hand above which it yields; what the robot may lose suddenly bounds it. That of the robot, or
-            nine tenths of the resistance, when not given.
-        distance: Of the bar in front of the middle of the feet; that of the robot, or where the arms are at ease, when
-            not given.
-        height: Of the bar over the ground; likewise.
-        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways; 2.2°, or that of the
-            robot, when not given.
+        resistance: Force along the ground that moves the cart; 15 N (49 N for talos) when not given.
+        limit: Force of a hand above which it yields; what the robot may lose suddenly bounds it. 30 N for
+            talos, else nine tenths of the resistance, when not given.
+        distance: Of the bar in front of the middle of the feet; where the arms are at ease (0.55 m for talos) when not
+            given.
+        height: Of the bar over the ground; likewise (0.95 m for talos, 0.85 m for g1).
+        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways; 2.2° (1.1° for g1)
+            when not given.
         corrections: Greatest number of turns after each leg that take back an error of the heading, which the robot
             knows from its hands.
         hands: Settings of the hands.
@@ -74,10 +77,11 @@ class CartSpec(HandTrialSpec):
     corrections: Annotated[int, Field(ge=0, le=20)] = 3
     hands: HandSettings = HandSettings()
 
-    def of_robot(self, name: str, otherwise: float) -> float:
-        """Return the value of a field; where it is not given that of the robot, and else another one."""
+    def of_robot(self, name: str, otherwise: float = math.nan) -> float:
+        """Return the value of a field; where it is not given that of the robot, the usual one, or else another."""
         given = getattr(self, name)
-        return float(ROBOTS.get(self.robot, {}).get(name, otherwise) if given is None else given)
+        usual = {**USUAL, **ROBOTS.get(self.robot, {})}
+        return float(usual.get(name, otherwise) if given is None else given)
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ class CartTrial(HandTrial):
         self.spec = spec
         x, _, z = ArmSpace.of(load(spec.robot).robot()).point(*BAR).tolist()
         self._bar = (spec.of_robot("distance", x), GRIP, spec.of_robot("height", z))
-        self._resistance = spec.of_robot("resistance", 15.0)
+        self._resistance = spec.of_robot("resistance")
         scene = make_scene("cart", distance=self._bar[0], handle=self._bar[2], resistance=self._resistance)
         super().__init__(spec, scene, spec.hands)
         self._cart = int(self.plant.model.body("scene/cart").id)
@@ -214,7 +218,7 @@ class CartTrial(HandTrial):
     def _turning(self, start: FootstepPlan, angle: float) -> FootstepPlan:
         """Return a plan that turns the robot about the middle of the cart."""
         radius = self._bar[0] + BEHIND
-        steps = max(2, math.ceil(abs(angle) / math.radians(self.spec.of_robot("turn_step", 2.2))))
+        steps = max(2, math.ceil(abs(angle) / math.radians(self.spec.of_robot("turn_step"))))
         duration = start.gait.single_support + start.gait.double_support
         rate, before = angle / (steps * duration), _mean_yaw(start.left, start.right)
         for _ in range(4):  # the step that closes up turns as well

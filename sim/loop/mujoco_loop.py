@@ -1,8 +1,10 @@
 """A robot in somebody else's MuJoCo model, driven and measured like the plant of this library.
 
-loop = MujocoLoop(description, model, data)
-while loop.time < 10.0:
-loop.step(control.command(loop.measure()))
+    loop = MujocoLoop(description, model, data)
+    while loop.time < 10.0:
+        loop.step(control.command(loop.measure()))
+
+Command and measurement are those of a real robot.
 """
 
 from __future__ import annotations

@@ -7,7 +7,9 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
+import types
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +23,7 @@ from wbc.core.errors import InputError
 from wbc.machine import Clock, MachineError, Phase, Runner, RunSettings, UdpDriver, UdpRobot
 from wbc.machine import run as run_machine
 from wbc.machine.clock import ask_priority
+from wbc.machine.guard import Guard
 from wbc.machine.udp import pack_command, pack_measurement, unpack
 from wbc.sim import Machine, MujocoLoop, Plant
 
@@ -201,6 +204,8 @@ def test_an_emergency_stop_damps_at_once() -> None:
 
     report = runner.run(stop)
     assert report.reason == "emergency stop" and report.ticks == 50 and machine.commands == 50
+    with pytest.raises(InputError, match="a Runner runs once"):
+        runner.run(1.0)
 
 
 @pytest.mark.slow
@@ -235,6 +240,29 @@ def test_what_cannot_run_is_refused() -> None:
     machine.description = wbc.load_robot("hrp4_class")
     with pytest.raises(MachineError, match=r"has 29 joints, 'hrp4_class' has 34"):
         make(machine).run(1.0)
+
+
+class Silent:
+    """Driver of nothing."""
+
+    def read(self, timeout: float) -> None: ...
+
+    def write(self, command: Command) -> None: ...
+
+    def damp(self) -> None: ...
+
+
+def test_a_driver_that_the_guard_cannot_use_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one that is defined in the program itself: its process would end, and the loop run without a guard."""
+    monkeypatch.setitem(sys.modules, "only_here", module := types.ModuleType("only_here"))
+    monkeypatch.setattr(module, "Silent", Silent, raising=False)
+    monkeypatch.setattr(Silent, "__module__", "only_here")
+    with pytest.raises(MachineError, match=r"process cannot use a Silent .*module that the program imports"):
+        Guard(Silent(), 0.015)
+    driver = UdpDriver(DESCRIPTION)
+    driver.wire = threading.Lock()  # type: ignore[attr-defined]
+    with pytest.raises(MachineError, match="a UdpDriver cannot be pickled .*guard=False"):
+        Guard(driver, 0.015)
 
 
 # ---- UDP -------------------------------------------------------------------------------------------------------------
@@ -282,6 +310,15 @@ def test_packets_that_are_not_ours_are_dropped() -> None:
     broken = random_measurement(rng, True)
     broken.joint_position[0] = np.nan
     assert unpack(pack_measurement(broken, 1), NA) is None
+
+
+def test_a_wire_that_leads_nowhere_is_said_in_one_line() -> None:
+    with pytest.raises(MachineError, match="host 'x+' cannot be found"):
+        UdpDriver(DESCRIPTION, 100 * "x").read(0.0)
+    taken = UdpRobot(DESCRIPTION, 0)
+    with pytest.raises(InputError, match=f"cannot listen at 127.0.0.1, port {taken.port}"):
+        UdpRobot(DESCRIPTION, taken.port)
+    taken.close()
 
 
 def test_a_driver_and_a_robot_find_each_other() -> None:

@@ -5,9 +5,9 @@ A new wire is a class with the three methods of `Driver`, in a module of its own
 
 from wbc.machine.clock import Clock
 from wbc.machine.conformance import Check, ConformanceReport, conformance
-from wbc.machine.loop import Driver, DriverLoop, Loop
+from wbc.machine.loop import Driver, DriverLoop, Loop, MachineError
 from wbc.machine.report import Phase, RunReport
-from wbc.machine.run import Control, MachineError, Runner, RunSettings, run
+from wbc.machine.run import Control, Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
 from wbc.machine.unitree import DdsError, MotionSwitcher, UnitreeDriver, UnitreeRobot
 

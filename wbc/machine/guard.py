@@ -6,6 +6,7 @@ as the heart beats. It outlives the loop: a controller that is killed leaves a m
 
 from __future__ import annotations
 
+import contextlib
 import mmap
 import os
 import pickle
@@ -20,10 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from wbc.machine.clock import ask_priority, keep_timers_sharp
-from wbc.machine.loop import Driver
+from wbc.machine.loop import Driver, MachineError
 
 BEAT = struct.Struct("<dd")
 """Time of the last beat, and its longest age (s); an age of 0 means that the loop is not to be watched now."""
+
+WATCHING = b"watching\n"
+"""Line with which the process says that it has the driver and watches."""
 
 PROGRAM = "from wbc.machine.guard import main; main()"
 """Program of the process."""
@@ -48,8 +52,18 @@ class Guard:
             driver: Wire to the machine; it is pickled.
             age: Longest time between two beats, s.
             priority: Priority under SCHED_FIFO, if the process may; None does not ask.
+
+        Raises:
+            MachineError: The process cannot take the driver over, or cannot damp with it.
         """
         self._age = age
+        try:
+            copy = pickle.dumps(driver)
+        except Exception as error:  # whatever a driver of the user's own cannot hand on
+            raise MachineError(
+                f"the guard needs a copy of the driver, and a {type(driver).__name__} cannot be pickled ({error}): "
+                "open its wire at the first call; guard=False runs without"
+            ) from error
         self._fd = (
             os.memfd_create("wbc_guard")
             if hasattr(os, "memfd_create")
@@ -68,9 +82,18 @@ class Guard:
             start_new_session=True,
         )
         assert self._process.stdin is not None and self._process.stdout is not None
-        pickle.dump(driver, self._process.stdin)
-        self._process.stdin.flush()
-        self._process.stdout.readline()
+        try:
+            self._process.stdin.write(copy)
+            self._process.stdin.flush()
+            watching = self._process.stdout.readline() == WATCHING
+        except BrokenPipeError:
+            watching = False
+        if not watching:
+            self.close()
+            raise MachineError(
+                f"the guard's process cannot use a {type(driver).__name__} (its error is above): define the driver in "
+                "a module that the program imports, and let damp() work in another process; guard=False runs without"
+            )
 
     @property
     def pid(self) -> int:
@@ -89,7 +112,8 @@ class Guard:
         """End the process."""
         self.rest()
         assert self._process.stdin is not None
-        self._process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
         try:
             self._process.wait(2.0)
         except subprocess.TimeoutExpired:
@@ -131,7 +155,7 @@ def main() -> None:
     ask_priority(int(sys.argv[2]))
     keep_timers_sharp()
     driver.damp()  # opens the wire; the loop has sent no command yet
-    print("watching", flush=True)
+    os.write(sys.stdout.fileno(), WATCHING)
     _end_with_stdin()
     watch(driver, memory)
 

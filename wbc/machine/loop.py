@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from wbc.core.errors import WbcError
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
+
+
+class MachineError(WbcError):
+    """A machine that cannot be started: it sends nothing, not from this robot, or cannot be guarded."""
 
 
 class Loop(Protocol):

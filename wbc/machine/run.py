@@ -1,7 +1,8 @@
 """The loop of a machine: rate, deadlines, start, watchdogs and stop.
 
-report = wbc.run(UdpDriver(description), control, rate=500, until=60.0)
-print(report)
+    report = wbc.run(UdpDriver(description), control, rate=500, until=60.0)
+
+`Runner` is the loop of one run; `run` makes one and runs it.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import InputError, WbcError, positive
+from wbc.core.errors import InputError, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Driver
+from wbc.machine.loop import Driver, MachineError
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.start import SafeStart
 from wbc.robots import RobotDescription
@@ -34,10 +35,6 @@ KEPT = 1 << 20
 
 DAMP_TICKS = 50
 """Damping commands that are sent at the end."""
-
-
-class MachineError(WbcError):
-    """A machine that cannot be started: it sends nothing, or not from this robot."""
 
 
 class Control(Protocol):
@@ -75,7 +72,7 @@ class RunSettings:
 
 
 class Runner:
-    """The loop, for programs that stop it from elsewhere; `run` is this in one call."""
+    """The loop of one run, for programs that stop it from elsewhere; `run` is this in one call."""
 
     def __init__(
         self,
@@ -116,7 +113,7 @@ class Runner:
         self.settings = settings or RunSettings()
         self.phase = Phase.START
         self._clock = clock or Clock()
-        self._guarded = guard
+        self._guarded, self._ran = guard, False
         self._guard: Guard | None = None
         self._stop, self._emergency = threading.Event(), threading.Event()
         self._reason = ""
@@ -141,8 +138,12 @@ class Runner:
             until: Time from the beginning (s), or a function that returns True at the end, called every tick.
 
         Raises:
-            MachineError: No measurement comes, or one of another robot.
+            MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
+            InputError: This runner has run already.
         """
+        if self._ran:
+            raise InputError("a Runner runs once: make another one")
+        self._ran = True
         before = self._catch_signals()
         got = Quiet()
         try:
@@ -159,15 +160,13 @@ class Runner:
             with quiet(self.settings.priority) as got:
                 self._loop(first, until)
         finally:
-            if self._guard is not None:
-                self._guard.rest()
-            for _ in range(DAMP_TICKS):
-                self.driver.damp()
-                self._clock.sleep_until(self._clock.now() + min(self.period, 0.002))
-            if self._guard is not None:
-                self._guard.close()
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            try:
+                self._damp()
+            finally:
+                if self._guard is not None:
+                    self._guard.close()
+                for number, handler in before.items():
+                    signal.signal(number, handler)
         kept = min(self.ticks, KEPT)
         return RunReport(
             self._reason,
@@ -181,6 +180,14 @@ class Runner:
             got,
             self.period,
         )
+
+    def _damp(self) -> None:
+        """Damp the joints for a while; the guard rests, since the loop has ended."""
+        if self._guard is not None:
+            self._guard.rest()
+        for _ in range(DAMP_TICKS):
+            self.driver.damp()
+            self._clock.sleep_until(self._clock.now() + min(self.period, 0.002))
 
     def _make_guard(self) -> Guard | None:
         settings = self.settings
@@ -381,6 +388,6 @@ def run(
 
     Raises:
         InputError: A rate that is not the controller's.
-        MachineError: No measurement comes, or one of another robot.
+        MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
     """
     return Runner(driver, control, rate, description=description, settings=settings, guard=guard).run(until)

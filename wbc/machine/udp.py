@@ -22,6 +22,7 @@ packets, which are dropped.
 
 from __future__ import annotations
 
+import contextlib
 import select
 import socket
 import struct
@@ -32,6 +33,7 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
+from wbc.machine.loop import MachineError
 from wbc.robots import RobotDescription
 
 PORT = 7700
@@ -133,6 +135,7 @@ class UdpDriver:
             raise InputError(f"port must be in 1 … 65535, got {port}")
         self.description, self.address = description, (host, port)
         self._joints = len(description.joint_names)
+        self._resolved = self.address  # with the number of the host, found when the socket is opened
         self._socket: socket.socket | None = None
         self._number = self._newest = 0
         self._greeted = False
@@ -170,6 +173,11 @@ class UdpDriver:
 
     def _open(self) -> socket.socket:
         if self._socket is None:
+            host, port = self.address
+            try:
+                self._resolved = socket.gethostbyname(host), port
+            except (OSError, UnicodeError) as error:
+                raise MachineError(f"the robot's host '{host}' cannot be found ({error})") from error
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._socket.setblocking(False)
         return self._socket
@@ -179,10 +187,9 @@ class UdpDriver:
         return self._number
 
     def _send(self, data: bytes) -> None:
-        try:
-            self._open().sendto(data, self.address)
-        except (BlockingIOError, ConnectionRefusedError):  # nobody listens now: `read` will tell
-            return
+        wire = self._open()
+        with contextlib.suppress(OSError):  # nobody listens, no cable: `read` will tell
+            wire.sendto(data, self._resolved)
 
     def _receive(self) -> Measurement | None:
         newest = None
@@ -191,7 +198,7 @@ class UdpDriver:
                 data = self._open().recv(LARGEST)
             except BlockingIOError:
                 return newest
-            except ConnectionRefusedError:
+            except OSError:  # what has become of a packet sent before: refused, unreachable
                 continue
             got = unpack(data, self._joints)
             if got is not None and isinstance(got[2], Measurement) and (got[1] > self._newest or got[1] == 1):
@@ -209,10 +216,17 @@ class UdpRobot:
             description: The robot.
             port: Port to listen at; any free one when 0.
             host: Address to listen at.
+
+        Raises:
+            InputError: A port that is taken or out of range, an address that is not of this machine.
         """
         self._joints = len(description.joint_names)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind((host, port))
+        try:
+            self._socket.bind((host, port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            raise InputError(f"cannot listen at {host}, port {port} ({error})") from error
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
         self._peer: tuple[str, int] | None = None
@@ -226,7 +240,7 @@ class UdpRobot:
                 data, peer = self._socket.recvfrom(LARGEST)
             except BlockingIOError:
                 return damped, newest
-            except ConnectionRefusedError:
+            except OSError:  # what has become of a packet sent before: refused, unreachable
                 continue
             got = unpack(data, self._joints)
             if got is None:
@@ -242,10 +256,8 @@ class UdpRobot:
         """Send a measurement to whoever sent the last hello or command."""
         self._number += 1
         if self._peer is not None:
-            try:
+            with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
                 self._socket.sendto(pack_measurement(measurement, self._number), self._peer)
-            except (BlockingIOError, ConnectionRefusedError):
-                return
 
     def close(self) -> None:
         """Close the socket."""
