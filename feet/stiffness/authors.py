@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.core.files import read_text, write_text
+from wbc.core.files import csv_rows, read_text, write_text
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
@@ -58,7 +58,7 @@ def read_authors(path: str | Path) -> StiffnessTable:
         InputError: Another number of columns, no numbers, no whole grounds, or clusters that are not 1 to 20.
     """
     target = Path(path)
-    rows = [row for row in csv.reader(read_text(target, FORMAT).splitlines()) if row]
+    rows = csv_rows(read_text(target, FORMAT), target, FORMAT)
     try:
         numbers = np.array(rows, dtype=np.float64)
     except ValueError as error:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, choose, finite_array
-from wbc.core.files import read_text, replacing
+from wbc.core.files import csv_rows, read_text, replacing
 from wbc.core.settings import Positive, from_json, settings, to_json
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.clusters import Clusters
@@ -225,7 +225,7 @@ class StiffnessTable:
         for key in ("recipe", "made"):
             if key not in head:
                 raise InputError(f"{target}: '{key}' is missing from its first line")
-        lines = [row for row in csv.reader(rest.splitlines()) if row]
+        lines = csv_rows(rest, target, FORMAT)
         if not lines:
             raise InputError(f"{target}: no columns")
         names, rows = lines[0], lines[1:]

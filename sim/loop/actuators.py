@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.conventions import Index
-from wbc.core.errors import Array, InputError, ModelError
+from wbc.core.errors import Array, InputError, ModelError, shown
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 
@@ -116,7 +116,9 @@ class JointActuators:
             raise ModelError(f"actuator '{name}' of joint '{joint}' has a gain or a gear of zero")
 
     def check(self, command: Command) -> None:
-        """Raise InputError for a command of the wrong shape or one that is not finite."""
+        """Raise InputError for what is no command, one of the wrong shape, or one that is not finite."""
+        if not isinstance(command, Command):
+            raise InputError(f"a loop takes a Command, got {shown(command)}")
         na = len(self._names)
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
             value = getattr(command, name)

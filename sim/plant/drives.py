@@ -9,7 +9,7 @@ from typing import Generic, Literal, TypeVar
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.signals import Command
 from wbc.robots.description import RobotDescription
 
@@ -104,9 +104,11 @@ class Drives:
         """Check a command and return its targets, shape (na,), valid until the next call; nothing else changes.
 
         Raises:
-            InputError: A reference of the wrong shape or not finite, a velocity or gains without a position, gains that
-                are negative or not finite.
+            InputError: No command, a reference of the wrong shape or not finite, a velocity or gains without a
+                position, gains that are negative or not finite.
         """
+        if not isinstance(command, Command):
+            raise InputError(f"a plant takes a Command, got {shown(command)}")
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
         gains = self._own if command.kp is None and command.kd is None else self._checked_gains(command)
         shape = self.target.shape

@@ -12,7 +12,8 @@ import pytest
 from full_disk import limited_file_size
 
 import wbc
-from wbc.core.files import BESIDE, FileError, replacing, same_file, write_text
+from wbc.core.errors import InputError
+from wbc.core.files import BESIDE, FileError, csv_rows, replacing, same_file, write_text
 
 OLD = "old\n"
 
@@ -107,3 +108,9 @@ def test_nothing_is_written_in_another_way() -> None:
                 doc = line.strip().startswith(("Path(", "with", "log", "figure")) and '"walk' in line
                 paged = "pages.savefig(figure)" in line or "first.save(path" in line  # into `new`, too
                 assert doc or paged, f"{path}:{number}: {line.strip()}"
+
+
+def test_blank_lines_of_a_csv_are_no_rows_and_a_cell_that_does_not_end_is_bad_input() -> None:
+    assert csv_rows("a,b\n\n , \n1,2\n", Path("table.csv")) == [["a", "b"], ["1", "2"]]
+    with pytest.raises(InputError, match=r"table\.csv is not a CSV: field larger than field limit"):
+        csv_rows(1_000_000 * "1", Path("table.csv"))

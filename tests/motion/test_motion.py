@@ -108,6 +108,48 @@ def test_formats_of_the_field_become_the_same_clip(
             read_motion(path, **{other: options[other] for other in given if other != name})  # type: ignore[arg-type]
 
 
+BEYONDMIMIC = {
+    "fps": 30,
+    "joint_pos": np.zeros((5, 2)),
+    "body_pos_w": np.zeros((5, 1, 3)),
+    "body_quat_w": np.ones((5, 1, 4)),
+}
+GMR = {"fps": 30, "root_pos": np.zeros((5, 3)), "root_rot": np.ones((5, 4)), "dof_pos": np.zeros((5, 2))}
+
+
+@pytest.mark.parametrize(
+    ("arrays", "rule"),
+    [
+        (BEYONDMIMIC | {"joint_pos": np.zeros(5)}, r"joint_pos must have shape \(T, n\), got \(5,\)"),
+        (BEYONDMIMIC | {"body_pos_w": np.zeros((5, 3))}, r"body_pos_w must have shape \(T, bodies, 3\)"),
+        (BEYONDMIMIC | {"body_names": np.array(["world"])}, "body_pos_w must have the root of the robot"),
+        (GMR | {"root_rot": np.ones((6, 4))}, "root_pos and root_rot must have as many frames, got 5 and 6"),
+        (GMR | {"dof_pos": np.zeros(5)}, r"dof_pos must have shape \(T, n\)"),
+        ({name: GMR[name] for name in ("fps", "dof_pos")}, "has no 'root_pos'"),
+    ],
+)
+def test_files_with_other_shapes_are_refused_in_one_line(
+    tmp_path: Path, arrays: dict[str, object], rule: str
+) -> None:
+    np.savez(tmp_path / "clip.npz", **arrays)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=rule):
+        read_motion(tmp_path / "clip.npz", joints=("a", "b"))
+
+
+def test_a_cell_without_end_is_no_csv(tmp_path: Path) -> None:
+    (tmp_path / "clip.csv").write_text("1" * 200_000)
+    with pytest.raises(InputError, match="clip.csv is not a CSV: field larger"):
+        read_motion(tmp_path / "clip.csv")
+
+
+def test_feet_stand_or_not(arms: MotionClip) -> None:
+    numbers = np.tile([1, 0], (len(arms), 1))  # as a file may have them
+    clip = replace(arms, standing=numbers)
+    assert clip.standing is not None and clip.standing.dtype == bool
+    with pytest.raises(InputError, match="standing of a motion must be true or false"):
+        replace(arms, standing=np.full((len(arms), 2), np.nan))
+
+
 def test_the_same_angles_at_twice_the_rate_are_twice_as_fast(g1: Robot, arms: MotionClip) -> None:
     faster = replace(arms, rate=2.0 * arms.rate)
     q = arms.configurations(g1)

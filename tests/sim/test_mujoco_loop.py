@@ -236,6 +236,8 @@ def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() ->
     bad[2] = np.nan
     with pytest.raises(InputError, match=f"kp of joint '{DESCRIPTION.joint_names[2]}' is not finite"):
         loop.step(dataclasses.replace(command, kp=bad))
+    with pytest.raises(InputError, match="a loop takes a Command, got None"):
+        loop.step(None)  # type: ignore[arg-type]
     assert loop.time == 0.0
 
 

@@ -95,11 +95,12 @@ def test_refuses_bad_commands_without_moving(interpolation: Any) -> None:
         (Command(zero, position.tolist(), zero), "arrays"),  # type: ignore[arg-type]
         (Command(zero, None, zero), "position reference"),
         (Command(zero, position, zero, np.array([5.0, 5.0])), "fixed stiffness"),
+        (None, "a plant takes a Command, got None"),
     ]
     for _ in range(3):
         for command, message in bad:
             with pytest.raises(InputError, match=message):
-                plant.step(command)
+                plant.step(command)  # type: ignore[arg-type]
         plant.step(good)
         twin.step(good)
         assert plant.time == twin.time

@@ -267,7 +267,12 @@ def test_velocities_that_are_refused() -> None:
     for bad in ((0.1, 0.0), (0.1, 0.0, math.nan), (math.inf, 0.0, 0.0), "fast", (0.1, 0.0, 99.0)):
         with pytest.raises(InputError, match="velocity"):
             walking.velocity = bad  # type: ignore[assignment]
+        with pytest.raises(InputError, match="velocity"):
+            Gait.for_speed(bad[:2])  # type: ignore[arg-type]
     assert walking.velocity is None
+    for bad in (None, "left", VelocitySource.footsteps):
+        with pytest.raises(InputError, match="footsteps come from a FootstepPlan or an object with"):
+            walking.follow(bad)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="the ground extends"):
         walking.go_to(3.0, 0.0, 0.0)
     walking.go_to(0.5, 0.0, 0.0)

@@ -288,6 +288,7 @@ def test_a_cart_is_pushed(robot: str, noise: str, height: float) -> None:
             InputError,
             "must be within 0.60 m of its shoulder",
         ),
+        (lambda h: h.grip("left_hand", None, AHEAD, limit=5.0), InputError, "point for left_hand (m)"),
         (lambda h: h.press("left_hand", 500.0, DOWN, firm=True), InputError, "has no more torque"),
         (lambda h: h.press("left_hand", 60.0, AHEAD, at=(0.4, 0.2, 0.9)), InputError, "may press with"),
         (

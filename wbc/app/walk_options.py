@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import field
 from pathlib import Path
@@ -14,7 +13,7 @@ from wbc.app.files import read_object
 from wbc.core.changes import read_changes
 from wbc.core.control import Mode
 from wbc.core.errors import InputError, choose, finite_scalar, shown
-from wbc.core.files import read_text
+from wbc.core.files import csv_rows, read_text
 from wbc.core.settings import from_json, settings
 from wbc.sim.plant.settings import Machine
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
@@ -203,9 +202,7 @@ def read_drive(path: Path) -> tuple[tuple[float, float, float, float], ...]:
     Raises:
         InputError: The file cannot be read, a column is unknown or missing, or a value is no finite number.
     """
-    lines = [
-        line for line in csv.reader(read_text(path, "CSV file").splitlines()) if any(map(str.strip, line))
-    ]
+    lines = csv_rows(read_text(path, "CSV file"), path)
     if not lines:
         raise InputError(f"{path} is empty; it has the columns {', '.join(DRIVE_COLUMNS)}")
     names = [name.strip() for name in lines[0]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import io
 import json
 import os
@@ -43,6 +44,23 @@ def read_text(path: Path, kind: str = "text file") -> str:
         raise InputError(f"{path} is not a {kind}: it is no text") from error
     except ValueError as error:  # a name with NUL or a surrogate
         raise InputError(f"{shown(str(path))} cannot be the name of a file") from error
+
+
+def csv_rows(text: str, path: Path, kind: str = "CSV") -> list[list[str]]:
+    """Return the cells of all lines of a CSV that are not blank.
+
+    Args:
+        text: Content of the file.
+        path: The file, for messages.
+        kind: Kind of file in messages.
+
+    Raises:
+        InputError: A cell that does not end.
+    """
+    try:
+        return [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise InputError(f"{path} is not a {kind}: {error}") from error
 
 
 def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:

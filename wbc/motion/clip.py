@@ -70,6 +70,8 @@ class MotionClip:
             raise InputError(
                 f"standing of a motion must have shape ({len(joints)}, 2), got {np.shape(self.standing)}"
             )
+        if self.standing is not None and not np.isin(self.standing, (0, 1)).all():
+            raise InputError("standing of a motion must be true or false")
         columns = [*("x", "y", "z", "qx", "qy", "qz", "qw"), *names]
         _check_finite(np.hstack([base, joints]), columns, self.rate)
         base[:, 3:] = _unit(base[:, 3:])
@@ -79,7 +81,13 @@ class MotionClip:
                 f"the base must be upright in the first frame: its z-axis points up by {tilt:.2f}, at least "
                 f"{UPRIGHT:g} is needed; is the order of the quaternion right (x, y, z, w or w, x, y, z)?"
             )
-        for name, value in (("joint_names", names), ("base", base), ("joints", joints)):
+        standing = None if self.standing is None else np.array(self.standing, dtype=bool)
+        for name, value in (
+            ("joint_names", names),
+            ("base", base),
+            ("joints", joints),
+            ("standing", standing),
+        ):
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive, shown
-from wbc.core.files import read_text, replacing
+from wbc.core.files import csv_rows, read_text, replacing
 from wbc.core.registry import Registry
 from wbc.motion.clip import MotionClip
 
@@ -130,7 +130,7 @@ def _arrays(path: Path) -> dict[str, Any]:
 
 def _columns(path: Path) -> dict[str, Any]:
     """Return header and numbers of a .csv."""
-    rows = [row for row in csv.reader(read_text(path, "CSV").splitlines()) if row]
+    rows = csv_rows(read_text(path, "CSV"), path)
     if not rows:
         raise InputError(f"{path} is empty")
     header: list[str] | None = None
@@ -192,14 +192,38 @@ def _names(own: Any, given: tuple[str, ...] | None, count: int, source: str) -> 
     return names
 
 
+def _table(data: Mapping[str, Any], key: str, shape: tuple[str | int, ...]) -> Array:
+    """Return an array of a file after a check of its shape; a text in the shape stands for any size.
+
+    Raises:
+        InputError: Another shape.
+        KeyError: The file has no such array.
+    """
+    array = np.asarray(data[key])
+    if array.ndim != len(shape) or any(
+        isinstance(size, int) and size != got for size, got in zip(shape, array.shape, strict=True)
+    ):
+        raise InputError(f"{key} must have shape ({', '.join(map(str, shape))}), got {array.shape}")
+    return array
+
+
+def _base(position: Array, quaternion: Array, keys: str) -> Array:
+    """Return the columns of the base, of a position and a quaternion (x, y, z, w) in each frame.
+
+    Raises:
+        InputError: Of different numbers of frames.
+    """
+    if len(position) != len(quaternion):
+        raise InputError(f"{keys} must have as many frames, got {len(position)} and {len(quaternion)}")
+    return np.hstack([position, quaternion])
+
+
 Names = tuple[str, ...] | None
 
 
 def _wbc(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
     own = _one_rate(_first("rate", data["rate"]), rate, "file")
-    columns = data["joints"]
-    if columns.ndim != 2:
-        raise InputError(f"joints must have shape (T, n), got {columns.shape}")
+    columns = _table(data, "joints", ("T", "n"))
     names = _names(data["joint_names"], joints, columns.shape[1], "file")
     return MotionClip(names, own, data["base"], columns, name, data.get("standing"))
 
@@ -239,7 +263,7 @@ def _unitree(data: Mapping[str, Any], name: str, rate: float | None, joints: Nam
 
 def _beyondmimic(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
     own = _one_rate(_first("fps", data["fps"]), rate, "file")
-    columns, named = data["joint_pos"], data.get("joint_names")
+    columns, named = _table(data, "joint_pos", ("T", "n")), data.get("joint_names")
     if named is not None and columns.shape[1] == np.size(named) + 7:  # positions of MuJoCo, base first
         order = [*range(3), 4, 5, 6, 3]
         return MotionClip(
@@ -247,13 +271,17 @@ def _beyondmimic(data: Mapping[str, Any], name: str, rate: float | None, joints:
         )
     bodies = [str(body) for body in np.ravel(data["body_names"])] if "body_names" in data else []
     root = 1 if bodies[:1] == ["world"] else 0
-    position, quaternion = np.asarray(data["body_pos_w"])[:, root], np.asarray(data["body_quat_w"])[:, root]
-    base = np.hstack([position, quaternion[:, [1, 2, 3, 0]]])
+    position = _table(data, "body_pos_w", ("T", "bodies", 3))
+    quaternion = _table(data, "body_quat_w", ("T", position.shape[1], 4))
+    if position.shape[1] <= root:
+        raise InputError(f"body_pos_w must have the root of the robot, got {position.shape[1]} bodies")
+    base = _base(position[:, root], quaternion[:, root][:, [1, 2, 3, 0]], "body_pos_w and body_quat_w")
     return MotionClip(_names(named, joints, columns.shape[1], "file"), own, base, columns, name)
 
 
 def _gmr(data: Mapping[str, Any], name: str, rate: float | None, joints: Names) -> MotionClip:
-    base, columns = np.hstack([data["root_pos"], data["root_rot"]]), data["dof_pos"]
+    position, quaternion = _table(data, "root_pos", ("T", 3)), _table(data, "root_rot", ("T", 4))
+    base, columns = _base(position, quaternion, "root_pos and root_rot"), _table(data, "dof_pos", ("T", "n"))
     own = _one_rate(_first("fps", data["fps"]) if "fps" in data else None, rate, "file")
     return MotionClip(_names(None, joints, columns.shape[1], "file"), own, base, columns, name)
 

@@ -213,8 +213,8 @@ class WalkingControl:
         """Commanded velocity of the robot's middle: forward (m/s), left (m/s) and turn (rad/s).
 
         Set it at any tick: footsteps are planned as the robot goes. None, or zero, brings it to a stand within two
-        steps. None as well while another source gives the footsteps. A velocity that is not three finite numbers is an
-        `InputError`; one that cannot be had is limited (`granted_velocity`).
+        steps. None as well while another source gives the footsteps. A velocity that is not three finite numbers up to
+        10 is an `InputError`; one that cannot be had is limited (`granted_velocity`).
         """
         return self.driver.velocity
 
@@ -252,6 +252,9 @@ class WalkingControl:
         Args:
             source: Footsteps in the world, or an object with the method of `FootstepSource`. A plan that cannot be
                 walked from where the robot is brings it to a stand (`driver.reason`).
+
+        Raises:
+            InputError: Neither a plan nor an object with that method.
         """
         self.driver.follow(source)
 

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.robot import Robot
 from wbc.walking.pattern.swing import shortest_swing
 from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
@@ -140,7 +140,15 @@ class Driver:
             self.velocity = None
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a source, from the next tick on."""
+        """Take the footsteps from a plan or a source, from the next tick on.
+
+        Raises:
+            InputError: Neither a plan nor an object with a method `footsteps`.
+        """
+        if not callable(getattr(source, "footsteps", None)) and not isinstance(source, FootstepPlan):
+            raise InputError(
+                f"footsteps come from a FootstepPlan or an object with footsteps(now), got {shown(source)}"
+            )
         self.source = PlanSource(source) if isinstance(source, FootstepPlan) else source
         self.reason, self.steered = "", True
         self._next = 0.0

@@ -273,7 +273,7 @@ class Controller:
         """
         if self._dirty:
             self._rebuild()
-            self._assembly.write(self.dt, self._torques)
+            self._assembly.write(self.dt, self._torques, self.outside)
         return violated_groups(self.problem)
 
     def status_table(self) -> str:

@@ -251,6 +251,8 @@ class Hands:
         if not firm:
             self._check_loss(hand, along, force)
         point = None
+        if grip and at is None:
+            raise InputError(f"point for {hand} (m) must be given to grip, got None")
         if at is not None:
             point = finite_array(f"point for {hand} (m)", at, (3,))
             arm = self._arms[hand]

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import InputError, positive
+from wbc.core.errors import InputError, finite_array, positive
 from wbc.core.settings import Positive, settings
 
 logger = logging.getLogger(__name__)
@@ -119,8 +119,12 @@ class Gait:
         Args:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
             gait: Gait whose explicit values win: those that differ from the defaults stay.
+
+        Raises:
+            InputError: A velocity that is not three finite numbers.
         """
-        return Gait.at_speed(pace(velocity), gait)
+        what = "velocity (forward m/s, left m/s, turn rad/s)"
+        return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)
 
     @staticmethod
     def at_speed(speed: float, gait: Gait | None = None) -> Gait:
