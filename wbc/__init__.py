@@ -9,8 +9,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from wbc._version import __version__
-from wbc.core.control import FailurePolicy, PositionControl, SafetySettings, TorqueControl
+from wbc.core.control import FailurePolicy, SafetySettings
 from wbc.core.drive.hybrid import HybridControl
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError, WbcError
 from wbc.core.estimation.observer import Observer
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound

@@ -10,8 +10,10 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import Mode, PositionControl, TorqueControl
+from wbc.core.control import Mode
 from wbc.core.drive.hybrid import HybridControl
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement

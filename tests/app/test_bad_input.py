@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.core.control import FailurePolicy, PositionControl, TorqueControl
+from wbc.core.control import FailurePolicy
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
 from wbc.core.qp.solver import SolverSettings, Status
 from wbc.core.signals import Measurement

@@ -9,7 +9,9 @@ import pinocchio as pin
 import pytest
 from task_factory import standing
 
-from wbc.core.control import FailurePolicy, PositionControl, TorqueControl
+from wbc.core.control import FailurePolicy
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import GRAVITY, Robot

@@ -20,7 +20,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, MeasurementError
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement

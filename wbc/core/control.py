@@ -1,8 +1,7 @@
-"""Position and torque control: from a controller's accelerations and torques to commands of a robot's drives.
+"""Control of a robot's drives: what all modes have in common, from a measurement to a solution, and ticks that fail.
 
-Position control integrates the accelerations to references of joint position and velocity, as mc_rtc does: the
-controlled robot (the model that moves as commanded) and the estimated robot (from sensors) are two objects. Torque
-control sends the torques and needs the estimate alone.
+The modes are in `wbc.core.drive`: `wbc.core.drive.position` integrates accelerations to references of the servos,
+`wbc.core.drive.torque` sends torques, `wbc.core.drive.hybrid` both.
 """
 
 from __future__ import annotations
@@ -16,15 +15,13 @@ from typing import Annotated, Literal, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive, scalar
+from wbc.core.errors import Array, InputError, MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.gate import CommandGate, GateSettings
-from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status
@@ -77,8 +74,25 @@ class SafetySettings:
     gate: GateSettings = field(default_factory=GateSettings)
 
 
-class _Control:
-    """Base of both modes: plausibility, observer, failures, the last solution and the gate."""
+class DriveControl:
+    """Base of all modes: plausibility, observer, failures, the last solution and the gate.
+
+    A mode has `reset` and `command`, which calls `_think` for a solution and `_send` with what follows from it.
+
+    Attributes:
+        controller: The controller.
+        observer: Observer that estimates the state from measurements.
+        policy: Reaction to failures.
+        prepare: Function called once a tick before the QP is solved; None for none.
+        solution: Result of the last tick.
+        measurement: Measurement of the last tick, with what was refused replaced by predictions.
+        wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
+        failures: Number of failed ticks so far.
+        reason: Reason of the last failure, or of the first of a row.
+        plausibility: Check of measurements.
+        monitor: Monitor of sensors that contradict each other.
+        gate: Limits of commands.
+    """
 
     _follows_estimate = True
 
@@ -101,7 +115,7 @@ class _Control:
         self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.consistency)
         self.gate = CommandGate(robot, dt, safety.gate)
         gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
-        # For feet without force sensors: made when a measurement comes without wrenches.
+        # Made when a measurement comes without wrenches.
         self.wrenches: WrenchEstimator | None = None
         self._sent = SentCommands(gains, robot.torque_limit, dt, self.observer.settings.delay)
         self.failures = 0
@@ -239,198 +253,3 @@ class _Control:
             state = "; stopped" if self.stopped else "; command held"
             logger.error("tick failed (%s)%s", reason, state, exc_info=error)
         return False
-
-
-class TorqueControl(_Control):
-    """Torque control: sends the torques of the solution; the controller's robot is the estimated one.
-
-    Attributes:
-        controller: The controller.
-        observer: Observer that estimates the state from measurements.
-        solution: Result of the last tick.
-        measurement: Measurement of the last tick, with what was refused replaced by predictions.
-        failures: Number of failed ticks so far.
-        plausibility: Check of measurements.
-        monitor: Monitor of sensors that contradict each other.
-        gate: Limits of commands.
-    """
-
-    @checked
-    def __init__(
-        self,
-        controller: Controller,
-        observer: Observer | None = None,
-        policy: FailurePolicy | None = None,
-        *,
-        prepare: Prepare | None = None,
-        safety: SafetySettings | None = None,
-    ) -> None:
-        """Connect a controller to its observer.
-
-        Args:
-            controller: The controller.
-            observer: Observer of the same robot model; a new one when None. If it estimates into the controller's own
-                robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
-            policy: Reaction to failures.
-            prepare: Function called once a tick before the QP is solved.
-            safety: Ranges of measurements and commands.
-
-        Raises:
-            InputError: An observer of another robot model.
-        """
-        if observer is None:
-            observer = Observer(controller.robot, adopt=True)
-        super().__init__(controller, observer, policy, prepare, safety)
-
-    def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest.
-
-        Args:
-            q: Configuration, shape (nq,); half-sitting when None.
-        """
-        self.observer.reset(q)
-        robot = self.controller.robot
-        robot.update(self.observer.robot.q, self.observer.robot.v)
-        self._forget()
-
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick.
-
-        Args:
-            measurement: Measurement of this tick.
-
-        Returns:
-            Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
-        """
-        if self._think(measurement):
-            return self._send(self.gate.pass_on(self._torques))
-        velocity = self.plausibility.joint_velocity(measurement)
-        damping = -self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6) * velocity
-        return self._send(self.gate.pass_on(damping if self.stopped else self._torques + damping))
-
-
-class PositionControl(_Control):
-    """Position control: integrates the accelerations of the solution to references of joint position and velocity.
-
-    Attributes:
-        controller: The controller.
-        observer: Observer that estimates the state from measurements.
-        feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
-            them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
-        feedforward: True to add the torques of the solution to the servos; a function to add its torques instead.
-        solution: Result of the last tick.
-        measurement: Measurement of the last tick, with what was refused replaced by predictions.
-        failures: Number of failed ticks so far.
-        plausibility: Check of measurements.
-        monitor: Monitor of sensors that contradict each other.
-        gate: Limits of commands.
-        q: Configuration of the commanded robot, shape (nq,).
-        v: Its velocity, shape (nv,).
-    """
-
-    @checked
-    def __init__(
-        self,
-        controller: Controller,
-        observer: Observer | None = None,
-        policy: FailurePolicy | None = None,
-        *,
-        feedback: Literal["open", "closed"] = "open",
-        feedforward: bool | Feedforward = True,
-        reference_time: float = 0.1,
-        prepare: Prepare | None = None,
-        safety: SafetySettings | None = None,
-    ) -> None:
-        """Connect a controller to its observer.
-
-        Args:
-            controller: The controller; in open loop its robot becomes the commanded robot, starting from its
-                present state.
-            observer: Observer of the same robot model; a new one when None.
-            policy: Reaction to failures.
-            feedback: "open" or "closed"; see the attribute.
-            feedforward: Add the torques of the solution to the servos, against the sag of position servos. A function
-                replaces them by torques of its own.
-            reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
-            prepare: Function called once a tick before the QP is solved.
-            safety: Ranges of measurements and commands.
-
-        Raises:
-            InputError: An observer of another robot model, an unknown feedback, or servos that are too soft.
-        """
-        if feedback not in ("open", "closed"):
-            raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
-        if feedback == "open" and observer is not None and observer.robot is controller.robot:
-            raise InputError(
-                "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
-            )
-        if controller.robot.servos is not None:
-            controller.robot.servos.check_position_control()
-        super().__init__(controller, observer, policy, prepare, safety)
-        self.feedback = feedback
-        self._follows_estimate = feedback == "closed"
-        self.feedforward = feedforward
-        self._pull = lag_gain(controller.dt, positive("reference time (s)", reference_time))
-        self.q = np.array(controller.robot.q)
-        self.v = np.array(controller.robot.v)
-        self._step = np.zeros(controller.robot.nv)
-        self._dt, self._half_square = scalar(controller.dt), scalar(0.5 * controller.dt * controller.dt)
-        self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
-
-    def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest.
-
-        Args:
-            q: Configuration, shape (nq,); half-sitting when None.
-        """
-        robot = self.controller.robot
-        self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
-        self.v[:] = 0.0
-        robot.update(self.q, self.v)
-        self.observer.reset(self.q)
-        self._forget()
-
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick.
-
-        Args:
-            measurement: Measurement of this tick.
-
-        Returns:
-            References that the servos should reach at the next tick, and feed-forward torques. Nothing is raised: a
-            failed tick follows the policy.
-        """
-        dt, robot, soles = self.controller.dt, self.controller.robot, None
-        if self.feedback == "open":
-            # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
-            robot.update(self.q, self.v)
-            soles = self._soles
-        if self._think(measurement, soles):
-            assert self.solution is not None
-            acceleration = self.solution.accelerations
-        else:
-            acceleration = -self.v / (dt if self.stopped else max(self.policy.damping_time, dt))
-        # Constant acceleration over the period, for which the braking law of the joint limits is made.
-        step = np.multiply(acceleration, self._half_square, out=self._step)
-        step += self.v * self._dt
-        self.q[:] = pin.integrate(robot.model, self.q, step)
-        self.v += np.multiply(acceleration, self._dt, out=step)
-        command = self.gate.pass_on(self._torques, self.q[7:].copy(), self.v[6:].copy())
-        if self.gate.faults:  # the commanded robot is where the command says
-            assert command.joint_position is not None and command.joint_velocity is not None
-            self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
-        return self._send(command)
-
-    def _use(self, solution: Solution) -> None:
-        if callable(self.feedforward):
-            self._torques = self.feedforward(solution)
-        elif self.feedforward:
-            self._torques = solution.torques
-        if self.feedback == "closed":
-            self._draw_to_estimate()
-
-    def _draw_to_estimate(self) -> None:
-        estimate = self.observer.robot
-        difference = pin.difference(estimate.model, self.q, estimate.q)
-        self.q[:] = pin.integrate(estimate.model, self.q, self._pull * difference)
-        self.v += self._pull * (estimate.v - self.v)

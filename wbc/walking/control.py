@@ -19,8 +19,9 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import PositionControl, TorqueControl
 from wbc.core.drive.hybrid import HybridControl
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench

@@ -23,7 +23,7 @@ from wbc.app.log.columns import (
 from wbc.app.log.tick import Source, Tick, copy
 from wbc.app.log.truth import GroundTruthSource, TruthSource
 from wbc.app.log.walking import WalkSource
-from wbc.core.control import PositionControl
+from wbc.core.drive.position import PositionControl
 from wbc.core.errors import Array
 from wbc.core.qp.solution import Solution
 from wbc.sim.plant.plant import Plant

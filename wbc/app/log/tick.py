@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
-from wbc.core.control import PositionControl, TorqueControl
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution

@@ -1,1 +1,4 @@
-"""Servos in the drives of a robot, and hybrid control: torques with the machine's own servos around them."""
+"""Modes in which drives are commanded (position, torque, hybrid), and the servos in them.
+
+Each mode is a `wbc.core.control.DriveControl`.
+"""

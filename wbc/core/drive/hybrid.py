@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import FailurePolicy, Prepare, SafetySettings, TorqueControl
-from wbc.core.errors import Array, InputError, finite_array, scalar
+from wbc.core.control import FailurePolicy, Prepare, SafetySettings
+from wbc.core.drive.torque import TorqueControl
+from wbc.core.errors import Array, InputError, finite_array, non_negative, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
@@ -56,7 +57,7 @@ class HybridControl(TorqueControl):
             safety: Ranges of measurements and commands.
 
         Raises:
-            InputError: An observer of another robot model, gains that are negative or missing.
+            InputError: An observer of another robot model, gains that are negative or missing, a negative time.
         """
         super().__init__(controller, observer, policy, prepare=prepare, safety=safety)
         robot = controller.robot
@@ -66,7 +67,7 @@ class HybridControl(TorqueControl):
             soft = robot.servos.soft()
             kp, kd = soft[0] if kp is None else kp, soft[1] if kd is None else kd
         self.kp, self.kd = _gains("kp", kp, robot.na), _gains("kd", kd, robot.na)
-        self._pull = lag_gain(controller.dt, reference_time)
+        self._pull = lag_gain(controller.dt, non_negative("reference time (s)", reference_time))
         self._dt = scalar(controller.dt)
         self._off = np.zeros(robot.na)
         self.q, self.v = np.array(robot.q[7:]), np.zeros(robot.na)

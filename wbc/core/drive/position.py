@@ -1,0 +1,148 @@
+"""Position control: accelerations of the solution, integrated to references of joint position and velocity.
+
+The controlled robot (the model that moves as commanded) and the estimated robot (from sensors) are two objects, as in
+mc_rtc.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.arguments import checked
+from wbc.core.control import DriveControl, FailurePolicy, Feedforward, Prepare, SafetySettings
+from wbc.core.errors import Array, InputError, finite_array, positive, scalar
+from wbc.core.estimation.observer import Observer
+from wbc.core.lag import lag_gain
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
+from wbc.core.signals import Command, Measurement
+
+
+class PositionControl(DriveControl):
+    """Position control: integrates the accelerations of the solution to references of joint position and velocity.
+
+    Attributes:
+        controller: The controller.
+        observer: Observer that estimates the state from measurements.
+        feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
+            them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
+        feedforward: True to add the torques of the solution to the servos; a function to add its torques instead.
+        solution: Result of the last tick.
+        measurement: Measurement of the last tick, with what was refused replaced by predictions.
+        failures: Number of failed ticks so far.
+        plausibility: Check of measurements.
+        monitor: Monitor of sensors that contradict each other.
+        gate: Limits of commands.
+        q: Configuration of the commanded robot, shape (nq,).
+        v: Its velocity, shape (nv,).
+    """
+
+    @checked
+    def __init__(
+        self,
+        controller: Controller,
+        observer: Observer | None = None,
+        policy: FailurePolicy | None = None,
+        *,
+        feedback: Literal["open", "closed"] = "open",
+        feedforward: bool | Feedforward = True,
+        reference_time: float = 0.1,
+        prepare: Prepare | None = None,
+        safety: SafetySettings | None = None,
+    ) -> None:
+        """Connect a controller to its observer.
+
+        Args:
+            controller: The controller; in open loop its robot becomes the commanded robot, starting from its
+                present state.
+            observer: Observer of the same robot model; a new one when None.
+            policy: Reaction to failures.
+            feedback: "open" or "closed"; see the attribute.
+            feedforward: Add the torques of the solution to the servos, against the sag of position servos. A function
+                replaces them by torques of its own.
+            reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
+            prepare: Function called once a tick before the QP is solved.
+            safety: Ranges of measurements and commands.
+
+        Raises:
+            InputError: An observer of another robot model, an unknown feedback, or servos that are too soft.
+        """
+        if feedback not in ("open", "closed"):
+            raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
+        if feedback == "open" and observer is not None and observer.robot is controller.robot:
+            raise InputError(
+                "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
+            )
+        if controller.robot.servos is not None:
+            controller.robot.servos.check_position_control()
+        super().__init__(controller, observer, policy, prepare, safety)
+        self.feedback = feedback
+        self._follows_estimate = feedback == "closed"
+        self.feedforward = feedforward
+        self._pull = lag_gain(controller.dt, positive("reference time (s)", reference_time))
+        self.q = np.array(controller.robot.q)
+        self.v = np.array(controller.robot.v)
+        self._step = np.zeros(controller.robot.nv)
+        self._dt, self._half_square = scalar(controller.dt), scalar(0.5 * controller.dt * controller.dt)
+        self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
+
+    def reset(self, q: Array | None = None) -> None:
+        """Restart from a configuration at rest.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+        """
+        robot = self.controller.robot
+        self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
+        self.v[:] = 0.0
+        robot.update(self.q, self.v)
+        self.observer.reset(self.q)
+        self._forget()
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick.
+
+        Args:
+            measurement: Measurement of this tick.
+
+        Returns:
+            References that the servos should reach at the next tick, and feed-forward torques. Nothing is raised: a
+            failed tick follows the policy.
+        """
+        dt, robot, soles = self.controller.dt, self.controller.robot, None
+        if self.feedback == "open":
+            # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
+            robot.update(self.q, self.v)
+            soles = self._soles
+        if self._think(measurement, soles):
+            assert self.solution is not None
+            acceleration = self.solution.accelerations
+        else:
+            acceleration = -self.v / (dt if self.stopped else max(self.policy.damping_time, dt))
+        # Constant acceleration over the period, for which the braking law of the joint limits is made.
+        step = np.multiply(acceleration, self._half_square, out=self._step)
+        step += self.v * self._dt
+        self.q[:] = pin.integrate(robot.model, self.q, step)
+        self.v += np.multiply(acceleration, self._dt, out=step)
+        command = self.gate.pass_on(self._torques, self.q[7:].copy(), self.v[6:].copy())
+        if self.gate.faults:  # the commanded robot is where the command says
+            assert command.joint_position is not None and command.joint_velocity is not None
+            self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
+        return self._send(command)
+
+    def _use(self, solution: Solution) -> None:
+        if callable(self.feedforward):
+            self._torques = self.feedforward(solution)
+        elif self.feedforward:
+            self._torques = solution.torques
+        if self.feedback == "closed":
+            self._draw_to_estimate()
+
+    def _draw_to_estimate(self) -> None:
+        estimate = self.observer.robot
+        difference = pin.difference(estimate.model, self.q, estimate.q)
+        self.q[:] = pin.integrate(estimate.model, self.q, self._pull * difference)
+        self.v += self._pull * (estimate.v - self.v)

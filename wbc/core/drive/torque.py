@@ -1,0 +1,80 @@
+"""Torque control: the torques of the solution, by the estimate alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.core.arguments import checked
+from wbc.core.control import DriveControl, FailurePolicy, Prepare, SafetySettings
+from wbc.core.errors import Array
+from wbc.core.estimation.observer import Observer
+from wbc.core.qp.controller import Controller
+from wbc.core.signals import Command, Measurement
+
+
+class TorqueControl(DriveControl):
+    """Torque control: sends the torques of the solution; the controller's robot is the estimated one.
+
+    Attributes:
+        controller: The controller.
+        observer: Observer that estimates the state from measurements.
+        solution: Result of the last tick.
+        measurement: Measurement of the last tick, with what was refused replaced by predictions.
+        failures: Number of failed ticks so far.
+        plausibility: Check of measurements.
+        monitor: Monitor of sensors that contradict each other.
+        gate: Limits of commands.
+    """
+
+    @checked
+    def __init__(
+        self,
+        controller: Controller,
+        observer: Observer | None = None,
+        policy: FailurePolicy | None = None,
+        *,
+        prepare: Prepare | None = None,
+        safety: SafetySettings | None = None,
+    ) -> None:
+        """Connect a controller to its observer.
+
+        Args:
+            controller: The controller.
+            observer: Observer of the same robot model; a new one when None. If it estimates into the controller's own
+                robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
+            policy: Reaction to failures.
+            prepare: Function called once a tick before the QP is solved.
+            safety: Ranges of measurements and commands.
+
+        Raises:
+            InputError: An observer of another robot model.
+        """
+        if observer is None:
+            observer = Observer(controller.robot, adopt=True)
+        super().__init__(controller, observer, policy, prepare, safety)
+
+    def reset(self, q: Array | None = None) -> None:
+        """Restart from a configuration at rest.
+
+        Args:
+            q: Configuration, shape (nq,); half-sitting when None.
+        """
+        self.observer.reset(q)
+        robot = self.controller.robot
+        robot.update(self.observer.robot.q, self.observer.robot.v)
+        self._forget()
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick.
+
+        Args:
+            measurement: Measurement of this tick.
+
+        Returns:
+            Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
+        """
+        if self._think(measurement):
+            return self._send(self.gate.pass_on(self._torques))
+        velocity = self.plausibility.joint_velocity(measurement)
+        damping = -self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6) * velocity
+        return self._send(self.gate.pass_on(damping if self.stopped else self._torques + damping))
