@@ -41,6 +41,9 @@ ROBOTS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )
 """The same of single robots, which come before the usual ones."""
 
+REST = 2.0
+"""Time at rest after each way, s."""
+
 GOOD = math.radians(1.5)
 """Error of the heading that is left alone, rad."""
 
@@ -183,8 +186,9 @@ class CartTrial(HandTrial):
                 continue
             self.stage = stage
             self._goal = self._goal * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.array((way, 0.0, 0.0)))
-            start = self._feet()
-            if not self._walk(walk_distance(start, way) if way else self._turning(start, turn)):
+            start = self.stand()
+            plan = walk_distance(start, way) if way else self._turning(start, turn)
+            if not self.follow(plan, REST, self._look):
                 return
             for _ in range(spec.corrections):
                 rest = math.remainder(
@@ -193,27 +197,9 @@ class CartTrial(HandTrial):
                 if abs(rest) < GOOD:
                     break
                 self._corrections += 1
-                if not self._walk(self._turning(self._feet(), rest)):
+                if not self.follow(self._turning(self.stand(), rest), REST, self._look):
                     return
         self.stage = "done"
-
-    def _walk(self, plan: FootstepPlan) -> bool:
-        """Walk along a plan and come to rest; False if the robot falls."""
-        walking = self.walking
-        walking.follow(plan)
-        if not self.advance(1.0, self._look):
-            return False
-        if not self.until(lambda: walking.finished, 3.0 * (len(plan) + 4), self._look):
-            return False
-        return not walking.driver.reason and self.advance(2.0, self._look)
-
-    def _feet(self) -> FootstepPlan:
-        """Return the robot's stand as the start of a plan."""
-        left, right = (
-            replace(Footstep.of(side, pin.SE3(self.robot.placement(sole.frame))), roll=0.0, pitch=0.0)
-            for side, sole in zip(("left", "right"), self.robot.soles, strict=True)
-        )
-        return replace(FootstepPlan.standing(self.robot), left=left, right=right)
 
     def _turning(self, start: FootstepPlan, angle: float) -> FootstepPlan:
         """Return a plan that turns the robot about the middle of the cart."""

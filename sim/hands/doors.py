@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-import pinocchio as pin
 from pydantic import Field
 
 from wbc.core.arguments import checked
@@ -18,7 +17,6 @@ from wbc.robots import load
 from wbc.sim.hands.trial import ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
 from wbc.walking.hands.hand import HandSettings, HandState
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.planners import turn_in_place, walk_distance
 
 HANDLE = (0.62, 0.42)
@@ -41,6 +39,9 @@ SWEEP = ((0.45, -0.1, 0.4), (0.65, 0.0, 0.35), (0.65, 0.4, 0.35), TUCK)
 
 ASIDE = 0.4
 """Distance of the handle to the right of the middle of the doorway, m."""
+
+REST = 1.0
+"""Time at rest after each way, s."""
 
 GOOD = math.radians(3.0)
 """Angle by which the feet have slipped that is left alone, rad."""
@@ -176,7 +177,7 @@ class DoorTrial(HandTrial):
                 return
             self.stage = "through"
             slip = hands.slip
-            if abs(slip) > GOOD and not self._follow(turn_in_place(self._stand(), -slip), self._bump):
+            if abs(slip) > GOOD and not self.follow(turn_in_place(self.stand(), -slip), REST, self._bump):
                 return
             if not self._walk(spec.through, self._bump):
                 return
@@ -201,23 +202,7 @@ class DoorTrial(HandTrial):
 
     def _walk(self, distance: float, look: Callable[[], None]) -> bool:
         """Walk straight ahead and come to rest; False if the robot falls."""
-        return self._follow(walk_distance(self._stand(), distance), look)
-
-    def _stand(self) -> FootstepPlan:
-        """Return the robot's stand as the start of a plan."""
-        left, right = (
-            replace(Footstep.of(side, pin.SE3(self.robot.placement(sole.frame))), roll=0.0, pitch=0.0)
-            for side, sole in zip(("left", "right"), self.robot.soles, strict=True)
-        )
-        return replace(FootstepPlan.standing(self.robot), left=left, right=right)
-
-    def _follow(self, plan: FootstepPlan, look: Callable[[], None]) -> bool:
-        self.walking.follow(plan)
-        if not self.advance(1.0, look):
-            return False
-        if not self.until(lambda: self.walking.finished, 3.0 * (len(plan) + 4), look):
-            return False
-        return not self.walking.driver.reason and self.advance(1.0, look)
+        return self.follow(walk_distance(self.stand(), distance), REST, look)
 
     def _feel(self) -> None:
         self._force = max(self._force, float(np.linalg.norm(self.hands.outside[:3])))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.core.control import Mode
 from wbc.core.errors import Array
@@ -23,7 +24,7 @@ from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.load import hand_frames
-from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.settings import WalkingControlSettings
 
 HAND_LENGTH = {"talos": 0.19}
@@ -187,6 +188,30 @@ class HandTrial:
             if self.plant.time - begin > most or not self.advance(0.1, look):
                 return False
         return True
+
+    def stand(self) -> FootstepPlan:
+        """Return the robot's stand as the start of a plan."""
+        left, right = (
+            replace(Footstep.of(side, pin.SE3(self.robot.placement(sole.frame))), roll=0.0, pitch=0.0)
+            for side, sole in zip(("left", "right"), self.robot.soles, strict=True)
+        )
+        return replace(FootstepPlan.standing(self.robot), left=left, right=right)
+
+    def follow(self, plan: FootstepPlan, rest: float, look: Callable[[], None] | None = None) -> bool:
+        """Walk along a plan and come to rest; False if the robot falls, or cannot take a step.
+
+        Args:
+            plan: The plan, from `stand`.
+            rest: Time at rest after the last step, s.
+            look: Called after each control period.
+        """
+        walking = self.walking
+        walking.follow(plan)
+        if not self.advance(1.0, look):
+            return False
+        if not self.until(lambda: walking.finished, 3.0 * (len(plan) + 4), look):
+            return False
+        return not walking.driver.reason and self.advance(rest, look)
 
     def common(self) -> HandTrialResult:
         """Return what all results have in common, as it is now."""
