@@ -409,7 +409,7 @@ def rule_of(hint: Any) -> str:
         text = " or ".join(repr(arg) for arg in args)
     elif origin in (Mapping, dict):
         text = f"a mapping of {rule_of(args[0])} to {rule_of(args[1])}"
-    elif origin is tuple and len(args) == 2 and args[1] is ...:
+    elif origin in (Sequence, list) or (origin is tuple and len(args) == 2 and args[1] is ...):
         text = f"a list, each item {rule_of(args[0])}"
     elif origin is tuple:
         same = len(set(map(rule_of, args))) == 1

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.errors import Array
 from wbc.machine.conformance.excitation import Record
 from wbc.machine.conformance.session import UNIT, Session
 
@@ -19,16 +23,51 @@ PULSES = 4
 """Pulses of torque whose beginning is averaged."""
 
 
+class _Moves(NamedTuple):
+    """Answers of all joints to a step of each.
+
+    Attributes:
+        follows: Change of each measured position (column) as a share of the step of each joint (row), shape (na, na).
+        rates: Integral of each joint's velocity over its way, shape (na,); NaN without a way.
+        delays: Lag of each joint behind its reference, shape (na,), s; NaN where it does not follow.
+        stuck: Greatest share of samples that repeat the last one while a joint moves.
+    """
+
+    follows: Array
+    rates: Array
+    delays: Array
+    stuck: float
+
+
 class JointChecks(Session):
     """Checks of encoders and drives."""
 
     def check_joints(self) -> None:
         """Move one joint after the other by a step; who follows, which way, how far, and with which velocity."""
+        moves = self._move_joints()
+        own = moves.follows.diagonal()
+        dead = [i for i in range(self.robot.na) if abs(own[i]) < 0.15]
+        self.obeys = len(dead) < self.robot.na // 2
+        known = self._report_order(moves.follows, dead)
+        turned = [i for i in known if own[i] < 0.0]
+        found = f"reversed: {self._some(turned)}" if turned else "as in the model"
+        cause = "axis the other way round than in the model: feedback drives the joint away, at once"
+        self.add("joint sign", not turned, found, cause)
+        self._report_unit(own, known)
+        if dead or not np.isfinite(moves.rates).any():
+            self.add("joint velocity", "unknown", "the joints do not follow")
+        else:
+            self._report_velocity(moves.rates, known)
+        found = f"{100 * moves.stuck:.0f} % of moving samples repeat the last one"
+        cause = "sensors are read less often than the control period: velocities jump, damping is late"
+        self.add("fresh", moves.stuck < 0.25, found, cause)
+        delays = moves.delays
+        self._report_delay(float(np.nanmedian(delays)) if np.isfinite(delays).any() else float("nan"))
+
+    def _move_joints(self) -> _Moves:
+        """Move each joint by a step and back."""
         robot, excite, na = self.robot, self.excite, self.robot.na
-        follows = np.zeros((na, na))  # row: moved joint; column: change of each measured position
-        self.rates = np.zeros(na)
-        self.stuck = 0.0
-        delays = []
+        follows, rates, delays, stuck = np.zeros((na, na)), np.zeros(na), np.zeros(na), 0.0
         before = self.rest.settled("position")
         middle = 0.5 * (robot.position_lower + robot.position_upper)
         for i in range(na):
@@ -36,82 +75,69 @@ class JointChecks(Session):
             step[i] = STEP if not np.isfinite(middle[i]) or middle[i] >= excite.reference[i] else -STEP
             there, back = excite.move(step, JOINT_TIME)
             follows[i] = (there.settled("position") - before) / step[i]
-            way = np.vstack([before, there.position])
-            integral = float(
-                (
-                    0.5
-                    * (there.velocity + np.vstack([0 * before, there.velocity[:-1]])).sum(axis=0)
-                    * excite.period
-                )[i]
-            )
-            travelled = float(way[-1, i] - way[0, i])
-            self.rates[i] = integral / travelled if abs(travelled) > 1e-4 else np.nan
+            velocity = there.velocity[:, i]
+            integral = 0.5 * float((velocity + np.append(0.0, velocity[:-1])).sum()) * excite.period
+            travelled = float(there.position[-1, i] - before[i])
+            rates[i] = integral / travelled if abs(travelled) > 1e-4 else np.nan
             half = there.position[: len(there.position) // 2]
             same = (np.diff(half, axis=0) == 0.0).all(axis=1)
-            self.stuck = max(self.stuck, float(same.mean()))
-            delays.append(self._lag(there, i, step[i]))
+            stuck = max(stuck, float(same.mean()))
+            delays[i] = self._lag(there, i, step[i])
             before = back.settled("position")
-        own = follows.diagonal()
-        names = robot.joint_names
-        dead = [names[i] for i in range(na) if abs(own[i]) < 0.15]
+        return _Moves(follows, rates, delays, stuck)
+
+    def _some(self, joints: Sequence[int]) -> str:
+        """Return the names of the first few joints."""
+        return ", ".join(self.robot.joint_names[i] for i in joints[:4])
+
+    def _report_order(self, follows: Array, dead: Sequence[int]) -> list[int]:
+        """Report joints that move another one, or none; return the others."""
+        names, na = self.robot.joint_names, self.robot.na
         lead = np.abs(follows).argmax(axis=1)
-        self.obeys = len(dead) < na // 2
         swapped = [
-            i for i in range(na) if lead[i] != i and abs(follows[i, lead[i]]) > max(0.3, 2.0 * abs(own[i]))
+            i
+            for i in range(na)
+            if lead[i] != i and abs(follows[i, lead[i]]) > max(0.3, 2.0 * abs(follows[i, i]))
         ]
         if swapped:
             found = ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
             cause = "joints in another order than `joint_names`: the wrong limb moves, the QP tears the robot apart"
             self.add("joint order", False, found, cause)
         elif dead:
+            found = f"{len(dead)} joints do not follow: {self._some(dead)}"
             cause = (
                 "the command does not reach the drives, these are off or too soft, or the encoder is frozen"
             )
-            self.add("joint order", False, f"{len(dead)} joints do not follow: {', '.join(dead[:4])}", cause)
+            self.add("joint order", False, found, cause)
         else:
             self.add("joint order", True, f"{na} joints follow")
-        known = [i for i in range(na) if i not in swapped and names[i] not in dead]
-        turned = [names[i] for i in known if own[i] < 0.0]
-        cause = "axis the other way round than in the model: feedback drives the joint away, at once"
-        self.add(
-            "joint sign",
-            not turned,
-            f"reversed: {', '.join(turned[:4])}" if turned else "as in the model",
-            cause,
-        )
+        return [i for i in range(na) if i not in swapped and i not in dead]
+
+    def _report_unit(self, own: Array, known: Sequence[int]) -> None:
+        """Report joints that go another way than they should, by the share of their step."""
         size = float(np.median(np.abs(own[known]))) if known else 0.0
         odd = [i for i in known if not 0.3 < abs(own[i]) < 2.5]
         unit = "degrees" if abs(size / UNIT - 1.0) < 0.15 else "the motor's side of the gear, or another unit"
         cause = f"positions in {unit}: joints seem to be far away from where they are"
-        found = f"{size:.2f} of the step" + (f"; odd: {', '.join(names[i] for i in odd[:4])}" if odd else "")
+        found = f"{size:.2f} of the step" + (f"; odd: {self._some(odd)}" if odd else "")
         self.add("joint unit", not odd, found, cause)
-        rates = self.rates[np.isfinite(self.rates)]
-        ratio = float(np.median(rates)) if rates.size else 0.0
-        if rates.size == 0 or dead:
-            self.add("joint velocity", "unknown", "the joints do not follow")
-        else:
-            bad = [i for i in known if np.isfinite(self.rates[i]) and not 0.6 < self.rates[i] < 1.4]
-            what = (
-                "reversed sign"
-                if ratio < 0.0
-                else "zero or frozen"
-                if abs(ratio) < 0.05
-                else "degrees per second"
-                if abs(ratio / UNIT - 1.0) < 0.4
-                else "another unit than the positions"
-            )
-            few = f": {', '.join(names[i] for i in bad[:4])}" if len(bad) < na // 2 else ""
-            cause = f"velocities with {what}{few}: damping is weak, strong or negative, the joints buzz"
-            self.add("joint velocity", not bad, f"∫q̇ dt is {ratio:.2f} of the way", cause)
-        cause = "sensors are read less often than the control period: velocities jump, damping is late"
-        self.add(
-            "fresh",
-            self.stuck < 0.25,
-            f"{100 * self.stuck:.0f} % of moving samples repeat the last one",
-            cause,
+
+    def _report_velocity(self, rates: Array, known: Sequence[int]) -> None:
+        """Report velocities whose integral is not the way, by their ratio."""
+        ratio = float(np.median(rates[np.isfinite(rates)]))
+        bad = [i for i in known if np.isfinite(rates[i]) and not 0.6 < rates[i] < 1.4]
+        what = (
+            "reversed sign"
+            if ratio < 0.0
+            else "zero or frozen"
+            if abs(ratio) < 0.05
+            else "degrees per second"
+            if abs(ratio / UNIT - 1.0) < 0.4
+            else "another unit than the positions"
         )
-        found_delay = float(np.nanmedian(delays)) if np.isfinite(delays).any() else float("nan")
-        self._report_delay(found_delay)
+        few = f": {self._some(bad)}" if len(bad) < self.robot.na // 2 else ""
+        cause = f"velocities with {what}{few}: damping is weak, strong or negative, the joints buzz"
+        self.add("joint velocity", not bad, f"∫q̇ dt is {ratio:.2f} of the way", cause)
 
     def _lag(self, there: Record, joint: int, step: float) -> float:
         """Return the lag of a joint's motion behind its reference, s; NaN if it does not follow."""
