@@ -18,7 +18,7 @@ from wbc.robots import load
 from wbc.sim.hands.trial import SIDES, ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
 from wbc.walking.hands.hand import HandSettings, HandState
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.planners import walk_distance, walk_velocity
 
 BAR = (0.69, 0.48)
@@ -206,11 +206,12 @@ class CartTrial(HandTrial):
         radius = self._bar[0] + BEHIND
         steps = max(2, math.ceil(abs(angle) / math.radians(self.spec.of_robot("turn_step"))))
         duration = start.gait.single_support + start.gait.double_support
-        rate, before = angle / (steps * duration), _mean_yaw(start.left, start.right)
+        rate, before = angle / (steps * duration), mean_heading(start.left.yaw, start.right.yaw)
         for _ in range(4):  # the step that closes up turns as well
             plan = walk_velocity(start, (0.0, -radius * rate, rate), steps=steps)
-            last = {step.side: step for step in plan.steps}
-            turned = _mean_yaw(last.get("left", start.left), last.get("right", start.right)) - before
+            left, right = plan.final
+            off = math.remainder(mean_heading(left.yaw, right.yaw) - before - angle, math.tau)
+            turned = angle + off
             rate *= angle / turned if turned else 1.0
         return plan
 
@@ -256,7 +257,3 @@ def push_cart(spec: CartSpec | None = None, **values: Any) -> CartResult:
 
 def _yaw(pose: pin.SE3) -> float:
     return math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
-
-
-def _mean_yaw(left: Footstep, right: Footstep) -> float:
-    return 0.5 * (left.yaw + right.yaw)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +18,7 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, TrueFallDetector, make_scene
+from wbc.sim.hands import CartSpec, CartTrial
 from wbc.walking import (
     FootstepPlan,
     Gait,
@@ -27,6 +29,7 @@ from wbc.walking import (
     walk_distance,
 )
 from wbc.walking.hands.motion import least_turn
+from wbc.walking.planning.footsteps import mean_heading
 from wbc.walking.stabilizer.zmp import zmp_offset
 
 TABLE = {"distance": 0.18, "height": 0.7}
@@ -345,3 +348,13 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
     walking.hands.press("left_hand", bound - 1.0, AHEAD)
     with pytest.raises(InputError, match=f"may press with {bound:.0f} N"):
         walking.hands.press("left_hand", bound + 1.0, AHEAD, at=(0.3, 0.2, 0.9))
+
+
+def test_a_turn_with_a_cart_is_as_great_as_it_should_be_wherever_the_robot_looks() -> None:
+    trial = CartTrial(CartSpec(noise="none"))
+    for heading, angle in itertools.product((0.0, 3.0, -3.1), (0.5, -0.02, np.pi)):
+        turn = pin.SE3(pin.utils.rotate("z", heading), np.zeros(3))
+        start = trial.stand().moved(turn)
+        left, right = trial._turning(start, angle).final
+        off = mean_heading(left.yaw, right.yaw) - mean_heading(start.left.yaw, start.right.yaw) - angle
+        assert np.remainder(off + np.pi, 2.0 * np.pi) == pytest.approx(np.pi, abs=1e-6)
