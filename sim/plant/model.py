@@ -217,19 +217,20 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
 
     Raises:
         UnknownNameError: No scene of that name.
-        InputError: A file that cannot be read, or a scene with drives of its own.
+        InputError: A file that cannot be read, things that MuJoCo cannot build, or a scene with drives of its own.
     """
     if isinstance(source, str) and source.replace("_", "").isalnum():
         source = make_scene(source)
     try:
         if isinstance(source, Scene):
-            return source.spec()
-        if isinstance(source, mujoco.MjSpec):
+            scene = source.spec()
+        elif isinstance(source, mujoco.MjSpec):
             scene = source.copy()
         elif isinstance(source, str) and source.lstrip().startswith("<"):
             scene = mujoco.MjSpec.from_string(source)
         else:
             scene = mujoco.MjSpec.from_file(str(Path(source).expanduser()))
+        scene.copy().compile()
     except (ValueError, OSError) as error:
         raise InputError(f"scene cannot be read: {str(error).splitlines()[0]}") from error
     if list(scene.actuators):

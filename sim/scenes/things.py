@@ -9,12 +9,16 @@ from typing import Annotated, Literal
 import mujoco
 from pydantic import Field
 
+from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive
 from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, about_z, param, scene_kind
 
 HANDLE_RADIUS = 0.015
 """Radius of a handle, m."""
+
+Opening = Annotated[float, Field(ge=0.1, le=20.0)]
+"""Extent of a door, m: less leaves nothing of its leaf."""
 
 Mass = Annotated[float, Field(gt=0.0, le=1000.0), "kg"]
 
@@ -72,6 +76,12 @@ class Rail(Scene):
     height: Annotated[Size, "m"] = param(0.9, "Height of the top of the bar")
     width: Annotated[Size, "m"] = param(1.6, "Length of the bar")
     radius: Annotated[float, Field(gt=0.0, le=0.2), "m"] = param(0.025, "Radius of the bar")
+
+    def __post_init__(self) -> None:
+        if self.height <= self.radius:
+            raise InputError(
+                f"height (m) of a rail must be above its radius of {self.radius:g} m, got {self.height:g}"
+            )
 
     def build(self, spec: mujoco.MjSpec) -> None:
         level = self.height - self.radius
@@ -160,8 +170,8 @@ class Door(Scene):
     distance: Annotated[Place, "m"] = param(0.6, "Its leaf from the origin")
     hinge: Literal["left", "right"] = param("left", "Side of the hinge, as the robot sees it")
     opens: Literal["away", "towards"] = param("away", "Direction in which it opens")
-    width: Annotated[Size, "m"] = param(1.0, "Width of the leaf")
-    height: Annotated[Size, "m"] = param(2.0, "Height of the leaf")
+    width: Annotated[Opening, "m"] = param(1.0, "Width of the leaf")
+    height: Annotated[Opening, "m"] = param(2.0, "Height of the leaf")
     mass: Mass = param(12.0, "Mass of the leaf")
     resistance: Annotated[NonNegative, "Nm"] = param(2.0, "Dry friction of the hinge")
     damping: Annotated[NonNegative, "Nms/rad"] = param(2.0, "Damping of the hinge")

@@ -108,12 +108,21 @@ def test_the_cart_moves_above_its_resistance_and_not_below() -> None:
     assert moved[1] == pytest.approx((20.0 - 15.0) / 10.0 * 0.2, rel=0.3)
 
 
+BROKEN = '<mujoco><worldbody><body><geom type="box" size="0 1 1"/></body></worldbody></mujoco>'
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Plant(load("g1"), scene="wal"), "no scene 'wal'; did you mean 'wall'"),
         (lambda: make_scene("wall", distence=1.0), "distence"),
         (lambda: make_scene("cart", mass=-1.0), "mass"),
+        (lambda: make_scene("door", width=0.01), "width (m) must be a finite number of at least 0.1"),
+        (lambda: make_scene("rail", height=0.01), "height (m) of a rail must be above its radius"),
+        (
+            lambda: Plant(load("g1"), scene=BROKEN),
+            "scene cannot be read: ",
+        ),
         (lambda: Plant(load("g1"), scene=make_scene("wall", distance=0.05)), "mm inside 'wall'"),
         (lambda: Plant(load("g1")).grip("left_hand", "left handle"), "without a scene"),
         (lambda: Plant(load("g1"), scene="rail").grip("left_hnd", "left handle"), "left_hand"),
