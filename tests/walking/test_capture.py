@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
+from wbc.core.drive.position import PositionControl
 from wbc.robots import load
 from wbc.sim.balance import StandPushSpec, StandSpec, push_standing, stand
-from wbc.walking import FootstepPlan, Reach, WalkingControl, natural_frequency
-from wbc.walking.planning.capture import CaptureSteps
+from wbc.walking import FootstepPlan, Reach, Walk, WalkingControl, natural_frequency
+from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
 from wbc.walking.planning.footsteps import Footstep, other
 
 ROBOT = load("hrp4_class").robot()
@@ -88,6 +91,76 @@ def test_feet_stay_apart_unless_the_dcm_runs_away_over_the_stance_foot() -> None
     assert START.left.y - ahead.y >= START.spacing - 1e-9
 
 
+@pytest.mark.parametrize("yaw", [0.0, 2.0, -3.1])
+def test_a_push_is_straight_where_the_dcm_leaves_ahead_or_back(yaw: float) -> None:
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    feet = [
+        Footstep(foot.side, *(turn @ (foot.x, foot.y)), 0.0, foot.yaw + yaw)
+        for foot in (START.left, START.right)
+    ]
+    turned = FootstepPlan(*feet, (), START.gait)
+    middle = turn @ MIDDLE
+    ahead = [
+        capture().pushed_straight(middle + turn @ way, turned)
+        for way in ((0.1, 0.02), (-0.1, 0.03), (0.1, 0.1), (0.0, 0.1))
+    ]
+    assert ahead == pytest.approx([0.1, -0.1, 0.0, 0.0])
+
+
+def test_all_straight_steps_take_as_long() -> None:
+    straight = CaptureSettings().for_straight()
+    assert straight.quickest == straight.gait.single_support == 0.28
+    assert straight.gait.swing_height < CaptureSettings().gait.swing_height
+
+
+def test_the_base_of_a_commanded_robot_is_drawn_to_the_estimated_one_and_its_joints_stay() -> None:
+    robot = load("hrp4_class").robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
+    control = walking.control
+    assert isinstance(control, PositionControl)
+    estimate = control.observer.robot
+    q, v = np.array(estimate.q), np.array(estimate.v)
+    q[0] += 0.04
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.1, 0.0)).coeffs()
+    v[0] = 0.5
+    estimate.update(q, v)
+    joints = control.q[7:].copy()
+    control.draw_base(0.5)
+    np.testing.assert_array_equal(control.q[7:], joints)
+    pitch = pin.rpy.matrixToRpy(robot.placement(robot.base_frame).rotation)[1]
+    assert pitch == pytest.approx(0.05, abs=1e-3) and control.v[0] == pytest.approx(0.25)
+    for _ in range(40):
+        control.draw_base(0.5)
+    np.testing.assert_allclose(control.q[:7], q[:7], atol=1e-6)
+
+
+def test_the_height_of_the_com_weighs_more_while_a_robot_steps_ahead() -> None:
+    robot = load("hrp4_class").robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
+    before = np.array(walking.tasks.com.weight)
+    walking.tasks.hold_height(1000.0)
+    np.testing.assert_array_equal(walking.tasks.com.weight, [100.0, 100.0, 1000.0])
+    walking.tasks.hold_height(None)
+    np.testing.assert_array_equal(walking.tasks.com.weight, before)
+
+
+def test_a_pattern_of_a_push_does_not_fall_back_with_each_plan() -> None:
+    """A DCM that the feet cannot hold, planned from again and again: the CoM depends on what is measured alone."""
+    plan = FootstepPlan.standing(ROBOT)
+    com = np.array(ROBOT.com)
+    far = com + (0.4, 0.0, 0.0)
+    step = replace(plan.right, x=plan.right.x + 0.2)
+
+    def after(plans: int, measured: np.ndarray | None) -> float:
+        walk = Walk(ROBOT, plan, float(ROBOT.com[2]), 0.005)
+        for _ in range(plans):
+            walk.steer([step], None, far, measured)
+        return float(walk.update((190.0, 190.0)).pendulum.com[0])
+
+    assert after(20, com) == pytest.approx(after(2, com), abs=1e-3)
+    assert after(20, None) < after(2, None) - 0.5
+
+
 def test_soles_of_a_commanded_robot_do_not_bind_while_it_steps_out_of_a_push() -> None:
     """Its QP then finds wrenches beyond the soles; on them again it has those of before."""
     robot = load("hrp4_class").robot()
@@ -119,6 +192,25 @@ def test_a_robot_steps_out_of_a_push_that_its_feet_in_place_do_not_take(
     spec = StandPushSpec(robot=robot, mode="position", impulse=impulse, direction=math.radians(degrees))
     assert not push_standing(spec).recovered
     assert push_standing(StandPushSpec(**(vars(spec) | {"steps": "allowed"}))).recovered
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degrees", [0.0, 180.0])
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
+def test_a_long_push_ahead_and_back_is_stepped_out_of(robot: str, degrees: float) -> None:
+    """350 N for 0.15 s on an adult-size robot, with noise."""
+    spec = StandPushSpec(
+        robot=robot,
+        mode="position",
+        impulse=0.58,
+        duration=0.15,
+        direction=math.radians(degrees),
+        noise="realistic",
+        after=3.0,
+        steps="allowed",
+        seed=132,
+    )
+    assert push_standing(spec).recovered
 
 
 @pytest.mark.slow

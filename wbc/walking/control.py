@@ -25,6 +25,7 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench
+from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
@@ -121,7 +122,7 @@ class WalkingControl:
             narrow = Reach.of(robot).max_spacing
             reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
         self.walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
-        self.driver = Driver(self.walk, robot, s.drive, extent)
+        self.driver = Driver(self.walk, robot, s.drive, extent, drawn=s.mode == "position")
         self._omega = scalar(self.walk.omega)
         self._sizes: SoleSizes = self.walk.sole_sizes
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
@@ -160,7 +161,7 @@ class WalkingControl:
         self._in_contact = (True, True)
         self._freed = False  # from the edges of its soles
         self._wrench_targets = np.zeros((2, 6))
-        self._dcm = np.zeros(3)  # as measured, with its bias
+        self._com, self._dcm = np.zeros(3), np.zeros(3)  # as measured, with its bias
 
         # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control), of the
         # estimated soles and of the estimated torso: they move on with their models.
@@ -285,7 +286,11 @@ class WalkingControl:
         """Set all targets of this tick."""
         if self.load is not None:
             self._hold(self.load)
+        capture = self.driver.settings.capture
+        if self.driver.straight and capture is not None and isinstance(self.control, PositionControl):
+            self.control.draw_base(lag_gain(self.dt, capture.base_time))
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
+        self._com = com
         self._dcm = com + velocity / self._omega
         bias = None if self.bias is None else self._estimate_bias(self.bias)
         self.reference = reference = self._update_walk(bias)
@@ -358,7 +363,7 @@ class WalkingControl:
         if self.hands is not None and self.hands.active:  # the plan is that without hands
             dcm = dcm.copy()
             dcm[:2] -= self.hands.shift
-        self.driver.update(self.time, dcm, self._beyond)
+        self.driver.update(self.time, dcm, self._beyond, self._com - (self._dcm - dcm))
         # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
         held = self.hands is not None and self.hands.gripping
         # Filtered loads: a foot that has just met the ground presses in jerks.
@@ -373,6 +378,9 @@ class WalkingControl:
         if free is not self._freed:
             self._freed = free
             self.tasks.free(free)
+            capture = self.driver.settings.capture
+            firm = self.driver.straight > 0 and capture is not None
+            self.tasks.hold_height(capture.height_weight if firm and capture is not None else None)
         return reference
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:

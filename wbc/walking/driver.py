@@ -14,6 +14,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from wbc.core.errors import Array, InputError, shown
 from wbc.core.robot import Robot
 from wbc.walking.pattern.swing import shortest_swing
@@ -54,10 +56,17 @@ class Driver:
         source: Source of the footsteps; None for the plan that the walk began with.
         reason: Reason for which the last source was dropped; empty if none was.
         steered: True if footsteps come, or may come, from a source; False for a walk along its first plan.
+        straight: 1 while the robot steps out of a push straight ahead, -1 straight back, 0 otherwise.
     """
 
     def __init__(
-        self, walk: Walk, robot: Robot, settings: DriveSettings | None = None, extent: Extent | None = None
+        self,
+        walk: Walk,
+        robot: Robot,
+        settings: DriveSettings | None = None,
+        extent: Extent | None = None,
+        *,
+        drawn: bool = False,
     ) -> None:
         """Leave the walk to its plan.
 
@@ -66,6 +75,7 @@ class Driver:
             robot: Its robot, for the soles.
             settings: Settings; the defaults when None.
             extent: The ground; endless when None.
+            drawn: True if the base of a commanded robot is drawn to the estimated one while `straight` is not zero.
         """
         self.settings = settings or DriveSettings()
         self.source: FootstepSource | None = None
@@ -77,13 +87,16 @@ class Driver:
         self._planned: tuple[FootstepSource | None, Velocity] = (None, AT_REST)
         self._landed = False
         capture = self.settings.capture
-        self._capture = (
-            None
-            if capture is None
-            else CaptureSteps(walk.omega, walk.reach, walk.sole_sizes, plan.spacing, capture)
-        )
+        self._capture = self._straight = None
+        if capture is not None:
+            figures = walk.omega, walk.reach, walk.sole_sizes, plan.spacing
+            self._capture = CaptureSteps(*figures, capture)
+            if drawn:
+                self._straight = CaptureSteps(*figures, capture.for_straight())
+        self.straight = 0
         self.steered = not len(plan)  # a plan from the start is walked as it is
         self._outside = 0.0  # time that the DCM has been outside the feet, s
+        self._dcm = self._com = np.zeros(3)  # as measured in this tick
         self._waits = walk.phases.settings
 
     @property
@@ -173,18 +186,27 @@ class Driver:
                 )
         self.follow(GoalSource((x, y, yaw), self.velocity_source()))
 
-    def update(self, time: float, dcm: Array | None = None, beyond: float = -math.inf) -> None:
+    def update(
+        self,
+        time: float,
+        dcm: Array | None = None,
+        beyond: float = -math.inf,
+        com: Array | None = None,
+    ) -> None:
         """Plan the footsteps anew if it is time to.
 
         Args:
             time: Time since the start of the walk, s.
             dcm: Measured DCM, shape (2,) or (3,), m; without it the robot does not step out of a push.
             beyond: Distance of that DCM beyond the hull of both soles, m; negative inside.
+            com: Measured CoM, shape (3,), m; the DCM when None.
         """
         source, phases = self.source, self._walk.phases
         capture = self._capture if self.steered and dcm is not None else None
-        if capture is not None and dcm is not None and self._step_out(time, dcm, beyond, capture):
-            return
+        if capture is not None and dcm is not None:
+            self._dcm, self._com = dcm, dcm if com is None else com
+            if self._step_out(time, beyond, self._straight if self.straight and self._straight else capture):
+                return
         if source is None:
             return
         swings = phases.phase is Phase.SINGLE
@@ -206,7 +228,7 @@ class Driver:
         except Exception as error:  # of a source of the user's own, too: the robot comes to a stand
             self._drop(error, now)
 
-    def _step_out(self, time: float, dcm: Array, beyond: float, capture: CaptureSteps) -> bool:
+    def _step_out(self, time: float, beyond: float, capture: CaptureSteps) -> bool:
         """Step out of a push; True while the robot does."""
         walk, phases, s = self._walk, self._walk.phases, capture.settings
         rests = phases.step >= len(phases.plan)
@@ -217,13 +239,18 @@ class Driver:
             phases.settings = replace(self._waits, max_wait=s.wait, early_credit=0.0)
             walk.adjusts, walk.reaction = False, 0.0
             self._next = time
+            if self._straight is not None:
+                ahead = self._straight.pushed_straight(self._dcm, self._standing(time).start)
+                self.straight = (ahead > 0.0) - (ahead < 0.0)
+                if self.straight:
+                    capture, s = self._straight, self._straight.settings
         if phases.phase is Phase.SINGLE:
-            self._aim(dcm, capture)
+            self._aim(capture)
             self._next = time
             return True
         if phases.phase is Phase.STANDING and beyond < -s.inside:
             phases.settings, self._outside, self._next = self._waits, 0.0, time
-            walk.adjusts = True
+            walk.adjusts, self.straight = True, 0
             return False
         if time < self._next:
             return True
@@ -238,11 +265,11 @@ class Driver:
                 walk.steer(plan.steps, s.gait.on_grid(walk.period)[0])
             return True
         wait = s.gait.initial_double_support if rests else max(phases.duration - phases.elapsed, 0.0)
-        plan = capture.footsteps(dcm, now.start, now.first, wait)
-        walk.steer(plan.steps, s.gait.on_grid(walk.period)[0], dcm)
+        plan = capture.footsteps(self._dcm, now.start, now.first, wait)
+        walk.steer(plan.steps, s.gait.on_grid(walk.period)[0], self._dcm, self._with_it)
         return True
 
-    def _aim(self, dcm: Array, capture: CaptureSteps) -> None:
+    def _aim(self, capture: CaptureSteps) -> None:
         """Move the landing of the foot in the air under the DCM."""
         phases, s = self._walk.phases, capture.settings
         remaining = phases.duration - phases.elapsed
@@ -252,10 +279,15 @@ class Driver:
         if remaining <= s.aim_until:
             return
         planned = phases.plan.steps[phases.step]
-        landing = capture.landing(dcm, phases.plan.stance(phases.step), planned, remaining)
+        landing = capture.landing(self._dcm, phases.plan.stance(phases.step), planned, remaining)
         moved = math.hypot(landing.x - planned.x, landing.y - planned.y)
         if begins or moved > s.least_change:
-            self._walk.aim(landing, remaining, dcm, s.sink)
+            self._walk.aim(landing, remaining, self._dcm, self._with_it, s.sink)
+
+    @property
+    def _with_it(self) -> Array | None:
+        """CoM from which the pattern goes on with the measured DCM; None for its own."""
+        return self._com if self.straight else None
 
     def _swing_time(self, settings: CaptureSettings) -> float:
         """Time of the swing that begins, s: short steps take less."""

@@ -87,6 +87,7 @@ class WalkTasks:
         """
         robot = controller.robot
         self._torque, self._swing_weight = torque, gains.swing_weight
+        self._com_weight = gains.com_weight
         self.com = controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
         if torque:  # horizontally the stabilizer gives the acceleration; the task holds the height
             self.com.stiffness = (0.0, 0.0, gains.com_stiffness)
@@ -162,6 +163,16 @@ class WalkTasks:
             return
         for contact, sole in zip(self.contacts, self._soles, strict=True):
             contact.set_rectangle(*((FREE_SOLE, FREE_SOLE) if freed else (sole.length, sole.width)))
+
+    def hold_height(self, weight: float | None) -> None:
+        """Weigh the height of the CoM by itself: a foot that is swung as fast as the joints allow would throw it up.
+
+        Args:
+            weight: Cost per (m/s²)²; that of all axes when None.
+        """
+        self.com.weight = (
+            self._com_weight if weight is None else np.array((self._com_weight,) * 2 + (weight,))
+        )
 
     def move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
         """Follow the swing foot's reference; hold standing feet at their corrections, or to their wrenches.

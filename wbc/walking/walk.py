@@ -263,13 +263,20 @@ class Walk:
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
-    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None, dcm: Array | None = None) -> None:
+    def steer(
+        self,
+        steps: Sequence[Footstep],
+        gait: Gait | None = None,
+        dcm: Array | None = None,
+        com: Array | None = None,
+    ) -> None:
         """Replace all steps that have not begun; a robot that stands sets off with the next update.
 
         Args:
             steps: Landings from now on, after that of the foot in the air; none for a stand.
             gait: Sizes and timings from the next phase on; as before when None.
             dcm: DCM from which the pattern goes on, shape (2,) or (3,), m; that of the pattern when None.
+            com: CoM that goes with it, shape (2,) or (3,), m; that of the pattern when None.
 
         Raises:
             InputError: Sides that do not alternate, or a single support too short for a swing; nothing is changed then.
@@ -291,17 +298,18 @@ class Walk:
             self._events = (phases.start(),)
             if self._rest is not None:
                 self._rest, self._time = None, 0.0
-        self._replan(None, dcm)
+        self._replan(None, dcm, com)
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
-    def aim(self, landing: Footstep, remaining: float, dcm: Array, sink: float) -> None:
+    def aim(self, landing: Footstep, remaining: float, dcm: Array, com: Array | None, sink: float) -> None:
         """Move the landing and the touch-down of the foot in the air.
 
         Args:
             landing: New landing of that foot.
             remaining: Time from now to touch-down, s.
             dcm: DCM from which the pattern goes on, shape (2,) or (3,), m.
+            com: CoM that goes with it, shape (2,) or (3,), m; that of the pattern when None.
             sink: Depth under the landing at which the foot arrives unless it meets the ground before, m.
         """
         assert self._swing is not None
@@ -311,7 +319,7 @@ class Walk:
         phases.retime(time)
         self._sink = sink
         self._swing.retarget(phases.elapsed, replace(landing, z=landing.z - sink), phases.elapsed + time)
-        self._replan(None, dcm)
+        self._replan(None, dcm, com)
 
     def update(
         self,
@@ -425,10 +433,17 @@ class Walk:
         self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
 
-    def _replan(self, dcm: Array | None, pushed: Array | None = None) -> None:
-        """Plan the pattern anew, from the pendulum as planned, partly as measured, or with the DCM of a push."""
+    def _replan(self, dcm: Array | None, pushed: Array | None = None, com: Array | None = None) -> None:
+        """Plan the pattern anew: from the pendulum as planned, partly as measured, or with DCM (and CoM) of a push."""
         start = self._pattern.at(self._time)
-        if pushed is not None:
+        if pushed is not None and com is not None:
+            # A pattern keeps c − ċ/ω and finds a DCM that the supports can hold. From its own CoM it would fall back by
+            # half of what they cannot, with each plan anew.
+            here, velocity = start.com.copy(), start.com_velocity.copy()
+            here[:2] = com[:2]
+            velocity[:2] = self.omega * (np.asarray(pushed)[:2] - here[:2])
+            start = start._replace(com=here, com_velocity=velocity)
+        elif pushed is not None:
             velocity = start.com_velocity.copy()
             velocity[:2] += self.omega * (np.asarray(pushed)[:2] - start.dcm[:2])
             start = start._replace(com_velocity=velocity)

@@ -18,6 +18,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
+from wbc.core.robot import BASE_DOF
 from wbc.core.signals import Command, Measurement
 
 
@@ -132,6 +133,19 @@ class PositionControl(DriveControl):
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
         return self._send(command)
+
+    def draw_base(self, share: float) -> None:
+        """Draw the base of the commanded robot to the estimated one; its joints, which the servos follow, stay.
+
+        Args:
+            share: Share of the way, 0 to 1.
+        """
+        robot, estimate = self.controller.robot, self.observer.robot
+        difference = pin.difference(robot.model, self.q, np.asarray(estimate.q))
+        difference[BASE_DOF:] = 0.0
+        self.q[:] = pin.integrate(robot.model, self.q, share * difference)
+        self.v[:BASE_DOF] += share * (estimate.v[:BASE_DOF] - self.v[:BASE_DOF])
+        robot.update(self.q, self.v)
 
     def _use(self, solution: Solution) -> None:
         if callable(self.feedforward):

@@ -44,6 +44,10 @@ def _quick() -> Gait:
     )
 
 
+def _straight() -> Gait:
+    return replace(_quick(), swing_height=0.03, apex=0.5)
+
+
 @settings
 class CaptureSettings:
     """Settings of steps out of a push.
@@ -67,6 +71,11 @@ class CaptureSettings:
             over the edge of its stance foot holds the other one up.
         wait: Longest time that a loaded foot delays its lift-off, s.
         gait: Timings and swing.
+        straight: Distance to the side per distance ahead or back up to which a DCM counts as pushed straight; the three
+            below are for such pushes, in position control.
+        straight_gait: Timings and swing; all steps take as long.
+        base_time: Time constant with which the base of the commanded robot is drawn to the estimated one, s.
+        height_weight: Cost of the height of the CoM per (m/s²)² for pushes to the front.
     """
 
     trigger: Annotated[float, "m"] = -0.01
@@ -85,6 +94,15 @@ class CaptureSettings:
     sink: Annotated[NonNegative, "m"] = 0.015
     wait: Annotated[NonNegative, "s"] = 0.0
     gait: Gait = field(default_factory=_quick)
+    straight: NonNegative = 0.4
+    straight_gait: Gait = field(default_factory=_straight)
+    base_time: Annotated[Positive, "s"] = 0.08
+    height_weight: Positive = 1000.0
+
+    def for_straight(self) -> CaptureSettings:
+        """Return the settings with the gait for pushes straight ahead or back."""
+        gait = self.straight_gait
+        return replace(self, gait=gait, quickest=gait.single_support)
 
 
 class CaptureSteps:
@@ -114,6 +132,19 @@ class CaptureSteps:
         """
         self.settings = settings or CaptureSettings()
         self._omega, self._reach, self._sizes, self._spacing = omega, reach, sizes, spacing
+
+    def pushed_straight(self, dcm: Array, start: FootstepPlan) -> float:
+        """Return the distance of a DCM ahead of the middle of both feet, m; 0 if it has left to the side.
+
+        Args:
+            dcm: DCM in the world, shape (2,) or (3,), m.
+            start: Feet on the ground.
+        """
+        yaw = start.left.yaw + 0.5 * math.remainder(start.right.yaw - start.left.yaw, 2.0 * math.pi)
+        x = float(dcm[0]) - 0.5 * (start.left.x + start.right.x)
+        y = float(dcm[1]) - 0.5 * (start.left.y + start.right.y)
+        ahead, aside = math.cos(yaw) * x + math.sin(yaw) * y, math.cos(yaw) * y - math.sin(yaw) * x
+        return ahead if abs(aside) <= self.settings.straight * abs(ahead) else 0.0
 
     def outside(self, dcm: Array, start: FootstepPlan) -> float:
         """Return the distance of a DCM (shape (2,) or (3,), m) beyond the hull of both soles, m; negative inside."""
