@@ -152,7 +152,7 @@ class PushTableSpec:
 
     Attributes:
         robot: Robots, of those that `wbc robots` lists.
-        mode: Command of the drives: position, torque or both.
+        mode: Commands of the drives: position, torque, hybrid; one or several.
         directions: Number of directions, evenly spread, beginning with forward and going to the left.
         highest: Largest impulse tried, Ns/kg.
         resolution: Width of the last interval of the bisection, Ns/kg.
@@ -210,7 +210,7 @@ class PushCell:
 
     Attributes:
         robot: Name of the robot.
-        mode: "position" or "torque".
+        mode: "position", "torque" or "hybrid".
         direction_deg: Direction of the push, degrees; 0 is forward, 90 to the left.
         impulse: Largest impulse from which the robot recovered, Ns/kg.
     """

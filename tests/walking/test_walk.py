@@ -605,3 +605,22 @@ def test_phases_are_reported() -> None:
         and reference.events == (Event.STARTED,)
         and reference.contact == (True, True)
     )
+
+
+def test_steps_that_are_refused_change_nothing() -> None:
+    """The gait that came with them is refused as well."""
+    plan = walk_distance(START, 0.3)
+    walks = [Walk(ROBOT, plan, HEIGHT, DT, STEADY) for _ in range(2)]
+    refused = [plan.steps[0], plan.steps[0]]
+    with pytest.raises(InputError):
+        walks[0].steer(refused, replace(plan.gait, swing_height=0.1))
+    heights = []
+    for walk in walks:
+        walk.start()
+        side = SIDES.index(plan.steps[0].side)
+        loads = (0.0, WEIGHT) if side == 0 else (WEIGHT, 0.0)
+        while walk.update(loads).phase is not Phase.SINGLE:
+            pass
+        heights.append([float(walk.update(loads).feet[side].placement.translation[2]) for _ in range(60)])
+    assert heights[0] == heights[1]
+    assert max(heights[0]) > 0.03
