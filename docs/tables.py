@@ -11,7 +11,9 @@ The words are the name of a study, its journal (JSON lines, plain or compressed 
     choice      `wbc study choice`: which arm is best on which ground, and what choosing it there is worth
     short       without how the walks of each ground ended; the completed ones of all grounds stand in a line
     table4      the study 'table4' beside the paper's table
-    optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II
+    optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II, with the
+                default law and wide bounds; `--law legacy` for the paper's law and bounds
+    folds       `wbc stiffness compare` on the table of the data set: the paper's model under every split
 
 A figure is drawn anew by `--figures`; it stands under `<!-- figure fig5 from fig5.jsonl.xz --as steps --to
 images/fig5_steps.svg -->`, with `--as steps` or `--as differences`.
@@ -31,13 +33,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from wbc.core.files import read_json
+from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
+from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import authority_heights, table_four
 from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
-from wbc.sim.studies.paper.optimum import optimum, table_two, walked_points
+from wbc.sim.studies.paper.optimum import Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.study import Study, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_table
@@ -46,8 +50,9 @@ DOCS = Path(__file__).parent
 PLACE = re.compile(r"<!-- table (.+?) -->\n(.*?)<!-- end of table -->\n", re.DOTALL)
 FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
-OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--cell", "--arm", "--as", "--to")
-FULL_BUDGET = 400
+OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--cell", "--arm", "--as", "--to", "--law")
+FULL_BUDGET, VALIDATIONS = 400, 20  # walks of an optimisation, and seeds of its validation
+WINDOWS = 3  # of each ground of the data set, as `wbc study paper` cuts it
 
 
 class Mark:
@@ -123,6 +128,8 @@ def made(words: str, journals: Path) -> str:
         text = table_four(mark.table())
     elif kind == "short":
         text = _short(mark.table())
+    elif kind == "folds":
+        text = _folds(mark)
     elif kind == "table":
         text = mark.table().markdown()
     else:
@@ -148,19 +155,34 @@ def _code(code: str) -> str:
     return f"with the code `{code}`. (`python docs/tables.py`)"
 
 
+def _folds(mark: Mark) -> str:
+    """Return how well the paper's model predicts the labels of a data set, by each split of it."""
+    table = stiffness_table(mark.study, labels(mark.study, mark.entries, any_code=True), windows=WINDOWS)
+    return comparison_table(compare(table, candidates()[:1]))
+
+
 def _optima(mark: Mark) -> str:
     """Return the optima of some grounds beside the paper's Table II."""
-    found = {}
+    found: dict[OptimisationSpec, Optimum] = {}
+    law = mark.option("--law") or "default"
     for ground in mark.name.split("+"):
-        height = authority_heights().get(ground)
-        spec = OptimisationSpec(ground=ground, amplitude=height, bounds=BOUNDS["wide"])
+        height = authority_heights().get(ground) if law == "default" else None
+        bounds = BOUNDS["wide" if law == "default" else "paper"]
+        spec = OptimisationSpec(ground=ground, amplitude=height, law=law, bounds=bounds)
         known = walked_points(spec, mark.entries, any_code=True)
-        found[ground] = optimum(known, spec.bounds)
-    used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in found]
-    walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in found.items())
+        found[spec] = optimum(known, spec.bounds)
+    grounds = {spec.ground: each for spec, each in found.items()}
+    study = validation(found, VALIDATIONS)
+    judged = [entry for _, entry in study_entries(study, mark.entries, any_code=True) if entry is not None]
+    text = table_two(grounds)
+    if judged:
+        judgement = _short(study_table(study, mark.entries, any_code=True))
+        text += f"\n\nOn held-out layouts, with the best gains, {judgement}"
+    used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
+    walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())
     partial = "Partial: " if any(each.walks < FULL_BUDGET for each in found.values()) else ""
     caption = f"*{partial}{walks} of {FULL_BUDGET} walks a ground, {_code(mark.code(used))}*"
-    return f"\n{table_two(found)}\n\n{caption}\n\n"
+    return f"\n{text}\n\n{caption}\n\n"
 
 
 def draw(words: str, folder: Path) -> Path:

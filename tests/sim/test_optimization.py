@@ -164,15 +164,16 @@ def test_a_journal_gives_the_points_in_the_order_of_asking() -> None:
 
 def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_papers() -> None:
     found = optimum(optimise(SPEC, 20, MadeUpWalks()), SPEC.bounds)
-    study = validation(SPEC, found, 20)
-    assert set(study.seeds) == set(range(100, 120)) and list(study.arms) == [
-        "best",
-        "k 5",
-        "k 80",
-        "k 2000",
-    ]
-    specs = [trial.spec for trial in study.trials()]
-    assert all(SPEC.owns(spec.to_json()) for spec in specs)
+    boards = OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3)
+    study = validation({SPEC: found, boards: found}, 20)
+    assert set(study.seeds) == set(range(100, 120))
+    assert list(study.arms) == ["best", "k 5", "k 80", "k 2000"]
+    specs = {trial.cell: trial.spec for trial in study.trials()}
+    assert all(
+        (spec.ground == cell) == spec.owns(walk.to_json())
+        for spec in (SPEC, boards)
+        for cell, walk in specs.items()
+    )
     text = table_two({"stones": found})
     assert "| 4 | 1.3 | 2.8 – 16.1 |" in text and len(TABLE_II) == 11
 

@@ -162,24 +162,27 @@ def _ranges(values: Array, inside: Iterable[bool]) -> tuple[tuple[float, float],
     return tuple(found)
 
 
-def validation(spec: OptimisationSpec, found: Optimum, seeds: int) -> Study:
-    """Return the study that walks the optimum on seeds that the optimisation has not seen, beside other stiffnesses.
+def validation(found: Mapping[OptimisationSpec, Optimum], seeds: int) -> Study:
+    """Return the study that walks optima on seeds that no optimisation has seen, beside other stiffnesses.
 
     Args:
-        spec: The optimisation.
-        found: Its result.
+        found: Optimisation → its result; all with the same bounds of the stiffness.
         seeds: Number of seeds, at least 1.
     """
-    low, high = spec.bounds.k
+    low, high = next(iter(found)).bounds.k
     others = {f"k {k:g}": k for k in (5.0, PAPER_STIFFEST, high) if low <= k <= high}
-    arms = {"best": spec.own_parts(found.best)}
-    arms |= {name: spec.own_parts({**found.best, "k": k}) for name, k in others.items()}
+    cells = []
+    for spec, optimal in found.items():
+        own = {name: spec.own_parts({**optimal.best, "k": k}) for name, k in others.items()}
+        cells.append(
+            Cell(spec.ground, spec.parts(), arm_values={"best": spec.own_parts(optimal.best), **own})
+        )
     return Study(
-        name=f"validation, {spec.ground}",
-        about="the optimum on held-out seeds, beside other stiffnesses with the same gains",
-        base=spec.parts(),
-        cells=(Cell(spec.ground, {}),),
-        arms=arms,
+        name="validation",
+        about="optima on held-out seeds, beside other stiffnesses with the same gains",
+        base={},
+        cells=tuple(cells),
+        arms={name: {} for name in ("best", *others)},
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         metric="J",
         reference="best",

@@ -144,7 +144,7 @@ def run_optimisation(
             known = walked[spec.ground] = optimise(spec, options.budget, run, any_code=options.any_code)
             found[spec.ground] = optimum(known, spec.bounds, seed=spec.seed)
             if options.validate:
-                study = validation(spec, found[spec.ground], options.validate)
+                study = validation({spec: found[spec.ground]}, options.validate)
                 entries = run([trial.spec for trial in study.trials()])  # type: ignore[misc]
                 judged[spec.ground] = study_table(study, entries, any_code=options.any_code)
     return found, walked, judged
@@ -159,7 +159,7 @@ def _texts(found: Mapping[str, Optimum], judged: Mapping[str, StudyTable]) -> li
             f"{each.walks} walks"
         )
         if name in judged:
-            lines.append(f"{judged[name].study.name}\n\n{judged[name].markdown()}")
+            lines.append(f"{judged[name].study.name}, {name}\n\n{judged[name].markdown()}")
     return lines
 
 
