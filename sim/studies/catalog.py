@@ -128,6 +128,7 @@ def speed(seeds: int = 4) -> Study:
         about="highest speed walked by a robot that is steered, m/s, turning rad/s; the median over seeds is that at "
         "which half of the walks fail",
         kind="speed_limit",
+        metric="fastest",
         base={"terrain": "flat", "noise": "realistic", "changes": dict(QUICK)},
         cells=tuple(
             Cell(

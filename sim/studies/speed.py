@@ -2,7 +2,8 @@
 
 A walk has a speed if it comes to its end without a fall, and if the robot really moves so fast: the mean over the
 second half of the drive is at least nine tenths of the command. The median over seeds is the speed at which half of the
-walks fail.
+walks fail. A drive that is asked for more than its legs reach grants less, so that the fastest walk without a fall is
+recorded, too.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ class _Speed(WalkHook):
 
 
 def speed_limit_outcome(spec: SpeedLimitSpec, check: Check) -> Outcome:
-    """Find the highest speed of a robot: that commanded, and that with which it moved then."""
+    """Find the highest speed of a robot, how fast it moved at it, and how fast in its fastest walk without a fall."""
     begin = time.perf_counter()
     tried: list[dict[str, Any]] = []
     moved = {0.0: 0.0}
@@ -141,7 +142,14 @@ def speed_limit_outcome(spec: SpeedLimitSpec, check: Check) -> Outcome:
         return fine
 
     limit = largest_recovered(walks, spec.highest, spec.resolution + 1e-12)
-    record = {"speed": limit, "moved": moved[limit], "walks": len(tried), "tried": tried}
+    fastest = max((each["moved"] for each in tried if each["outcome"] == "completed"), default=0.0)
+    record = {
+        "speed": limit,
+        "moved": moved[limit],
+        "fastest": fastest,
+        "walks": len(tried),
+        "tried": tried,
+    }
     return Outcome("done", record, {"wall_s": time.perf_counter() - begin})
 
 

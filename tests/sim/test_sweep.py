@@ -356,6 +356,7 @@ def test_a_speed_counts_if_the_walk_ends_well_and_the_robot_is_as_fast(
     assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
     result = run_trial(spec).result
     assert result is not None and result["speed"] == 0.5 and result["moved"] == pytest.approx(0.5)
+    assert result["fastest"] == pytest.approx(0.5)  # also of the walk that was told 0.6
     assert [one["walked"] for one in result["tried"]] == [False, True, False, True]
     with pytest.raises(InputError, match="resolution must be at most"):
         SpeedLimitSpec(walk=WalkSpec(), highest=0.1, resolution=0.2)
