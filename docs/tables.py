@@ -13,7 +13,7 @@ The words are the name of a study, its journal (JSON lines, plain or compressed 
     table4      the study 'table4' beside the paper's table
     optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II, with the
                 default law and wide bounds; `--law legacy` for the paper's law and bounds
-    folds       `wbc stiffness compare` on the table of the data set: the paper's model under every split
+    folds       the data set that the walks label: accuracy of the paper's model under every split
 
 A figure is drawn anew by `--figures`; it stands under `<!-- figure fig5 from fig5.jsonl.xz --as steps --to
 images/fig5_steps.svg -->`, with `--as steps` or `--as differences`.
@@ -33,7 +33,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from wbc.core.files import read_json
-from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.intervals import share_text
@@ -43,6 +42,7 @@ from wbc.sim.studies.paper.experiments import authority_heights, table_four
 from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
 from wbc.sim.studies.paper.optimum import Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
+from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
 from wbc.sim.studies.study import Study, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_table
 
@@ -52,7 +52,7 @@ FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
 OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--cell", "--arm", "--as", "--to", "--law")
 FULL_BUDGET, VALIDATIONS = 400, 20  # walks of an optimisation, and seeds of its validation
-WINDOWS = 3  # of each ground of the data set, as `wbc study paper` cuts it
+EVALUATIONS, WINDOWS = 50, 3  # of the data set of `wbc study paper`: stiffnesses, and windows of each ground
 
 
 class Mark:
@@ -79,7 +79,10 @@ class Mark:
     @property
     def whole(self) -> Study:
         """The study with all its layouts."""
-        study = study_by_name(self.name) if self.file is None else Study.from_json(read_json(self.file))
+        if self.option("--as") == "folds":
+            study = dataset(DatasetSize(evaluations=EVALUATIONS))
+        else:
+            study = study_by_name(self.name) if self.file is None else Study.from_json(read_json(self.file))
         return study.narrowed(self.options.get("--cell", ()), self.options.get("--arm", ()))
 
     @property
@@ -158,7 +161,7 @@ def _code(code: str) -> str:
 def _folds(mark: Mark) -> str:
     """Return how well the paper's model predicts the labels of a data set, by each split of it."""
     table = stiffness_table(mark.study, labels(mark.study, mark.entries, any_code=True), windows=WINDOWS)
-    return comparison_table(compare(table, candidates()[:1]))
+    return dataset_accuracy(table)
 
 
 def _optima(mark: Mark) -> str:

@@ -14,6 +14,9 @@ from pydantic import Field
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 from wbc.feet.soles.actuator import SOFTEST, STIFFEST
+from wbc.feet.stiffness.clusters import Clusters
+from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
+from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, ground_of, study_entries
 from wbc.sim.terrain import terrain
@@ -112,6 +115,22 @@ def dataset(size: DatasetSize | None = None) -> Study:
         metric="J",
         reference=f"{grid[size.evaluations // 2]:g}",
     )
+
+
+def dataset_accuracy(table: StiffnessTable, *, folds: int = 10) -> str:
+    """Return how well the paper's model predicts the labels of a data set, and the largest class, as Markdown.
+
+    Args:
+        table: The data set; its labels are sorted into classes of one ratio up to 2,000 Nm/rad.
+        folds: Number of folds of a cross-validation.
+
+    Raises:
+        InputError: Too few grounds or rows for the folds.
+    """
+    chosen = [
+        each for each in candidates() if each.name in ("KNN 10, paper's features (paper)", "largest class")
+    ]
+    return comparison_table(compare(table, chosen, folds=folds, clusters=Clusters.logarithmic()))
 
 
 QUESTION_GROUNDS = (

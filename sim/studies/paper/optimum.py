@@ -28,6 +28,9 @@ from wbc.sim.studies.study import FRESH_SEED, Cell, Study
 GRID = 201
 """Number of stiffnesses of a slice of the posterior."""
 
+BEST_J = 0.0
+"""Greatest J that there can be: every step done, without errors."""
+
 TABLE_II: Mapping[str, tuple[str, float, float, tuple[float, float] | None]] = {
     "flat": ("Flat floor", 3.4, 2.1, None),
     "cylinder_obstacles": ("Cylinder obst", 4.8, 1.8, (0.2, 9.5)),
@@ -143,9 +146,10 @@ def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimu
         if name == "k":
             best = int(np.argmax(mean))
             spread = np.sqrt(np.maximum(np.diag(cov) + cov[best, best] - 2.0 * cov[best], 0.0))
-            same = mean[best] - mean <= 1.645 * spread + 1e-9
+            bounded = np.minimum(mean, BEST_J)  # the model does not know that walks cannot be better
+            same = bounded[best] - bounded <= 1.645 * spread + 1e-9
             ranges = _ranges(values, same)
-            expected = float(mean[best]), float(std[best])
+            expected = float(bounded[best]), float(std[best])
     k, mean, std = slices.pop("k")
     noise = 0.0 if model is None else math.sqrt(model.kernel_.k2.noise_level) * float(model._y_train_std)
     return Optimum(len(known), bounds.values(top), *expected, noise, ranges, k, mean, std, slices)

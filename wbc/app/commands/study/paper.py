@@ -18,7 +18,6 @@ from wbc.core.errors import InputError, choose
 from wbc.core.files import save_figure, write_text
 from wbc.core.settings import Count, Positive, settings
 from wbc.feet.stiffness.authors import RECIPE, TRAJECTORIES, write_authors
-from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
@@ -36,7 +35,7 @@ from wbc.sim.studies.paper.experiments import (
 from wbc.sim.studies.paper.optimization import FIRST_DESIGN, check_journal
 from wbc.sim.studies.paper.optimum import TABLE_II, table_two
 from wbc.sim.studies.provenance import code_version
-from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, spread
+from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy, spread
 from wbc.sim.studies.study import Study, ground_of, merged
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepSummary
@@ -245,8 +244,7 @@ def _dataset(options: PaperOptions) -> str:
         table.save(options.folder / name)
         texts.append(f"{len(table)} rows in {name}")
         try:
-            judged = compare(table, candidates()[:1], folds=2 if options.cells else 10)
-            texts.append(comparison_table(judged))
+            texts.append(dataset_accuracy(table, folds=2 if options.cells else 10))
         except InputError as error:
             texts.append(f"no model: {error}")
     if options.cells is None:
