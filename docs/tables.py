@@ -30,6 +30,7 @@ import shlex
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 from wbc.core.files import read_json
@@ -39,7 +40,7 @@ from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import authority_heights, table_four
-from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
+from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec
 from wbc.sim.studies.paper.optimum import Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
@@ -76,16 +77,13 @@ class Mark:
         """Return the last value of an option; None if it is not given."""
         return self.options.get(name, [None])[-1]  # type: ignore[list-item]
 
-    @property
+    @cached_property
     def whole(self) -> Study:
         """The study with all its layouts."""
-        if self.option("--as") == "folds":
-            study = dataset(DatasetSize(evaluations=EVALUATIONS))
-        else:
-            study = study_by_name(self.name) if self.file is None else Study.from_json(read_json(self.file))
+        study = study_by_name(self.name) if self.file is None else Study.from_json(read_json(self.file))
         return study.narrowed(self.options.get("--cell", ()), self.options.get("--arm", ()))
 
-    @property
+    @cached_property
     def study(self) -> Study:
         """The part of the study that the table is about: grounds and layouts with walks."""
         seeds = self.option("--seeds")
@@ -124,6 +122,8 @@ def made(words: str, journals: Path) -> str:
     kind = mark.option("--as") or "table"
     if kind == "optimum":
         return _optima(mark)
+    if kind == "folds":
+        return _folds(mark)
     used = [entry for _, entry in study_entries(mark.study, mark.entries, any_code=True) if entry is not None]
     if kind == "choice":
         text = choice(mark.study, mark.entries, mark.options.get("--arm", ()), any_code=True).markdown()
@@ -131,15 +131,17 @@ def made(words: str, journals: Path) -> str:
         text = table_four(mark.table())
     elif kind == "short":
         text = _short(mark.table())
-    elif kind == "folds":
-        text = _folds(mark)
     elif kind == "table":
         text = mark.table().markdown()
     else:
         raise SystemExit(f"table {words}: no kind of table {kind}")
-    whole = mark.whole.size
-    count = f"{len(used)} walks" if len(used) == whole else f"Partial: {len(used)} of {whole:,} walks"
-    return f"\n{text}\n\n*{count} of `{mark.name}`, {_code(mark.code(used))}*\n\n"
+    return (
+        f"\n{text}\n\n*{_count(len(used), mark.whole.size)} of `{mark.name}`, {_code(mark.code(used))}*\n\n"
+    )
+
+
+def _count(walked: int, whole: int) -> str:
+    return f"{walked} walks" if walked == whole else f"Partial: {walked} of {whole:,} walks"
 
 
 def _short(table: StudyTable) -> str:
@@ -160,8 +162,12 @@ def _code(code: str) -> str:
 
 def _folds(mark: Mark) -> str:
     """Return how well the paper's model predicts the labels of a data set, by each split of it."""
-    table = stiffness_table(mark.study, labels(mark.study, mark.entries, any_code=True), windows=WINDOWS)
-    return dataset_accuracy(table)
+    full = dataset(DatasetSize(evaluations=EVALUATIONS))
+    used = list(mark.entries.values())
+    study = full.narrowed(arms={f"{entry.spec['stiffness']:g}" for entry in used})
+    table = stiffness_table(study, labels(study, mark.entries, any_code=True), windows=WINDOWS)
+    walks = _count(len(used), full.size)
+    return f"\n{dataset_accuracy(table)}\n\n*{walks} of `dataset`, {_code(mark.code(used))}*\n\n"
 
 
 def _optima(mark: Mark) -> str:
@@ -175,11 +181,10 @@ def _optima(mark: Mark) -> str:
         known = walked_points(spec, mark.entries, any_code=True)
         found[spec] = optimum(known, spec.bounds)
     grounds = {spec.ground: each for spec, each in found.items()}
-    study = validation(found, VALIDATIONS)
-    judged = [entry for _, entry in study_entries(study, mark.entries, any_code=True) if entry is not None]
+    judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
     text = table_two(grounds)
     if judged:
-        judgement = _short(study_table(study, mark.entries, any_code=True))
+        judgement = _short(study_table(validation(found, VALIDATIONS), judged, any_code=True))
         text += f"\n\nOn held-out layouts, with the best gains, {judgement}"
     used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
     walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())

@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -150,11 +151,16 @@ class OptimisationSpec:
 
     def owns(self, spec: Mapping[str, Any]) -> bool:
         """Return True if a walk of a journal can be one of this optimisation or of its validation."""
-        mine = self.walk(self.bounds.values((0.5, 0.5, 0.5)), OPTIMISATION_SEED).to_json()
-        free = ("seed", "stiffness", "changes")
-        if any(spec.get(name) != value for name, value in mine.items() if name not in free):
+        if any(spec.get(name) != value for name, value in _shared_by_walks(self).items()):
             return False
         return spec.get("seed", 0) < OPTIMISATION_SEED or within(self.bounds, parameters(spec))
+
+
+@lru_cache(64)
+def _shared_by_walks(optimisation: OptimisationSpec) -> dict[str, Any]:
+    """Return the plain values that all walks of an optimisation have."""
+    middle = optimisation.walk(optimisation.bounds.values((0.5, 0.5, 0.5)), OPTIMISATION_SEED).to_json()
+    return {name: value for name, value in middle.items() if name not in ("seed", "stiffness", "changes")}
 
 
 def parameters(spec: Mapping[str, Any]) -> dict[str, float]:
