@@ -41,7 +41,7 @@ def test_a_press_on_a_wall_is_held_and_the_feet_take_their_part_of_it() -> None:
 @pytest.mark.parametrize("angle", [0.5, -0.2, 0.06])
 def test_a_cart_is_turned_about_its_own_middle(angle: float) -> None:
     trial = CartTrial(CartSpec())
-    start = trial._feet()
+    start = trial.stand()
     plan = trial._turning(start, angle)
     last = {"left": start.left, "right": start.right} | {step.side: step for step in plan.steps}
     yaw = 0.5 * (last["left"].yaw + last["right"].yaw)
