@@ -33,6 +33,7 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
+from wbc.app.commands.study.paper import BUDGET, EVALUATIONS, VALIDATIONS, WINDOWS
 from wbc.core.files import read_json
 from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
@@ -52,8 +53,6 @@ PLACE = re.compile(r"<!-- table (.+?) -->\n(.*?)<!-- end of table -->\n", re.DOT
 FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
 OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--cell", "--arm", "--as", "--to", "--law")
-FULL_BUDGET, VALIDATIONS = 400, 20  # walks of an optimisation, and seeds of its validation
-EVALUATIONS, WINDOWS = 50, 3  # of the data set of `wbc study paper`: stiffnesses, and windows of each ground
 
 
 class Mark:
@@ -188,8 +187,8 @@ def _optima(mark: Mark) -> str:
         text += f"\n\nOn held-out layouts, with the best gains, {judgement}"
     used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
     walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())
-    partial = "Partial: " if any(each.walks < FULL_BUDGET for each in found.values()) else ""
-    caption = f"*{partial}{walks} of {FULL_BUDGET} walks a ground, {_code(mark.code(used))}*"
+    partial = "Partial: " if any(each.walks < BUDGET for each in found.values()) else ""
+    caption = f"*{partial}{walks} of {BUDGET} walks a ground, {_code(mark.code(used))}*"
     return f"\n{text}\n\n{caption}\n\n"
 
 

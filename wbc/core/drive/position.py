@@ -140,12 +140,8 @@ class PositionControl(DriveControl):
         Args:
             share: Share of the way, 0 to 1.
         """
-        robot, estimate = self.controller.robot, self.observer.robot
-        difference = pin.difference(robot.model, self.q, np.asarray(estimate.q))
-        difference[BASE_DOF:] = 0.0
-        self.q[:] = pin.integrate(robot.model, self.q, share * difference)
-        self.v[:BASE_DOF] += share * (estimate.v[:BASE_DOF] - self.v[:BASE_DOF])
-        robot.update(self.q, self.v)
+        self._draw(share, BASE_DOF)
+        self.controller.robot.update(self.q, self.v)
 
     def _use(self, solution: Solution) -> None:
         if callable(self.feedforward):
@@ -153,10 +149,12 @@ class PositionControl(DriveControl):
         elif self.feedforward:
             self._torques = solution.torques
         if self.feedback == "closed":
-            self._draw_to_estimate()
+            self._draw(self._pull, self.v.size)
 
-    def _draw_to_estimate(self) -> None:
+    def _draw(self, share: float, dofs: int) -> None:
+        """Draw the first degrees of freedom of the commanded robot by a share of the way to the estimated one."""
         estimate = self.observer.robot
         difference = pin.difference(estimate.model, self.q, estimate.q)
-        self.q[:] = pin.integrate(estimate.model, self.q, self._pull * difference)
-        self.v += self._pull * (estimate.v - self.v)
+        difference[dofs:] = 0.0
+        self.q[:] = pin.integrate(estimate.model, self.q, share * difference)
+        self.v[:dofs] += share * (estimate.v[:dofs] - self.v[:dofs])

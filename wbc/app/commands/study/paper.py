@@ -68,6 +68,9 @@ BUDGET, VALIDATIONS = 400, 20
 EVALUATIONS = 50
 """Stiffnesses of the data set at full scale; a smaller scale walks some of them, spread over the range."""
 
+WINDOWS = 3
+"""Windows of each ground of the data set."""
+
 MARGIN = 0.5
 """Difference that counts as none in the tables, steps."""
 
@@ -234,7 +237,7 @@ def _dataset(options: PaperOptions) -> str:
         return f"{_share(summary, whole)}, too few for a label"
     made = {"command": f"wbc study paper --only dataset --scale {options.scale:g}", "code": code_version()}
     tables = {
-        "dataset.csv": stiffness_table(study, found, windows=3, made=made),
+        "dataset.csv": stiffness_table(study, found, windows=WINDOWS, made=made),
         "dataset_tracks.csv": stiffness_table(
             study, found, windows=TRAJECTORIES // size.seeds, recipe=RECIPE, made=made
         ),
