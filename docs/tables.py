@@ -40,8 +40,8 @@ from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
-from wbc.sim.studies.paper.experiments import authority_heights, table_four
-from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec
+from wbc.sim.studies.paper.experiments import optimisation, table_four
+from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec
 from wbc.sim.studies.paper.optimum import Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
@@ -174,9 +174,7 @@ def _optima(mark: Mark) -> str:
     found: dict[OptimisationSpec, Optimum] = {}
     law = mark.option("--law") or "default"
     for ground in mark.name.split("+"):
-        height = authority_heights().get(ground) if law == "default" else None
-        bounds = BOUNDS["wide" if law == "default" else "paper"]
-        spec = OptimisationSpec(ground=ground, amplitude=height, law=law, bounds=bounds)
+        spec = optimisation(ground, law)
         known = walked_points(spec, mark.entries, any_code=True)
         found[spec] = optimum(known, spec.bounds)
     grounds = {spec.ground: each for spec, each in found.items()}

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from wbc.core.errors import InputError
+from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
 from wbc.sim.studies.stiffness_studies import (
     DATA,
     QUESTION_GROUNDS,
@@ -195,6 +196,29 @@ def authority(seeds: int = 40) -> Study:
         | {f"{k:g}": {"foot": "soft", "stiffness": k} for k in AUTHORITY_STIFFNESSES},
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         reference="80",
+    )
+
+
+def optimisation(
+    ground: str, law: str = "default", *, distance: float = 3.0, batch: int = 1
+) -> OptimisationSpec:
+    """Return the optimisation of stiffness and gains on a ground of the paper's Table II.
+
+    Args:
+        ground: Family of grounds.
+        law: "default", with wide bounds and at the height of the study 'authority'; or "legacy", the paper's, with its
+            bounds and at the family's own height.
+        distance: Length of a walk, m.
+        batch: Number of points asked for at a time.
+    """
+    own = law == "default"
+    return OptimisationSpec(
+        ground=ground,
+        amplitude=authority_heights().get(ground) if own else None,
+        law=law,
+        bounds=BOUNDS["wide" if own else "paper"],
+        distance=distance,
+        batch=batch,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context
@@ -77,17 +77,29 @@ class OptimizeOptions(RunOptions):
         preset = BOUNDS[self.bounds]
         return Bounds(k=self.k or preset.k, kP=self.kp or preset.kP, kD=self.kd or preset.kD, log=preset.log)
 
-    def spec(self, ground: str, amplitude: float | None = None) -> OptimisationSpec:
-        """Return the optimisation of a ground, of another amplitude than that of the options where one is given (m)."""
-        return OptimisationSpec(
-            ground=ground,
-            amplitude=None if ground == "flat" else amplitude or self.amplitude,
-            law=self.law,
-            bounds=self.chosen_bounds(),
-            distance=self.distance,
-            seed=self.seed,
-            batch=self.batch or self.workers,
-        )
+    def specs(self, grounds: tuple[str, ...]) -> list[OptimisationSpec]:
+        """Return the optimisations of some families of grounds, or with "table2" of those of the paper's Table II.
+
+        Raises:
+            InputError: An unknown ground, the same twice, or none.
+        """
+        names = tuple(TABLE_II) if grounds == ("table2",) else grounds
+        for name in names:
+            choose("terrain", name, terrain_families())
+        if len(set(names)) < len(names) or not names:
+            raise InputError(f"an optimisation needs different grounds, got {' '.join(names) or 'none'}")
+        return [
+            OptimisationSpec(
+                ground=name,
+                amplitude=None if name == "flat" else self.amplitude,
+                law=self.law,
+                bounds=self.chosen_bounds(),
+                distance=self.distance,
+                seed=self.seed,
+                batch=self.batch or self.workers,
+            )
+            for name in names
+        ]
 
 
 @reports
@@ -99,7 +111,12 @@ def optimize(
     The objective is the paper's eq. (6), at most 0: ten for a missed step, and the errors of ZMP and CoM in m. The run
     can be stopped, also killed, and continues from its journal.
     """
-    found, walked, judged = run_optimisation(grounds, options)
+    specs = options.specs(grounds)
+    if options.figures is not None and not options.figures.is_dir():
+        raise InputError(f"no folder {options.figures} to write figures into")
+    found, walked, judged = run_optimisations(
+        specs, options, budget=options.budget, validate=options.validate, any_code=options.any_code
+    )
     figures = _figures(options.figures, walked, found)
     data = {
         "grounds": {
@@ -114,39 +131,32 @@ def optimize(
     return output.report(data, "\n\n".join([table_two(found), *_texts(found, judged), *figures]))
 
 
-def run_optimisation(
-    grounds: tuple[str, ...], options: OptimizeOptions, amplitudes: Mapping[str, float] | None = None
+def run_optimisations(
+    specs: Sequence[OptimisationSpec], options: RunOptions, *, budget: int, validate: int, any_code: bool
 ) -> tuple[dict[str, Optimum], dict[str, list[Walked]], dict[str, StudyTable]]:
-    """Run the optimisations of some grounds and their validations; return optima, walks and tables by ground.
+    """Run optimisations and their validations; return optima, walks and tables by ground.
 
     Args:
-        grounds: Families of grounds, or "table2" for those of the paper's Table II.
-        options: Optimisation, and where its walks are run.
-        amplitudes: Ground → amplitude where it is not that of the options, m.
+        specs: The optimisations, each of another ground.
+        options: Where their walks are run.
+        budget: Walks of each.
+        validate: Held-out seeds of each validation; 0 for none.
+        any_code: Take walks of other versions of the code, too.
     """
-    names = tuple(TABLE_II) if grounds == ("table2",) else grounds
-    for name in names:
-        choose("terrain", name, terrain_families())
-    if len(set(names)) < len(names) or not names:
-        raise InputError(f"an optimisation needs different grounds, got {' '.join(names) or 'none'}")
-    heights = amplitudes or {}
-    specs = [options.spec(name, heights.get(name)) for name in names]
-    if options.figures is not None and not options.figures.is_dir():
-        raise InputError(f"no folder {options.figures} to write figures into")
     owns = lambda spec: any(each.owns(spec) for each in specs)  # noqa: E731
-    check_journal(read_journal(options.journal), owns, "optimisation", any_code=options.any_code)
+    check_journal(read_journal(options.journal), owns, "optimisation", any_code=any_code)
     found: dict[str, Optimum] = {}
     walked: dict[str, list[Walked]] = {}
     judged: dict[str, StudyTable] = {}
-    each = options.budget + (5 * options.validate if options.validate else 0)
-    with open_runner(options, each * len(specs), "optimize", any_code=options.any_code) as run:
+    each = budget + 5 * validate
+    with open_runner(options, each * len(specs), "optimize", any_code=any_code) as run:
         for spec in specs:
-            known = walked[spec.ground] = optimise(spec, options.budget, run, any_code=options.any_code)
+            known = walked[spec.ground] = optimise(spec, budget, run, any_code=any_code)
             found[spec.ground] = optimum(known, spec.bounds, seed=spec.seed)
-            if options.validate:
-                study = validation({spec: found[spec.ground]}, options.validate)
+            if validate:
+                study = validation({spec: found[spec.ground]}, validate)
                 entries = run([trial.spec for trial in study.trials()])  # type: ignore[misc]
-                judged[spec.ground] = study_table(study, entries, any_code=options.any_code)
+                judged[spec.ground] = study_table(study, entries, any_code=any_code)
     return found, walked, judged
 
 

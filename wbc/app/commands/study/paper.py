@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.app.commands.study.optimize import OptimizeOptions, run_optimisation
+from wbc.app.commands.study.optimize import run_optimisations
 from wbc.app.commands.study.run import RunOptions, run_trials
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.plot.experiments import differences_figure, steps_figure
@@ -26,8 +26,8 @@ from wbc.sim.studies.paper.experiments import (
     AUTHORITY_STIFFNESSES,
     FIRST_FAMILIES,
     TUNED_CHOICES,
-    authority_heights,
     fig5,
+    optimisation,
     oracle,
     table4,
     table_four,
@@ -204,23 +204,21 @@ def _choice(part: str, study: Study, entries: Mapping[str, Entry], options: Pape
 
 
 def _optimisation(part: str, options: PaperOptions) -> str:
-    legacy = part == "optimize_legacy"
-    grounds = (LEGACY_GROUNDS if legacy else tuple(TABLE_II))[: options.cells]
-    run = OptimizeOptions(
-        journal=options.journal(part),
-        workers=options.workers,
-        cluster=options.cluster,
-        budget=max(round(options.scale * BUDGET), FIRST_DESIGN + 1),
+    law = "legacy" if part == "optimize_legacy" else "default"
+    grounds = (LEGACY_GROUNDS if law == "legacy" else tuple(TABLE_II))[: options.cells]
+    length = options.distance or 3.0
+    specs = [optimisation(ground, law, distance=length, batch=options.workers) for ground in grounds]
+    budget = max(round(options.scale * BUDGET), FIRST_DESIGN + 1)
+    found, _, judged = run_optimisations(
+        specs,
+        options.run(part),
+        budget=budget,
         validate=max(round(options.scale * VALIDATIONS), 1),
-        bounds="paper" if legacy else "wide",
-        law="legacy" if legacy else "default",
-        distance=options.distance or 3.0,
         any_code=options.any_code,
     )
-    found, _, judged = run_optimisation(grounds, run, None if legacy else authority_heights())
-    budget = f"{run.budget} walks on each of {len(grounds)} grounds; {BUDGET} at full scale"
+    walks = f"{budget} walks on each of {len(grounds)} grounds; {BUDGET} at full scale"
     return "\n\n".join(
-        [budget, table_two(found), *(f"{name}\n\n{t.markdown()}" for name, t in judged.items())]
+        [walks, table_two(found), *(f"{name}\n\n{t.markdown()}" for name, t in judged.items())]
     )
 
 
