@@ -10,6 +10,8 @@ import pytest
 from task_factory import MOTION_TASKS, make_robot
 
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.limits.com_polygon import CoMPolygonLimit
+from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
@@ -219,10 +221,42 @@ def test_names_are_unique_and_items_are_added_once() -> None:
         controller.add(CoMTask())
     with pytest.raises(InputError, match="already"):
         controller.add(task)
-    with pytest.raises(InputError, match="another robot"):
-        Controller(make_robot("hrp4_class"), 0.002).add(task)
+    with pytest.raises(InputError, match="already"):
+        controller.add(twice := PositionTask("left_hand"), twice)
     with pytest.raises(UnknownNameError, match="did you mean 'com'"):
         controller.task("con")
+
+
+def test_no_item_is_in_two_controllers() -> None:
+    robot = make_robot("hrp4_class")
+    first, second = Controller(robot, 0.002), Controller(robot, 0.002)
+    items = first.add(CoMTask(), SoleContact("left_foot"), JointLimits(), TorqueLimits(), CoMPolygonLimit())
+    for item in items:
+        with pytest.raises(InputError, match="belongs to another controller"):
+            second.add(item)
+    first.remove(*items)
+    second.add(*items)
+    assert second.solve().ok and not first.tasks
+    second.remove(items[0])
+    with pytest.raises(InputError, match="bound to another robot"):
+        Controller(make_robot("hrp4_class"), 0.002).add(items[0])
+
+
+def test_several_items_are_added_or_removed_together_or_not_at_all() -> None:
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    com, hand = CoMTask(), PositionTask("left_hand")
+    controller.add(com)
+    controller.solve()
+    with pytest.raises(UnknownNameError, match="left_hant"):
+        controller.add(hand, PositionTask("left_hant"))
+    assert controller.tasks == (com,) and list(controller.solve().residuals) == ["com"]
+    controller.add(hand)
+    controller.solve()
+    with pytest.raises(InputError, match="not part of this controller"):
+        controller.remove(hand, SoleContact("left_foot"))
+    assert controller.tasks == (com, hand) and hand.name in controller.solve().residuals
+    controller.remove(hand, hand)
+    assert controller.tasks == (com,) and list(controller.solve().residuals) == ["com"]
 
 
 def test_task_before_its_controller_says_so() -> None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from time import perf_counter
 from typing import Any, TypeVar, overload
@@ -125,28 +126,35 @@ class Controller:
 
         Raises:
             UnknownNameError: A frame, joint or sole that the robot does not have.
-            InputError: A name used twice, a second set of joint or torque limits, or not a task, contact or limit.
+            InputError: A name used twice, a second set of joint or torque limits, an item of another controller, or not
+                a task, contact or limit. None of the items is added then.
         """
-        for each in (item, *items):
-            self._add(each)
+        new, present = (item, *items), [*self._tasks, *self._contacts, *self._limits]
+        for each in new:
+            self._bind(each, present)
+            present.append(each)
+        for each in new:
+            self._list_of(each).append(each)
+            vars(each)["_owner"] = weakref.ref(self)
         self._dirty = True
-        return (item, *items) if items else item
+        return new if items else item
 
-    def _add(self, item: Item) -> None:
+    def _bind(self, item: Item, others: Sequence[Item]) -> None:
+        """Bind an item to the robot, if it may stand beside the others."""
         if not isinstance(item, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
             raise InputError(f"a controller takes tasks, contacts and limits, not {item!r}")
-        for kind in (JointLimits, TorqueLimits):
-            if isinstance(item, kind) and any(isinstance(limit, kind) for limit in self._limits):
-                raise InputError(f"there are {item.name} already; remove them first")
-        others = (*self._tasks, *self._contacts, *self._limits)
-        if item in others:
+        if any(item is other for other in others):
             raise InputError(f"{item!r} has been added already")
+        for kind in (JointLimits, TorqueLimits):
+            if isinstance(item, kind) and any(isinstance(other, kind) for other in others):
+                raise InputError(f"there are {item.name} already; remove them first")
+        if _owner(item) is not None:
+            raise InputError(f"{item!r} belongs to another controller; remove it there, or make a second one")
         if isinstance(item, Task) and item._robot is not None and item._robot is not self.robot:
-            raise InputError(f"{item!r} belongs to the controller of another robot")
+            raise InputError(f"{item!r} has been bound to another robot; make a second one")
         item.bind(self.robot)
         if item.name in {other.name for other in others}:
             raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
-        self._list_of(item).append(item)
 
     def _list_of(self, item: Item) -> list[Any]:
         if isinstance(item, Task):
@@ -157,15 +165,17 @@ class Controller:
         """Take tasks, contacts or limits out again.
 
         Raises:
-            InputError: An item that the controller does not have.
+            InputError: An item that the controller does not have; none is taken out then.
         """
         for item in items:
-            items_of_kind = self._list_of(item)
-            if item not in items_of_kind:
+            if _owner(item) is not self:
                 raise InputError(f"{item!r} is not part of this controller")
+        for item in {id(item): item for item in items}.values():
             if isinstance(item, Task):
                 item.detach()
-            items_of_kind.remove(item)
+            of_kind = self._list_of(item)
+            of_kind[:] = [other for other in of_kind if other is not item]
+            del vars(item)["_owner"]
         self._dirty = True
 
     def task(self, name: str) -> Task:
@@ -281,6 +291,12 @@ class Controller:
         return status_table(
             self.robot, self.dt, self._tasks, self._contacts, self._regularisation, self._solution
         )
+
+
+def _owner(item: Item) -> Controller | None:
+    """Return the controller that has an item; None if none has."""
+    owner: weakref.ref[Controller] | None = getattr(item, "_owner", None)
+    return None if owner is None else owner()
 
 
 def _by_name(kind: str, name: str, items: Sequence[ItemT]) -> ItemT:
