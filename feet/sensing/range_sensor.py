@@ -23,7 +23,7 @@ class RangeSensor:
         relative_noise: Second part of the standard deviation, per metre of distance.
         resolution: Quantum of a reading, m; 0 for none.
         dropout: Probability that a reading is lost.
-        rate: Readings per second; 0 for a reading at every call.
+        rate: Readings per second, Hz; 0 for a reading at every call.
 
     Source: 200 Hz and a perfect sensor in the authors' public simulation; their later hardware used ranges of
     0.1 m to 4 m (VL6180, VL53L1X).

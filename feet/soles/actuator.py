@@ -42,7 +42,7 @@ class StiffnessActuator:
     over an interval of constant command, so the result does not depend on the time step.
 
     Attributes:
-        rate_limit: Largest |d(log10 r)/dt|, decades per second; infinite for none.
+        rate_limit: Largest |d(log10 r)/dt|, decades/s; infinite for none.
         time_constant: T, s; 0 for none.
         low: Smallest stiffness, Nm/rad; above 0 unless the actuator acts at once.
         high: Largest stiffness, Nm/rad; infinite for no limit.

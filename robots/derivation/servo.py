@@ -57,8 +57,8 @@ class ServoRule:
         frequency: Natural frequency of the held joint, Hz. 3 to 25 Hz stood quietly in simulation at 1 ms.
         damping_ratio: Damping ratio of the held joint; 1 is critical.
         stance_share: Share of the inertia above that one leg holds; 0.5 with the weight on both.
-        leg_stiffness: Bound of hips and knees, multiple of m g h per radian.
-        ankle_stiffness: Bound of the last two joints of a leg, multiple of m g h per radian.
+        leg_stiffness: Bound of hips and knees, m g h/rad.
+        ankle_stiffness: Bound of the last two joints of a leg, m g h/rad.
     """
 
     frequency: Annotated[Positive, "Hz"] = 8.0

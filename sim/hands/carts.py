@@ -53,17 +53,17 @@ class CartSpec(HandTrialSpec):
     """A cart is gripped at both handles, pushed, turned about its middle, and pulled back.
 
     Attributes:
-        forward: Way forward.
-        turn: Turn to the left about the middle of the cart.
-        back: Way back.
-        resistance: Force along the ground that moves the cart; 15 N (49 N for talos) when not given.
-        limit: Force of a hand above which it yields; what the robot may lose suddenly bounds it. 30 N for
+        forward: Way forward, m.
+        turn: Turn to the left about the middle of the cart, degrees.
+        back: Way back, m.
+        resistance: Force along the ground that moves the cart, N; 15 N (49 N for talos) when not given.
+        limit: Force of a hand above which it yields, N; what the robot may lose suddenly bounds it. 30 N for
             talos, else nine tenths of the resistance, when not given.
-        distance: Of the bar in front of the middle of the feet; where the arms are at ease (0.55 m for talos) when not
-            given.
-        height: Of the bar over the ground; likewise (0.95 m for talos, 0.85 m for g1).
-        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways; 2.2° (1.1° for g1)
-            when not given.
+        distance: Distance of the bar in front of the middle of the feet, m; where the arms are at ease (0.55 m for
+            talos) when not given.
+        height: Height of the bar over the ground, m; likewise (0.95 m for talos, 0.85 m for g1).
+        turn_step: Turn of a step about the middle of the cart, to which the robot steps sideways, degrees; 2.2 (1.1 for
+            g1) when not given.
         corrections: Greatest number of turns after each leg that take back an error of the heading, which the robot
             knows from its hands.
         hands: Settings of the hands.

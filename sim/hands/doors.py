@@ -58,11 +58,11 @@ class DoorSpec(HandTrialSpec):
     leaf aside, both hands come to the trunk, and the robot walks through.
 
     Attributes:
-        resistance: Dry friction of the hinge.
-        push: Way forward with the handle in the hand.
-        through: Way forward after the left hand has pushed the leaf aside; 0 ends when the right hand has let go.
-        limit: Force above which the hand yields.
-        height: Of the handle over the ground; where the arm is at ease when not given.
+        resistance: Dry friction of the hinge, Nm.
+        push: Way forward with the handle in the hand, m.
+        through: Way forward after the left hand has pushed the leaf aside, m; 0 ends when the right hand has let go.
+        limit: Force above which the hand yields, N.
+        height: Height of the handle over the ground, m; where the arm is at ease when not given.
         hands: Settings of the hand.
     """
 

@@ -30,11 +30,11 @@ class OneFootSpec(HandTrialSpec):
     """A robot stands on its right foot with its left hand on a wall, and is pushed at the torso.
 
     Attributes:
-        force: Force with which the hand presses on the wall; 0 leaves the hand where it is.
-        impulse: Force of the push times its duration over the robot's mass.
-        direction: Direction of the push; 0 is forward, 90 to the left, to the wall.
-        seconds: Time on one foot after the push.
-        distance: Of the wall from the middle of the feet; where the arm is at ease when not given.
+        force: Force with which the hand presses on the wall, N; 0 leaves the hand where it is.
+        impulse: Force of the push times its duration over the robot's mass, Ns/kg.
+        direction: Direction of the push, degrees; 0 is forward, 90 to the left, to the wall.
+        seconds: Time on one foot after the push, s.
+        distance: Distance of the wall from the middle of the feet, m; where the arm is at ease when not given.
         hands: Settings of the hand.
     """
 

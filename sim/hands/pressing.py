@@ -45,10 +45,11 @@ class HandPressSpec(HandTrialSpec):
 
     Attributes:
         on: Surface, table, wall or rail.
-        force: Force of both hands together.
-        seconds: Time for which the force is held.
-        distance: Of the hands in front of the middle of the feet; where the arms are at ease when not given.
-        height: Of the hands over the ground; likewise.
+        force: Force of both hands together, N.
+        seconds: Time for which the force is held, s.
+        distance: Distance of the hands in front of the middle of the feet, m; where the arms are at ease when not
+            given.
+        height: Height of the hands over the ground, m; likewise.
         hands: Settings of the hands; those that suit the surface when not given: on a wall or a rail hands help to
             balance.
     """

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import dataclasses
 import importlib
+import inspect
 import io
 import json
 import os
+import pkgutil
 import re
 import subprocess
 import sys
@@ -19,6 +22,7 @@ import pytest
 
 import wbc
 from wbc.app.cli import main
+from wbc.core.settings import unit_and_choices
 from wbc.feet import foot
 from wbc.sim.rig import FootTest, press
 from wbc.sim.terrain import terrain
@@ -204,6 +208,31 @@ def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFi
     errors = [1e3 * result[name]["mean"] for name in ("zmp_error", "com_error", "dcm_error")]
     expected = [float(value) for value in VERSION.findall(MEASURED)[-1][1:]]
     assert errors == pytest.approx(expected, rel=0.01)
+
+
+ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
+
+
+def test_settings_say_the_units_of_their_numbers() -> None:
+    """Pages and `--help` show the text of a field alone, without the unit in its annotation."""
+    told = 0
+    for module in pkgutil.walk_packages(wbc.__path__, "wbc."):
+        if module.name.endswith("__main__"):
+            continue
+        for kind in filter(inspect.isclass, vars(importlib.import_module(module.name)).values()):
+            if not (dataclasses.is_dataclass(kind) and kind.__module__ == module.name):
+                continue
+            _, _, text = (inspect.getdoc(kind) or "").partition("Attributes:\n")
+            about = dict(ATTRIBUTE.findall(text))
+            for field in dataclasses.fields(kind):
+                for unit in filter(None, unit_and_choices(kind, field.name)[0].split(", ")):
+                    words = "degrees" if unit == "°" else re.escape(unit)
+                    said = about.get(field.name)
+                    told += said is not None
+                    assert said is None or re.search(rf"(?i)(?<![\w/]){words}(?![\w/²])", said), (
+                        f"{kind.__name__}.{field.name} has the unit {unit}"
+                    )
+    assert told > 350
 
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:

@@ -50,7 +50,7 @@ class FailurePolicy:
 
     Attributes:
         damping_time: Time constant with which reference velocities decay while a command is held, s.
-        joint_damping: Damping torque in torque control, as part of the torque limit per rad/s.
+        joint_damping: Damping of a joint in torque control over its torque limit, s/rad.
         stop_after: Time of uninterrupted failure after which the robot is stopped, s.
     """
 

@@ -55,7 +55,7 @@ class CatchSettings:
         trigger_error: Least distance of the DCM from the plan, outward, for that, m.
         leg_way: Way of the foot outward from its planned landing, as a share of the height of the CoM.
         landing_way: Distance outward at which it lands, as a share of the height of the CoM; within reach.
-        leg_roll: Roll of the foot that is out, rad per metre: ankles have less range than hips.
+        leg_roll: Roll of the foot that is out, rad/m: ankles have less range than hips.
         leg_time: Duration of the way out, s.
         return_time: Duration of the way from there over the landing, s.
         lowering_time: Duration of the way down, s.

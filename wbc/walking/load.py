@@ -38,10 +38,10 @@ class LoadSettings:
 
     Attributes:
         hands: Roles or frames of the robot that hold loads, in equal parts; all of its hands when empty.
-        lag: Time constant with which mass and place follow the outside wrench.
-        rest_lag: The same once the load has not changed for a while: sensors are noisy, and the robot sways.
+        lag: Time constant with which mass and place follow the outside wrench, s.
+        rest_lag: The same once the load has not changed for a while, s: sensors are noisy, and the robot sways.
         largest: Greatest mass, as a share of the robot's own.
-        reach: Greatest horizontal distance of the load from the middle of the hands.
+        reach: Greatest horizontal distance of the load from the middle of the hands, m.
         dead_band: Mass that is no load, as a share of the robot's own: errors of sensors and of the model.
         step: Change of the estimate from which the models are changed, as a share of the robot's mass.
     """

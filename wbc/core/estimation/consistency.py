@@ -46,18 +46,19 @@ class ConsistencySettings:
     Attributes:
         frozen_after: Number of ticks for which a reading must stay the same, bit for bit, to count as frozen; readings
             that have been constant before need four times as long as then.
-        time_constant: Low-pass of the compared signals.
+        time_constant: Low-pass of the compared signals, s.
         weight_share: The soles must carry at least this part of the weight.
         weight_excess: The soles may carry at most this multiple of the weight.
         gravity_share: The accelerometer must show at least this part of gravity, upwards as estimated.
-        velocity_difference: A joint velocity may differ by this from the speed of its encoder.
-        foot_rotation: Both feet on the ground may turn alike, by encoders and gyroscope, at most so fast.
-        speed_difference: The speed of the legs may depart so far from that of the accelerometer within 0.3 s, while the
+        velocity_difference: A joint velocity may differ by this from the speed of its encoder, rad/s.
+        foot_rotation: Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s.
+        speed_difference: Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the
             foot on the ground seems to turn: a foot that turns, as on stones, moves the accelerometer, too; an error
             of the gyroscope does not.
-        stance_rotation: The foot on the ground seems to turn from this speed on, by encoders and gyroscope.
-        foot_spin: A foot on the ground that turns faster about the vertical slides; speeds are not compared then.
-        lasting: Time that a contradiction must last before it is named; 0.03 s for speeds.
+        stance_rotation: Speed by encoders and gyroscope from which the foot on the ground seems to turn, rad/s.
+        foot_spin: Speed about the vertical above which a foot on the ground slides, rad/s; speeds are not compared
+            then.
+        lasting: Time that a contradiction must last before it is named, s; 0.03 s for speeds.
     """
 
     frozen_after: Count = 20

@@ -38,10 +38,10 @@ class OutsideSettings:
     """Settings of the observer of the outside wrench.
 
     Attributes:
-        bandwidth: Gain K of the observer.
-        settling: Time from the start until the tare begins.
-        tare: Time over which the wrench of empty hands is averaged and then taken off; 0 for none.
-        wait: Time for which the estimate waits after a foot has met the ground.
+        bandwidth: Gain K of the observer, 1/s.
+        settling: Time from the start until the tare begins, s.
+        tare: Time over which the wrench of empty hands is averaged and then taken off, s; 0 for none.
+        wait: Time for which the estimate waits after a foot has met the ground, s.
         least_load: Share of the weight on the feet below which something else carries or the robot flies: the tare
             waits.
     """

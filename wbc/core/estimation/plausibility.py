@@ -37,18 +37,18 @@ class PlausibilitySettings:
     Attributes:
         velocity_margin: A joint velocity is refused above this multiple of the joint's limit, and an encoder that moves
             faster.
-        position_margin: An encoder is refused this far beyond the joint's range.
-        position_jump: An encoder may jump by this on top of what its joint can travel in a period.
-        gyro_range: Largest angular rate of the gyroscope; 35 rad/s are 2,000 °/s, the range of common units.
-        gyro_jump: Largest change of an angular rate in a period.
-        accelerometer_range: Largest specific force; 160 m/s² are 16 g, the range of common units.
+        position_margin: An encoder is refused this far beyond the joint's range, rad.
+        position_jump: Jump of an encoder that is accepted on top of what its joint can travel in a period, rad.
+        gyro_range: Largest angular rate of the gyroscope, rad/s; 35 rad/s are 2,000 °/s, the range of common units.
+        gyro_jump: Largest change of an angular rate in a period, rad/s.
+        accelerometer_range: Largest specific force, m/s²; 160 m/s² are 16 g, the range of common units.
         force_ratio: A sole's force is refused above this multiple of the robot's weight; its moment above that force
             times the length of the sole.
-        hold: Time for which a refused signal is replaced by a prediction before the tick fails.
+        hold: Time for which a refused signal is replaced by a prediction before the tick fails, s.
         frozen_after: Number of identical measurements in a row after which ticks fail, if the clock stands still or as
             many measurements in a row had changed before.
         max_gap: Largest step of the time stamp, in control periods.
-        resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted.
+        resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted, s.
     """
 
     velocity_margin: Annotated[float, Field(ge=1.0)] = 2.0

@@ -30,10 +30,11 @@ class WrenchSettings:
     """Settings of the estimate of contact wrenches.
 
     Attributes:
-        bandwidth: Of the observer of momentum.
-        torque_std: Standard deviation of a leg joint's torque: friction, errors of the drive.
-        force_std: Of the force by the momentum of the whole robot, as a share of its weight: masses that are off.
-        moment_std: Of the moment by the momentum of the whole robot.
+        bandwidth: Bandwidth of the momentum observer, rad/s.
+        torque_std: Standard deviation of a leg joint's torque, Nm: friction, errors of the drive.
+        force_std: Standard deviation of the force by the momentum of the whole robot, as a share of its weight: masses
+            that are off.
+        moment_std: Standard deviation of the moment by the momentum of the whole robot, Nm.
         wrench_std: Expected size of a wrench, as a share of the weight (and of the weight times 0.1 m); bounds what
             a leg near a singularity makes of errors.
         touch_down: Normal force from which a foot in the air has met the ground, as a share of the weight.

@@ -49,7 +49,7 @@ class HandSettings:
     Attributes:
         weight: Position of the hand, cost per (m/s²)².
         turn_weight: Its orientation on its way, cost per (rad/s²)².
-        hold_weight: Its orientation while it presses: an arm that has to fold turns the hand.
+        hold_weight: Its orientation while it presses, cost per (rad/s²)²: an arm that has to fold turns the hand.
         stiffness: Of both, 1/s².
         reach: Time in which a hand goes before a surface, s.
         clearance: Distance of the tip of the hand before a surface from which it is approached, m.
@@ -59,7 +59,7 @@ class HandSettings:
         behind: Distance by which a hand that searches may stay behind its target, m: its arm is no longer.
         touch: Force that is a touch, N.
         ramp: Time in which a force is built up, taken back or changed, s.
-        lag: Delay of force sensor and servos, T above, s.
+        lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
         follow: Time constant, twice, with which a hand that grips follows the feet, s.
         edge: Share of the way to the edge of the soles that the ZMP of the feet goes for planned forces before the CoM

@@ -59,8 +59,8 @@ class ArmSettings:
         lead: Error of the hand at which its reference waits, m (of the rotation, rad).
         blend: Time in which a hand is taken to its task, and let go, s.
         waist: Hands with targets move the joints of the waist as well.
-        swing: Swing of arms without targets: way of a hand forward for each metre that the other side's foot is ahead
-            of its own. 0 holds them still.
+        swing: Swing of arms without targets, m/m: way of a hand forward for each metre that the other side's foot is
+            ahead of its own. 0 holds them still.
     """
 
     weight: Positive = 100.0

@@ -53,9 +53,10 @@ class DriveSettings:
     """Settings of a robot that is steered.
 
     Attributes:
-        acceleration: Greatest change of the granted velocity: forward, left and turn.
-        fastest: Greatest velocity granted: forward, left (or right) and turn. The defaults are for the built-in robots.
-        fastest_back: Greatest velocity granted backwards.
+        acceleration: Greatest change of the granted velocity: forward, left (m/s²) and turn (rad/s²).
+        fastest: Greatest velocity granted: forward, left or right (m/s) and turn (rad/s). The defaults are for the
+            built-in robots.
+        fastest_back: Greatest velocity granted backwards, m/s.
         pace_limit: Speed of the gait up to which steps become quicker where the legs do not reach; what they still do
             not reach is not granted. With 0.6 m/s `g1` walks at 0.4 m/s; robots that are pushed then fall more often.
         reach: Share of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
