@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Unpack
@@ -92,6 +92,13 @@ class RobotDescription:
         posture.check_posture(self._model, self._sole_frames, q)
         posture.check_balance(self._model, self.soles, q)
         self.robot()  # raises for frames that do not exist
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
+        for name, value in values.items():
+            if isinstance(value, Mapping):  # a MappingProxyType, which cannot be pickled
+                values[name] = dict(value)
+        return partial(type(self), **values), ()
 
     @classmethod
     @named_parameters("RobotDescription.from_urdf")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
+import pickle
 
 import mujoco
 import numpy as np
@@ -14,11 +15,13 @@ from mujoco_dynamics import assert_same_dynamics
 
 from wbc.core import conventions
 from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.models import hrp4_class
 from wbc.robots.urdf import without_geometry
+from wbc.tasks import CoMTask
 
 BUILT_IN = ("hrp4_class", "talos", "g1")
 
@@ -311,6 +314,22 @@ def test_models_are_copies() -> None:
         description.kp[0] = 0.0
     with pytest.raises(TypeError):
         description.half_sitting["waist_yaw"] = 1.0  # type: ignore[index]
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_description_goes_to_another_process_and_a_robot_does_not(name: str) -> None:
+    """A copied robot would keep the arrays of the old state: only its description can be pickled."""
+    known = load(name)
+    for twin in (pickle.loads(pickle.dumps(known)), copy.deepcopy(known)):
+        assert twin is not known and twin.digest == known.digest and twin.report() == known.report()
+        assert (twin.robot().mass_matrix == known.robot().mass_matrix).all()
+    robot = known.robot()
+    controller = Controller(robot, 0.005)
+    task = controller.add(CoMTask())
+    for item in (robot, controller, task):
+        for duplicate in (pickle.dumps, copy.deepcopy):
+            with pytest.raises(InputError, match="clone"):
+                duplicate(item)
 
 
 def test_the_generator_is_deterministic() -> None:

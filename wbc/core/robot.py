@@ -7,7 +7,7 @@ are plain attributes. Frames and joints are looked up by name once, when a task 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -248,6 +248,12 @@ class Robot:
         )
         twin.total_mass, twin._carried, twin._own = self.total_mass, self._carried, self._own
         return twin
+
+    def __reduce__(self) -> NoReturn:
+        raise InputError(
+            f"{self!r} cannot be pickled or copied by `copy`: its arrays are views of Pinocchio's memory; use"
+            " `clone()`, and give another process the RobotDescription"
+        )
 
     def frame_id(self, name: str) -> int:
         """Return the index of a frame.
