@@ -12,16 +12,28 @@ from wbc import (
     CoMTask,
     Controller,
     JointLimits,
+    MotionTask,
     PositionTask,
     PostureTask,
     SoleContact,
     TorqueLimits,
     load_robot,
 )
-from wbc.core.errors import InputError
+from wbc.core.errors import Array, InputError
 from wbc.core.qp.levels import LevelSolver
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.solver import QpSolver, SolverSettings
+from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+
+
+class Sick(MotionTask):
+    """A task whose error is NaN until another value is given, and whose Jacobian is zero."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__("sick", 1, level=level)
+        self.value = float("nan")
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        jacobian[:], error[:], drift[:] = 0.0, self.value, 0.0
 
 
 def problem(n: int, n_eq: int, n_soft: int, n_in: int) -> Problem:
@@ -193,6 +205,33 @@ def test_levels_that_contradict_are_refused() -> None:
         CoMTask(level=1.5)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="is hard, above all levels, so that its level must be 1, got 2"):
         CoMTask(level=2, hard=True)
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_nan_in_a_task_of_any_level_is_refused_and_named(level: int) -> None:
+    made, _, _ = controller(1, 2, 3)
+    good = made.solve()
+    sick = made.add(Sick(level))
+    for _ in range(2):
+        refused = made.solve()
+        assert refused.status is Status.REFUSED
+        assert np.isfinite(refused.variables).all() and np.isfinite(refused.torques).all()
+    named = made.diagnose()
+    assert list(named) == ["task 'sick'"] and np.isnan(named["task 'sick'"])
+    sick.value = 0.0
+    well = made.solve()
+    assert well.ok and made.diagnose() == {}
+    np.testing.assert_allclose(well.torques, good.torques, atol=1e-3)
+
+
+def test_nan_in_the_rows_of_a_lower_level_is_refused() -> None:
+    p = problem(3, 1, 2, 1)
+    p.equality[0], p.soft[0], p.soft[1] = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, np.nan, 0.0]
+    p.inequality[0], p.upper[:] = [1.0, 0.0, 0.0], 10.0
+    solver = LevelSolver(p, (1, 1))
+    assert solver.solve() is Status.REFUSED
+    p.soft[1] = [0.0, 1.0, 0.0]
+    assert solver.solve().ok and np.isfinite(solver.x).all()
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from wbc.core.errors import Array, InputError, choose, positive
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import status_table, violated_groups
+from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
 from wbc.core.qp.levels import LevelSolver
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
@@ -279,12 +279,14 @@ class Controller:
 
         Returns:
             Name of a group → largest violation in its own unit, for the groups that cannot be satisfied, worst first;
-            empty when the QP has a solution.
+            empty when the QP has a solution. If there is NaN or infinity in the QP, NaN for the tasks and groups that
+            it is in.
         """
         if self._dirty:
             self._rebuild()
             self._assembly.write(self.dt, self._torques, self.outside)
-        return violated_groups(self.problem)
+        problem, places = self.problem, self._assembly.layout.tasks
+        return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 
     def status_table(self) -> str:
         """Return a table of tasks, contacts and limits as of the last tick, to print."""

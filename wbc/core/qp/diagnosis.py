@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import qpsolvers
+from numpy.typing import NDArray
 
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.problem import Problem
@@ -20,7 +21,7 @@ SLACK_TOLERANCE = 1e-4
 def violated_groups(problem: Problem) -> dict[str, float]:
     """Solve the elastic QP: every row but those of the dynamics may be violated, at a quadratic cost.
 
-    The dynamics of the floating base are physics and stay exact; all other rows have a slack each.
+    The dynamics of the floating base are physics and stay exact; all other rows have a slack for each bound.
 
     Args:
         problem: An assembled problem.
@@ -31,20 +32,19 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     p = problem
     n, n_eq, n_in = p.diagonal.size, p.n_eq, p.lower.size
     physics = p.n_physics
-    n_slack = n_eq - physics + n_in
+    above, below = np.isfinite(p.upper) & (p.upper < 1e20), np.isfinite(p.lower) & (p.lower > -1e20)
+    relaxed, n_above = n_eq - physics, int(above.sum())
+    n_slack = relaxed + n_above + int(below.sum())  # one for each bound: those of one row may cross
     identity = np.eye(n_slack)
     # Least violation first: the objective of the tasks is dropped, but for a trace that makes the answer unique.
     hessian = np.diag(np.concatenate([np.full(n, 1e-12), np.ones(n_slack)]))
-    equality = np.hstack([p.equality, np.vstack([np.zeros((physics, n_slack)), identity[: n_eq - physics]])])
-    rows = np.hstack([p.inequality, identity[n_eq - physics :]])
-    above, below = np.isfinite(p.upper) & (p.upper < 1e20), np.isfinite(p.lower) & (p.lower > -1e20)
     solution = qpsolvers.solve_problem(
         qpsolvers.Problem(
             hessian,
             np.zeros(n + n_slack),
-            np.vstack([rows[above], -rows[below]]),
+            np.hstack([np.vstack([p.inequality[above], -p.inequality[below]]), -identity[relaxed:]]),
             np.concatenate([p.upper[above], -p.lower[below]]),
-            equality,
+            np.hstack([p.equality, np.vstack([np.zeros((physics, n_slack)), identity[:relaxed]])]),
             np.array(p.equality_target),
         ),
         solver="daqp",
@@ -52,14 +52,43 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     if not solution.found:
         return {"floating-base dynamics": float("inf")}
     slack = np.abs(solution.x[n:])
+    excess = np.zeros(n_in)
+    excess[above] = slack[relaxed : relaxed + n_above]
+    excess[below] = np.maximum(excess[below], slack[relaxed + n_above :])
     violated = {}
     for name, block in p.equality_groups.items():
         if block.start >= physics:
             violated[name] = float(slack[block.start - physics : block.stop - physics].max(initial=0.0))
     for name, block in p.inequality_groups.items():
-        violated[name] = float(slack[n_eq - physics :][block].max(initial=0.0))
+        violated[name] = float(excess[block].max(initial=0.0))
     worst_first = sorted(violated.items(), key=lambda item: -item[1])
     return {name: value for name, value in worst_first if value > SLACK_TOLERANCE}
+
+
+def groups_not_finite(
+    problem: Problem, tasks: Sequence[Task], places: Mapping[str, slice]
+) -> dict[str, float]:
+    """Return the tasks and the groups of constraints whose numbers are not finite.
+
+    Args:
+        problem: An assembled problem.
+        tasks: Tasks of the controller.
+        places: Name of a task → its rows, those of selections after all rows of the problem (`Layout.tasks`).
+
+    Returns:
+        Name → NaN.
+    """
+    p = problem
+    finite: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(p.rows), axis=1)
+    finite[: p.target.size] &= np.isfinite(p.target)
+    finite[p.target.size :] &= (p.lower < np.inf) & (p.upper > -np.inf)
+    groups = {name: finite[rows] for name, rows in p.equality_groups.items()}
+    groups |= {name: finite[p.target.size :][rows] for name, rows in p.inequality_groups.items()}
+    for task in tasks:
+        rows = places[task.name]
+        inside = finite[rows] if rows.stop <= finite.size else np.isfinite(task.error)
+        groups[f"hard task '{task.name}'" if task.hard else f"task '{task.name}'"] = inside
+    return {name: float("nan") for name, inside in groups.items() if not inside.all()}
 
 
 def status_table(

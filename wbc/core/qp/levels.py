@@ -13,6 +13,7 @@ I. Mordatch, A. Hertzmann, ACM TOG 29(4), 2010 (null spaces).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import daqp
@@ -22,7 +23,7 @@ from scipy.linalg.lapack import dgeqp3, dormqr, dposv, dtrtrs
 from wbc.core.errors import Array
 from wbc.core.qp.other_solvers import AT_LOWER, AT_UPPER, MAX_ITERATIONS
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.qp.solver import QpSolver, SolverSettings, Status, without_solution
 from wbc.core.vectors import largest
 
 TRACE = 1e-6
@@ -83,6 +84,9 @@ class LevelSolver:
     def solve(self) -> Status:
         """Solve level after level, and store the results; the status is that of the start unless a level fails."""
         p, first, solver = self.problem, self._first, self._solver
+        hopeless = without_solution(p)  # the first level sees the targets of its own rows alone
+        if hopeless is not None:
+            return hopeless
         end = first.n_eq + first.n_soft
         first.rows[:end], first.inequality[:] = p.rows[:end], p.inequality
         first.target[:], first.empty = self._first_target, p.empty
@@ -113,8 +117,12 @@ class LevelSolver:
             x = x + basis.dot(step)
             if not last:
                 values, basis = p.inequality.dot(x), basis.dot(free)
-        self.x = x
         p.rows.dot(x, out=self.values)
+        if not math.isfinite(self.values.dot(self.values)):  # a row of a lower level is not
+            for guess in self._guesses:
+                guess.fill(0.0)
+            return Status.REFUSED
+        self.x = x
         return status
 
     def _holds(self, values: Array, step: Array) -> bool:

@@ -55,7 +55,7 @@ class Status(enum.Enum):
     INFEASIBLE = "infeasible"
     """None: hard constraints contradict each other, or every solver gave up."""
     REFUSED = "refused"
-    """None was tried: the QP has NaN or infinity in it."""
+    """None: the QP has NaN or infinity in it."""
 
     def __init__(self, value: str) -> None:
         self.ok = value not in ("infeasible", "refused")
@@ -169,10 +169,11 @@ class QpSolver:
             self._exact = True
             return _SOLVED
         self._keep()
-        if not self._finite():
+        hopeless = without_solution(p)
+        if hopeless is not None:
             self._persistent = None
             self.counts["failed"] += 1
-            return Status.REFUSED
+            return hopeless
         hessian, gradient = p.hessian, p.gradient
         if self._by_daqp and self._solve_by_daqp(hessian, gradient):
             return Status.SOLVED
@@ -198,12 +199,6 @@ class QpSolver:
         self._fast.guess(self.multipliers)
         self.counts["DAQP"] += 1
         return True
-
-    def _finite(self) -> bool:
-        """Return True unless NaN or infinity in the state has reached the targets or the bounds."""
-        p = self.problem
-        room = p.upper - p.lower
-        return math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear)) and bool((room >= 0.0).all())
 
     def _keep(self) -> None:
         """Take the last solution of the active set, if it is the last one, as the next guess."""
@@ -238,7 +233,7 @@ class QpSolver:
             self.counts["relaxed"] += 1
             return Status.RELAXED
         self.counts["failed"] += 1
-        return Status.INFEASIBLE
+        return Status.INFEASIBLE if np.isfinite(p.rows).all() else Status.REFUSED
 
     def _start(self, data: tuple[Array, ...], first: bool) -> bool:
         """Solve with a ProxQP that is set up anew; return True if its solution is accepted.
@@ -369,6 +364,16 @@ class QpSolver:
         options.compute_timings = False
         options.verbose = False
         return qp
+
+
+def without_solution(problem: Problem) -> Status | None:
+    """Return why a QP need not be tried: NaN or infinity in targets or bounds, bounds that cross; None if it may be."""
+    p = problem
+    room = p.upper - p.lower
+    finite = math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear))
+    if finite and (room >= 0.0).all():
+        return None
+    return Status.INFEASIBLE if finite and not np.isnan(room).any() else Status.REFUSED
 
 
 def _cut(multipliers: Array) -> Array:
