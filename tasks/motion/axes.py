@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, check_options, unknown_name
+from wbc.core.errors import Array, InputError, check_options, names_in, unknown_name
 from wbc.core.qp.task import ERROR_BOUNDS, MotionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.options import MotionOptions
@@ -46,7 +46,8 @@ class AxesTask(MotionTask):
         mask = axis_mask(name, gains.pop("axes", choices), choices)
         self._keep = None if mask.all() else np.flatnonzero(mask)
         self._linear_rows = int(mask[:3].sum())
-        self._only_joints: Sequence[str] | None = gains.pop("joints", None)
+        joints = gains.pop("joints", None)
+        self._only_joints = None if joints is None else distinct_joints(joints)
         super().__init__(name, int(mask.sum()), **gains)
         self.spared = np.zeros(0, dtype=np.intp)
 
@@ -116,7 +117,7 @@ def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray
         InputError: No axis at all, or one twice.
         UnknownNameError: An axis that is not among the choices.
     """
-    chosen = [axes] if isinstance(axes, str) else list(axes)
+    chosen = names_in(f"axes of task '{task}'", axes)
     if not chosen or len(set(chosen)) != len(chosen):
         raise InputError(f"task '{task}' needs axes out of {', '.join(choices)}, each once; got {chosen}")
     for axis in chosen:
@@ -141,14 +142,12 @@ def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp
     joints may not move the base.
 
     Raises:
-        InputError: No joint at all, or one twice.
         UnknownNameError: The robot has no such joint.
     """
     if joints is None:
         return None
-    chosen = distinct_joints(joints)
-    used = joint_columns(robot, [joint for joint in chosen if joint != BASE])
-    if BASE in chosen:
+    used = joint_columns(robot, [joint for joint in joints if joint != BASE])
+    if BASE in joints:
         used = np.concatenate([np.arange(BASE_DOF), used])
     return np.setdiff1d(np.arange(robot.nv), used)
 
@@ -159,7 +158,7 @@ def distinct_joints(joints: Sequence[str]) -> list[str]:
     Raises:
         InputError: No joint at all, or one twice.
     """
-    chosen = [joints] if isinstance(joints, str) else list(joints)
+    chosen = names_in("joints", joints)
     if not chosen or len(set(chosen)) != len(chosen):
         raise InputError(f"joints must be distinct, at least one; got {chosen}")
     return chosen

@@ -49,6 +49,9 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "com: bound of wrong shape": lambda: CoMTask(error_bound=[0.1, 0.1]),
     "com: bound in words": lambda: CoMTask(error_bound="far"),  # type: ignore[arg-type]
     "com: no axis": lambda: CoMTask(axes=()),
+    "com: axes by number": lambda: CoMTask(axes=0),  # type: ignore[arg-type]
+    "com: axes in axes": lambda: CoMTask(axes=[["x"]]),  # type: ignore[list-item]
+    "com: joints by number": lambda: CoMTask(joints=3),  # type: ignore[arg-type]
     "com: axis twice": lambda: CoMTask(axes=("x", "x")),
     "position: nan": lambda: PositionTask("left_hand", [NAN, 0.0, 0.0]),
     "orientation: shape": lambda: OrientationTask("left_hand", np.zeros(3)),

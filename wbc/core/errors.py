@@ -96,6 +96,20 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
     return name
 
 
+def names_in(what: str, value: object) -> list[str]:
+    """Return names as a list; a single one counts as a list of one.
+
+    Raises:
+        InputError: Neither text nor several texts.
+    """
+    names: list[Any] = (
+        [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
+    )
+    if not all(isinstance(name, str) for name in names):
+        raise InputError(f"{what} must be a name or several names, got {shown(value)}")
+    return names
+
+
 def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
     """Refuse options that a task or contact does not take.
 
