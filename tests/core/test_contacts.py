@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sit
 from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.contact import (
     AXES,
+    ContactOptions,
     PointContact,
     SoleContact,
     friction_pyramid,
@@ -342,6 +344,49 @@ def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple
     np.testing.assert_allclose(total, robot.mass * (data.acom[0] + [0, 0, 9.80665]), atol=1e-4)
 
 
+def test_options_that_are_assigned_act_in_the_next_tick_as_those_given_at_the_start() -> None:
+    options: ContactOptions = {
+        "min_force": 30.0,
+        "max_force": 120.0,
+        "stiffness": 40.0,
+        "damping": 3.0,
+        "wrench_weight": 1e-4,
+    }
+
+    def shaken(**given: Unpack[ContactOptions]) -> tuple[Controller, SoleContact]:
+        robot = make_robot("g1")
+        controller = Controller(robot, 0.002)
+        contact = controller.add(SoleContact("left_foot", **given))
+        controller.add(SoleContact("right_foot"), PostureTask(), CoMTask())
+        moved = pin.integrate(robot.model, robot.q, np.full(robot.nv, 0.01))
+        robot.update(moved, np.full(robot.nv, 0.02))
+        return controller, contact
+
+    controller, contact = shaken()
+    before = controller.solve().variables
+    for name, value in options.items():
+        setattr(contact, name, value)
+    after, expected = controller.solve(), shaken(**options)[0].solve()
+    assert after.ok and abs(after.variables - before).max() > 1.0
+    np.testing.assert_allclose(after.variables, expected.variables, atol=1e-6)
+    assert after.wrenches["left_foot"][2] == pytest.approx(120.0, abs=1e-4)
+    contact.damping = None
+    assert contact.damping == pytest.approx(2.0 * np.sqrt(40.0))
+    contact.stiffness = 9.0
+    assert contact.damping == pytest.approx(6.0)
+    for name, wrong in {
+        "min_force": 120.0,
+        "max_force": 30.0,
+        "ramp": -1.0,
+        "stiffness": float("nan"),
+        "damping": -1.0,
+        "wrench_weight": 0.0,
+    }.items():
+        with pytest.raises(InputError, match="contact 'left_foot'"):
+            setattr(contact, name, wrong)
+    assert (contact.min_force, contact.max_force, contact.ramp, contact.stiffness) == (30.0, 120.0, 0.1, 9.0)
+
+
 def test_contacts_that_are_off_weigh_nothing() -> None:
     """A robot in the air falls, whatever contacts it might have."""
     controller = Controller(make_robot("g1"), 0.002)
@@ -366,6 +411,7 @@ def test_bad_values_are_refused() -> None:
         lambda: SoleContact("left_foot", wrench_weight=-1.0),
         lambda: PointContact("left_hand", normal=(0.0, 0.0, 0.0)),
         lambda: PointContact("left_hand", free_axes=("roll",)),
+        lambda: SoleContact("left_foot", free_axes=3),  # type: ignore[arg-type]
         lambda: rectangle_wrench_cone(0.0, 0.1, 0.5),
     ):
         with pytest.raises(InputError):

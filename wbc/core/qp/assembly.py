@@ -47,6 +47,9 @@ class _ContactSlot:
     jacobian: Array
     error: Array
     drift: Array
+    stiffness: Array
+    damping: Array
+    wrench_weight: Array
     force: Array  # the motion rows over the contact's own force
     cone: Array  # the cone rows over the contact's own force
     cone_upper: Array
@@ -192,10 +195,8 @@ class Assembly:
             cone = slice(cone_at, cone_at + contact.cone.shape[0])
             normal = slice(cone.stop, cone.stop + 1)
             view = self._view(rows)
-            view.stiffness[:], view.damping[:] = contact.stiffness, contact.damping
             contact.attach(view.velocity)
             p.inequality[normal, column + contact.force_axis] = 1.0
-            p.diagonal[columns] = contact.wrench_weight
             p.contacts[contact.name] = columns
             p.equality_groups[f"motion of contact '{contact.name}'"] = rows
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
@@ -210,6 +211,9 @@ class Assembly:
                     jacobian=p.equality[rows, :nv],
                     error=view.error,
                     drift=view.drift,
+                    stiffness=view.stiffness,
+                    damping=view.damping,
+                    wrench_weight=p.diagonal[columns],
                     force=p.equality[rows, columns],
                     cone=p.inequality[cone, columns],
                     cone_upper=p.upper[cone],
@@ -373,6 +377,8 @@ class Assembly:
         if slot.revision != contact.revision:
             slot.revision = contact.revision
             slot.cone[:] = contact.cone
+            slot.stiffness[:], slot.damping[:] = contact.stiffness, contact.damping
+            slot.wrench_weight[:] = contact.wrench_weight
             low, high = contact.normal_force_range if engaged else (-1.0, 1.0)
             slot.normal_lower[:], slot.normal_upper[:] = low, high
 

@@ -16,8 +16,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, check_options, finite_array, non_negative, positive
-from wbc.core.robot import Robot
+from wbc.core.errors import Array, InputError, check_options, finite_array, names_in, non_negative, positive
+from wbc.core.robot import GRAVITY, Robot
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
@@ -129,9 +129,9 @@ class Contact(ABC):
         force_axis: Place of the normal force among the force variables.
         free: Mask of the axes that are not held, shape (dim,).
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
-        revision: Number that changes with the cone and the range of the normal force.
+        revision: Number that changes with the cone, the range of the normal force, gains and wrench weight.
 
-    The options of `ContactOptions` are attributes as well, the wrench weight of shape (dim,).
+    The options of `ContactOptions` are attributes as well; those but `free_force` can be assigned at any time.
     """
 
     dim: int
@@ -156,29 +156,19 @@ class Contact(ABC):
         self.name = name
         self.frame = frame
         self.cone = cone
-        self.min_force = non_negative(f"smallest force of contact '{name}' (N)", min_force)
-        self.max_force = (
-            None if max_force is None else positive(f"greatest force of contact '{name}' (N)", max_force)
-        )
-        if self.max_force is not None and self.max_force <= self.min_force:
-            raise InputError(
-                f"greatest force of contact '{name}' must exceed the smallest: {self.max_force} ≤ {self.min_force} N"
-            )
-        self.ramp = non_negative(f"force ramp of contact '{name}' (s)", ramp)
-        self.stiffness = non_negative(f"stiffness of contact '{name}' (1/s²)", stiffness)
-        self.damping = (
-            2.0 * np.sqrt(self.stiffness)
-            if damping is None
-            else non_negative(f"damping of '{name}' (1/s)", damping)
-        )
-        weight = finite_array(f"wrench weight of contact '{name}'", wrench_weight)
-        if (weight <= 0.0).any() or weight.shape not in ((), (self.dim,)):
-            raise InputError(
-                f"wrench weight of contact '{name}' must be above zero, scalar or ({self.dim},), got {weight}"
-            )
-        self.wrench_weight = np.array(np.broadcast_to(weight, (self.dim,)))
+        self.revision = 0
+        self._max_force: float | None = None
+        self._critical = True
+        self.min_force = min_force
+        if max_force is not None:
+            self.max_force = max_force
+        self.ramp = ramp
+        self.stiffness = stiffness
+        if damping is not None:
+            self.damping = damping
+        self.wrench_weight = wrench_weight
         self.free = np.zeros(self.dim, dtype=bool)
-        for axis in free_axes:
+        for axis in names_in(f"free axes of contact '{name}'", free_axes):
             if axis not in AXES[: self.dim] or axis == AXES[self.force_axis]:
                 choices = ", ".join(a for i, a in enumerate(AXES[: self.dim]) if i != self.force_axis)
                 raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
@@ -188,7 +178,76 @@ class Contact(ABC):
         self._active = bool(active)
         self._robot: Robot | None = None
         self._velocity = np.zeros(self.dim)
-        self.revision = 0
+
+    @property
+    def min_force(self) -> float:
+        """Smallest normal force while active, N."""
+        return self._min_force
+
+    @min_force.setter
+    def min_force(self, value: float) -> None:
+        force = non_negative(f"smallest force of contact '{self.name}' (N)", value)
+        self._set_forces(force, self._max_force)
+
+    @property
+    def max_force(self) -> float | None:
+        """Greatest normal force, N; None before the contact is added if none was given."""
+        return self._max_force
+
+    @max_force.setter
+    def max_force(self, value: float) -> None:
+        force = positive(f"greatest force of contact '{self.name}' (N)", value)
+        self._set_forces(self._min_force, force)
+
+    @property
+    def ramp(self) -> float:
+        """Time of the force ramp when the contact is switched, s."""
+        return self._ramp
+
+    @ramp.setter
+    def ramp(self, value: float) -> None:
+        self._ramp = non_negative(f"force ramp of contact '{self.name}' (s)", value)
+
+    @property
+    def stiffness(self) -> float:
+        """Pull back to where the contact was made, 1/s²; it makes the damping critical unless that was set."""
+        return self._stiffness
+
+    @stiffness.setter
+    def stiffness(self, value: float) -> None:
+        self._stiffness = non_negative(f"stiffness of contact '{self.name}' (1/s²)", value)
+        if self._critical:
+            self._damping = 2.0 * float(np.sqrt(self._stiffness))
+        self.revision += 1
+
+    @property
+    def damping(self) -> float:
+        """Damping of contact velocity, 1/s; assign None to make it critical again."""
+        return self._damping
+
+    @damping.setter
+    def damping(self, value: float | None) -> None:
+        self._critical = value is None
+        if value is None:
+            self.stiffness = self._stiffness
+        else:
+            self._damping = non_negative(f"damping of contact '{self.name}' (1/s)", value)
+            self.revision += 1
+
+    @property
+    def wrench_weight(self) -> Array:
+        """Cost per N² and (Nm)² of the force variables, shape (dim,); assign that or a scalar, above zero."""
+        return self._wrench_weight
+
+    @wrench_weight.setter
+    def wrench_weight(self, value: ArrayLike) -> None:
+        weight = finite_array(f"wrench weight of contact '{self.name}'", value)
+        if (weight <= 0.0).any() or weight.shape not in ((), (self.dim,)):
+            raise InputError(
+                f"wrench weight of contact '{self.name}' must be above zero, scalar or ({self.dim},), got {weight}"
+            )
+        self._wrench_weight = np.broadcast_to(weight, (self.dim,))  # read-only
+        self.revision += 1
 
     @property
     def active(self) -> bool:
@@ -221,8 +280,8 @@ class Contact(ABC):
         self._model, self._data = robot.model, robot.data
         self._id = robot.frame_id(self.frame)
         self._placement = robot.data.oMf[self._id]
-        if self.max_force is None:
-            self.max_force = 4.0 * robot.mass * 9.80665
+        if self._max_force is None:
+            self.max_force = 4.0 * robot.mass * GRAVITY
         self.reset()
 
     def reset(self) -> None:
@@ -278,9 +337,9 @@ class Contact(ABC):
     @property
     def normal_force_range(self) -> tuple[float, float]:
         """Smallest and greatest normal force allowed now, N."""
-        assert self.max_force is not None
-        high = self._load * self.max_force
-        return min(self.min_force, 0.5 * high), high
+        assert self._max_force is not None
+        high = self._load * self._max_force
+        return min(self._min_force, 0.5 * high), high
 
     @abstractmethod
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -291,6 +350,14 @@ class Contact(ABC):
             error: To fill: place of the contact − present place, m and rad, shape (dim,).
             drift: To fill: acceleration at zero generalised acceleration, shape (dim,).
         """
+
+    def _set_forces(self, low: float, high: float | None) -> None:
+        if high is not None and high <= low:
+            raise InputError(
+                f"greatest force of contact '{self.name}' must exceed the smallest: {high} ≤ {low} N"
+            )
+        self._min_force, self._max_force = low, high
+        self.revision += 1
 
     def _set_load(self, load: float, *, engage: bool = False) -> None:
         self._load = load
