@@ -104,8 +104,8 @@ class JointLimits:
             velocity: Keep the velocity limits of the model.
             acceleration: Largest acceleration, rad/s² (or m/s²), scalar or shape (na,); unlimited when None.
             braking: Deceleration that is always available, rad/s², scalar or shape (na,). When None, the acceleration
-                limit, or what 30 % of the torque limit gives to the joint's inertia in half-sitting, at most
-                100 rad/s²: the rest is left for gravity and contact forces.
+                limit, or what 30 % of the torque limit gives to the joint's inertia in the posture in which the limits
+                are added, at most 100 rad/s²: the rest is left for gravity and contact forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
 
