@@ -59,6 +59,7 @@ class ComplianceTask(FrameTask):
     unit = "m|rad"
     integrates = True
     _kind = "compliance"
+    _period = 0.0  # that of the ticks so far, s
 
     @checked
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[OffsetOptions]) -> None:
@@ -89,7 +90,7 @@ class ComplianceTask(FrameTask):
             self.target_wrench = target_wrench
         self._target_velocity, self._target_acceleration = np.zeros(self.dim), np.zeros(self.dim)
         self._sole: int | None = None
-        self._period, self._gain_of_period = 0.0, 1.0
+        self._gain_of_period = 1.0
         self._motion = np.zeros(6)
         self._full_error = np.zeros(6)
         self.reset()
@@ -280,9 +281,16 @@ class ComplianceTask(FrameTask):
             self._offset_rotation = np.dot(self._offset_rotation, pin.exp3(dt * clamped[3:]))
 
     def _start(self, dt: float) -> None:
-        self._period = positive("control period (s)", dt)
+        self._check_damping(self.damping, positive("control period (s)", dt))
+        self._period = dt
         self._gain_of_period = -math.expm1(-dt / self._time_constant) if self._time_constant > 0.0 else 1.0
-        fastest = float(self.damping.max())
+
+    def _set_damping(self, damping: Array) -> None:
+        self._check_damping(damping, self._period)
+        super()._set_damping(damping)
+
+    def _check_damping(self, damping: Array, dt: float) -> None:
+        fastest = float(damping.max())
         if fastest * dt >= 2.0:
             raise InputError(
                 f"damping of task '{self.name}', {fastest:g} 1/s, is unstable with a control period of {dt:g} s; it "

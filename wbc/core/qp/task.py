@@ -102,10 +102,9 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         Raises:
             InputError: A gain that is negative, not finite or of the wrong shape, a level below 1 or of a hard task.
         """
-        if dim < 1:
-            raise InputError(f"task '{name}' must have at least one row, got {dim}")
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
+        self._dim = whole_number(f"number of rows of task '{name}'", dim, low=1)
         if not isinstance(hard, (bool, np.bool_)):
             raise InputError(f"hard of task '{name}' must be true or false, got {shown(hard)}")
         self.name = name
@@ -115,8 +114,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             raise InputError(
                 f"task '{name}' is hard, above all levels, so that its level must be 1, got {level}"
             )
-        self._dim = int(dim)
-        self._rows = Rows.zeros(dim)
+        self._rows = Rows.zeros(self._dim)
         self._critical = True
         self._robot: Robot | None = None
         self.weight = weight
@@ -143,7 +141,10 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             InputError: The task has not been added to a controller yet.
         """
         if self._robot is None:
-            raise InputError(f"task '{self.name}' belongs to no controller yet; add it first")
+            raise InputError(
+                f"task '{self.name}' belongs to no controller yet; add it first (its own `bind`, if it has one, calls "
+                "super().bind(robot))"
+            )
         return self._robot
 
     @property
@@ -163,9 +164,10 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @stiffness.setter
     def stiffness(self, value: ArrayLike) -> None:
-        self._rows.stiffness[:] = self._gain("stiffness (1/s²)", value)
+        stiffness = self._gain("stiffness (1/s²)", value)
         if self._critical:
-            np.multiply(2.0, np.sqrt(self._rows.stiffness), out=self._rows.damping)
+            self._set_damping(2.0 * np.sqrt(stiffness))
+        self._rows.stiffness[:] = stiffness
 
     @property
     def damping(self) -> Array:
@@ -174,11 +176,15 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
-        self._critical = value is None
         if value is None:
-            self.stiffness = np.array(self._rows.stiffness)
+            self._set_damping(2.0 * np.sqrt(self._rows.stiffness))
         else:
-            self._rows.damping[:] = self._gain("damping (1/s)", value)
+            self._set_damping(self._gain("damping (1/s)", value))
+        self._critical = value is None
+
+    def _set_damping(self, damping: Array) -> None:
+        """Take a damping over, 1/s, scalar or shape (dim,)."""
+        self._rows.damping[:] = damping
 
     @property
     def error_bound(self) -> Array:
