@@ -9,12 +9,13 @@ import pinocchio as pin
 import pytest
 from task_factory import MOTION_TASKS, make_robot
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import MotionTask, Task
+from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
@@ -265,3 +266,49 @@ def test_several_items_are_added_or_removed_together_or_not_at_all() -> None:
 def test_task_before_its_controller_says_so() -> None:
     with pytest.raises(InputError, match="belongs to no controller"):
         _ = CoMTask().target
+
+
+class Own(MotionTask):
+    """A task of one's own that looks nothing up."""
+
+    def bind(self, robot: Robot) -> None:
+        pass  # without super().bind(robot)
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        jacobian[:] = self.robot.com_jacobian[:1]
+
+
+class OwnLimit(RowLimit):
+    """A limit of one's own that limits nothing."""
+
+    def __init__(self, **attributes: object) -> None:
+        vars(self).update(attributes)
+
+    def bind(self, robot: Robot) -> None:
+        pass
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        pass
+
+
+def test_what_a_task_or_limit_of_ones_own_lacks_is_said() -> None:
+    for dim in (0, 1.5, "one", None, True):
+        with pytest.raises(
+            InputError, match="number of rows of task 'own' must be an integer of at least 1, got"
+        ):
+            Own("own", dim)  # type: ignore[arg-type]
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    for attributes in (
+        {},
+        {"name": "own"},
+        {"dim": 1},
+        {"name": "own", "dim": -1},
+        {"name": "own", "dim": 1.5},
+    ):
+        with pytest.raises(
+            InputError, match="limit OwnLimit needs a name, text, and dim, its number of rows"
+        ):
+            controller.add(OwnLimit(**attributes))
+    controller.add(Own("own", 1))
+    with pytest.raises(InputError, match=r"super\(\).bind"):
+        controller.solve()

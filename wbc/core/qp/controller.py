@@ -13,7 +13,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, choose, positive
+from wbc.core.errors import Array, InputError, choose, positive, shown
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
@@ -153,6 +153,11 @@ class Controller:
         if isinstance(item, Task) and item._robot is not None and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
         item.bind(self.robot)
+        if isinstance(item, RowLimit) and not _has_rows(item):
+            raise InputError(
+                f"limit {type(item).__name__} needs a name, text, and dim, its number of rows, once it is bound; got "
+                f"{shown(getattr(item, 'name', None))} and {shown(getattr(item, 'dim', None))}"
+            )
         if item.name in {other.name for other in others}:
             raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
 
@@ -299,6 +304,11 @@ def _owner(item: Item) -> Controller | None:
     """Return the controller that has an item; None if none has."""
     owner: weakref.ref[Controller] | None = getattr(item, "_owner", None)
     return None if owner is None else owner()
+
+
+def _has_rows(limit: RowLimit) -> bool:
+    name, dim = getattr(limit, "name", None), getattr(limit, "dim", None)
+    return isinstance(name, str) and isinstance(dim, (int, np.integer)) and int(dim) >= 0
 
 
 def _by_name(kind: str, name: str, items: Sequence[ItemT]) -> ItemT:
