@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import InputError, MeasurementError, finite_array, whole_number
-from wbc.core.robot import Robot
+from wbc.core.errors import InputError, MeasurementError, whole_number
+from wbc.core.robot import Robot, checked_configuration
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.loop.actuators import JointActuators
@@ -170,7 +170,7 @@ class MujocoLoop:
         if seed is not None:
             self.seed = whole_number("seed", seed, low=0)
         if configuration is not None:
-            q = finite_array("configuration", configuration, (self.robot.nq,))
+            q = checked_configuration("configuration", configuration, self.robot.nq)
         places = self.places
         places.set_configuration(q, self.data.qpos)
         self.data.qvel[places.base_dof : places.base_dof + 6] = 0.0

@@ -33,7 +33,7 @@ from wbc.core.errors import (
     positive,
     whole_number,
 )
-from wbc.core.robot import Robot
+from wbc.core.robot import Robot, checked_configuration
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
@@ -251,11 +251,8 @@ class Plant:
         if configuration is None:
             q = self.on_ground(self.robot.half_sitting)
         else:
-            q = finite_array("configuration", configuration, (self.robot.nq,))
-            length = float(np.linalg.norm(q[3:7]))
-            if abs(length - 1.0) > 1e-3:
-                raise InputError(f"quaternion of the configuration must have length 1, got {length:g}")
-            q[3:7] /= length
+            q = checked_configuration("configuration", configuration, self.robot.nq)
+            q[3:7] /= np.linalg.norm(q[3:7])
         if seed is not None:
             self.seed = whole_number("seed", seed, low=0)
         self._start = q

@@ -13,10 +13,11 @@ import pinocchio as pin
 import pytest
 from mujoco_dynamics import assert_same_dynamics
 
+from wbc import PositionControl
 from wbc.core import conventions
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription, load, names, register, registry
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.models import hrp4_class
@@ -330,6 +331,29 @@ def test_a_description_goes_to_another_process_and_a_robot_does_not(name: str) -
         for duplicate in (pickle.dumps, copy.deepcopy):
             with pytest.raises(InputError, match="clone"):
                 duplicate(item)
+
+
+def test_states_and_models_that_no_robot_has_are_refused() -> None:
+    known = load("g1")
+    robot, model = known.robot(), known.pinocchio_model()
+    q, v = np.array(robot.q), np.array(robot.v)
+    for update in (robot.update, robot.update_kinematics, Controller(robot, 0.005).update):
+        with pytest.raises(InputError, match=r"configuration must have shape \(36,\), got \(35,\)"):
+            update(q[1:], v)
+        with pytest.raises(InputError, match=r"velocity must have shape \(35,\), got \(36,\)"):
+            update(q, q)
+        with pytest.raises(InputError, match="configuration must be numbers, got 'half-sitting'"):
+            update("half-sitting", v)
+    lying = np.where(np.arange(q.size) == 6, 0.0, q)  # a quaternion of zeros
+    control = PositionControl(Controller(robot, 0.005))
+    for act in (lambda: Robot(model, robot.soles, lying), lambda: control.reset(lying)):
+        with pytest.raises(InputError, match="quaternion of the .*configuration must have length 1, got 0"):
+            act()
+    with pytest.raises(InputError, match="joints must be a mapping of text to a finite number"):
+        robot.configuration({robot.joint_names[0]: "bent"})  # type: ignore[dict-item]
+    bare = pin.buildSampleModelHumanoid()
+    with pytest.raises(ModelError, match="needs a frame of type BODY at its root joint"):
+        Robot(bare, [], pin.neutral(bare))
 
 
 def test_the_generator_is_deterministic() -> None:

@@ -22,6 +22,7 @@ from wbc.core.errors import (
     finite_array,
     non_negative,
     scalar,
+    shown,
     unknown_name,
 )
 from wbc.core.settings import Positive, settings
@@ -61,6 +62,24 @@ class _View:
 def _live(array: Array, owner: pin.Data) -> Array:
     """Return a view of Pinocchio's memory that keeps `owner` alive; its contents follow every update."""
     return np.asarray(_View(array, owner))
+
+
+def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
+    """Return a configuration after a check, as a copy.
+
+    Args:
+        what: Name of the configuration in messages.
+        value: Base position (m), base quaternion (xyzw), joints (rad or m), shape (nq,).
+        nq: Size of a configuration of the robot.
+
+    Raises:
+        InputError: Wrong shape, not finite, or a quaternion whose length is not 1 (to 1e-3).
+    """
+    q = finite_array(what, value, (nq,))
+    length = float(np.linalg.norm(q[3:7]))
+    if abs(length - 1.0) > 1e-3:
+        raise InputError(f"quaternion of the {what} must have length 1, got {length:g}")
+    return q
 
 
 class Robot:
@@ -118,9 +137,9 @@ class Robot:
             servos: Gains of the servos.
 
         Raises:
-            ModelError: No free-flyer root, or a joint of several degrees of freedom.
+            ModelError: No free-flyer root, no frame of its body, or a joint of several degrees of freedom.
             UnknownNameError: A frame that is not in the model.
-            InputError: A half-sitting of the wrong shape.
+            InputError: A half-sitting of the wrong shape or without orientation.
         """
         if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
             raise ModelError(f"robot '{model.name}' must have a free-flyer root joint")
@@ -141,8 +160,12 @@ class Robot:
         self.soles = tuple(soles)
         for sole in self.soles:
             self.frame_id(sole.frame)
-        root = next(f.name for f in model.frames if f.parentJoint == 1 and f.type == pin.FrameType.BODY)
-        self.base_frame = str(root)
+        links = [str(f.name) for f in model.frames if f.parentJoint == 1 and f.type == pin.FrameType.BODY]
+        if not links:
+            raise ModelError(
+                f"robot '{model.name}' needs a frame of type BODY at its root joint '{model.names[1]}': its base link"
+            )
+        self.base_frame = links[0]
         self.torso_frame = torso_frame or self.base_frame
         self.imu_frame = imu_frame or self.base_frame
         self.servos = servos
@@ -150,7 +173,7 @@ class Robot:
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
             self.frame_id(frame)
 
-        self.half_sitting = finite_array("half-sitting configuration", half_sitting, (self.nq,))
+        self.half_sitting = checked_configuration("half-sitting configuration", half_sitting, self.nq)
         self.half_sitting.setflags(write=False)
         self.position_lower = np.array(model.lowerPositionLimit[7:])
         self.position_upper = np.array(model.upperPositionLimit[7:])
@@ -214,9 +237,15 @@ class Robot:
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
             v: Velocity, shape (nv,).
+
+        Raises:
+            InputError: A configuration or velocity of another shape.
         """
-        self.q[:] = q
-        self.v[:] = v
+        try:
+            self.q[:] = q
+            self.v[:] = v
+        except (TypeError, ValueError):
+            self._refuse(q, v)
         pin.computeAllTerms(self.model, self.data, self.q, self.v)
         pin.updateFramePlacements(self.model, self.data)
 
@@ -229,11 +258,22 @@ class Robot:
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
             v: Velocity, shape (nv,).
+
+        Raises:
+            InputError: A configuration or velocity of another shape.
         """
-        self.q[:] = q
-        self.v[:] = v
+        try:
+            self.q[:] = q
+            self.v[:] = v
+        except (TypeError, ValueError):
+            self._refuse(q, v)
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
         pin.updateFramePlacements(self.model, self.data)
+
+    def _refuse(self, q: Array, v: Array) -> NoReturn:
+        finite_array("configuration", q, (self.nq,))
+        finite_array("velocity", v, (self.nv,))
+        raise InputError(f"configuration and velocity must be numbers, got {shown(q)} and {shown(v)}")
 
     def clone(self) -> Robot:
         """Return another robot of the same model with a state of its own."""
@@ -317,6 +357,7 @@ class Robot:
         )
         return [model.joints[j].idx_v - BASE_DOF for j in limb if j not in behind]
 
+    @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Return half-sitting with some joints changed and the lower sole on the ground z = 0.
 
@@ -328,14 +369,11 @@ class Robot:
 
         Raises:
             UnknownNameError: No such joint.
-            InputError: A position that is not finite.
+            InputError: A position that is not a finite number.
         """
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():
-            index = self.joint_index(name)
-            if not np.isfinite(value):
-                raise InputError(f"position of joint '{name}' must be finite, got {value}")
-            q[7 + index] = value
+            q[7 + self.joint_index(name)] = value
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, q)
         q[2] -= min(data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles)

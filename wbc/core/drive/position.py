@@ -13,12 +13,12 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.control import DriveControl, FailurePolicy, Feedforward, Prepare, SafetySettings
-from wbc.core.errors import Array, InputError, finite_array, positive, scalar
+from wbc.core.errors import Array, InputError, positive, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
-from wbc.core.robot import BASE_DOF
+from wbc.core.robot import BASE_DOF, checked_configuration
 from wbc.core.signals import Command, Measurement
 
 
@@ -97,7 +97,7 @@ class PositionControl(DriveControl):
             q: Configuration, shape (nq,); half-sitting when None.
         """
         robot = self.controller.robot
-        self.q[:] = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
+        self.q[:] = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
         self.v[:] = 0.0
         robot.update(self.q, self.v)
         self.observer.reset(self.q)

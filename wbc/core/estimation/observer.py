@@ -28,7 +28,7 @@ from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.lag import lag_gain
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import BASE_DOF, Robot, checked_configuration
 from wbc.core.settings import NonNegative, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned, turned_all
@@ -190,10 +190,10 @@ class Observer:
                 pitch are then taken from it instead of q.
 
         Raises:
-            InputError: A configuration of the wrong shape or not finite.
+            InputError: A configuration of the wrong shape, not finite or without orientation.
         """
         robot = self.robot
-        q = robot.half_sitting if q is None else finite_array("configuration", q, (robot.nq,))
+        q = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
         robot.update(q, np.zeros(robot.nv))
         self.inertial.reset(robot.placement(self._imu).rotation)
         if specific_force is not None:
