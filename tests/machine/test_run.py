@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -190,6 +191,28 @@ def test_a_controller_that_fails_ends_in_damping() -> None:
     assert report.phases[-1][0] is Phase.DAMPED and "ZeroDivisionError of the controller" in report.reason
 
 
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        (Command(np.full(NA, np.nan)), "the controller's command is not finite"),
+        (
+            Command(np.zeros(NA), kp=np.full(NA, np.inf), kd=np.zeros(NA)),
+            "the controller's command is not finite",
+        ),
+        (Command(np.zeros(3)), rf"the controller's joint_torque must have shape \({NA},\), got \(3,\)"),
+    ],
+)
+def test_a_command_that_no_machine_must_get_ends_in_damping(command: Command, reason: str) -> None:
+    machine = SimulatedMachine(SimulatedTime())
+    runner = make(machine)
+    runner.control = types.SimpleNamespace(command=lambda measurement: command)  # type: ignore[assignment]
+    sent: list[Command] = []
+    machine.write = lambda c: (sent.append(c), SimulatedMachine.write(machine, c))[1]  # type: ignore[method-assign, func-returns-value]
+    report = runner.run(5.0)
+    assert report.phases[-1][0] is Phase.DAMPED and re.match(reason, report.reason)
+    assert machine.damped > 0 and all(np.isfinite(c.joint_torque).all() for c in sent)
+
+
 def test_an_emergency_stop_damps_at_once() -> None:
     machine = SimulatedMachine(SimulatedTime())
     runner = make(machine)
@@ -239,6 +262,11 @@ def test_what_cannot_run_is_refused() -> None:
     machine = SimulatedMachine(SimulatedTime())
     machine.description = wbc.load_robot("hrp4_class")
     with pytest.raises(MachineError, match=r"has 29 joints, 'hrp4_class' has 34"):
+        make(machine).run(1.0)
+    machine = SimulatedMachine(SimulatedTime())
+    dead = replace(machine.loop.measure(), joint_position=np.full(NA, np.nan))
+    machine.read = lambda timeout: dead  # type: ignore[method-assign]
+    with pytest.raises(MachineError, match="joint positions are not finite"):
         make(machine).run(1.0)
 
 
@@ -340,6 +368,13 @@ def test_a_driver_and_a_robot_find_each_other() -> None:
     driver.damp()
     time.sleep(0.02)
     assert robot.receive() == (True, None)
+    late = pack_command(Command(np.zeros(NA)), 2)  # overtaken on its way by the damping
+    driver._socket.sendto(late, ("127.0.0.1", robot.port))
+    time.sleep(0.02)
+    assert robot.receive() == (False, None)
+    driver._socket.sendto(pack_command(Command(np.ones(NA)), 1), ("127.0.0.1", robot.port))  # begins anew
+    time.sleep(0.02)
+    assert robot.receive()[1] is not None
     robot.close()
     driver.close()
     with pytest.raises(InputError, match="port must be in"):

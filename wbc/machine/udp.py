@@ -16,8 +16,8 @@ A packet is little-endian: the header, then arrays of 8-byte floats, in the orde
 | measurement | positions, velocities, [torques], gyroscope (3), accelerometer (3), [sole wrenches (2 × 6)] |
 | command | torques, [reference positions, reference velocities], [kp, kd] |
 
-The robot sends measurements to the address from which the last hello or command came. Numbers that do not grow are old
-packets, which are dropped.
+The robot sends measurements to the address from which the last hello or command came. Measurements and commands of one
+sender whose numbers do not grow are old packets, which are dropped; a sender begins anew with 1.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ class UdpRobot:
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
         self._peer: tuple[str, int] | None = None
-        self._number = 0
+        self._number = self._newest = 0
 
     def receive(self) -> tuple[bool, Command | None]:
         """Return whether anything asked for damping, and the newest command, since the last call."""
@@ -247,10 +247,11 @@ class UdpRobot:
                 continue
             if got[0] == DAMP:
                 damped, newest = True, None
-            elif isinstance(got[2], Command):
-                damped, newest, self._peer = False, got[2], peer
             elif got[0] == HELLO:
-                self._peer = peer
+                self._peer, self._newest = peer, got[1]
+            elif isinstance(got[2], Command) and (peer != self._peer or got[1] > self._newest or got[1] == 1):
+                self._peer, self._newest = peer, got[1]
+                damped, newest = False, got[2]
 
     def send(self, measurement: Measurement) -> None:
         """Send a measurement to whoever sent the last hello or command."""
