@@ -1,4 +1,4 @@
-"""Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`; `render.py` draws them, too.
+"""Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`.
 
 A few are simulations in MuJoCo, the others what `wbc terrains`, `wbc foot press` and `wbc foot curves` draw. It takes
 about two minutes; on a machine without a display set MUJOCO_GL=egl.

@@ -1,4 +1,4 @@
-"""Film the walks of the README: `python docs/render.py` calls it; on a machine without a display set MUJOCO_GL=egl."""
+"""Film the walks of the README: `python docs/render_walk.py`; on a machine without a display set MUJOCO_GL=egl."""
 
 from __future__ import annotations
 

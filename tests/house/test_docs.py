@@ -163,6 +163,12 @@ def test_links_and_pictures_lead_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
+def test_every_picture_is_shown_on_a_page() -> None:
+    shown = "".join(page.read_text(encoding="utf-8") for page in (*PAGES, ROOT / "README.md"))
+    for picture in (ROOT / "docs" / "images").iterdir():
+        assert f"images/{picture.name})" in shown, f"no page shows {picture.name}"
+
+
 def test_the_programs_that_draw_pictures_can_be_imported() -> None:
     """They run seldom: a name that has moved is noticed here."""
     names = ", ".join(sorted(file.stem for file in (ROOT / "docs").glob("*.py") if file.stem != "conf"))
