@@ -48,7 +48,7 @@ class CarrySpec:
     """One simulated carry: hand-overs while standing, steps with the load, and its end.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
         load: Mass of the load, as a share of the robot's own; the controller is not told. The controller's estimate
             goes to 0.4.
         hold: hands holds the load in both hands with the arms forward, in equal parts; chest has it on the torso.

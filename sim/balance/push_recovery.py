@@ -151,7 +151,7 @@ class PushTableSpec:
     """A table of largest pushes: robots, control modes and directions.
 
     Attributes:
-        robot: Robots, of those that `wbc robots` lists.
+        robot: Robots: names that `wbc robots` lists, or files (MJCF, URDF or TOML).
         mode: Commands of the drives: position, torque, hybrid; one or several.
         directions: Number of directions, evenly spread, beginning with forward and going to the left.
         highest: Largest impulse tried, Ns/kg.

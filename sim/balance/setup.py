@@ -25,7 +25,7 @@ class BalanceSpec:
     """Robot, drives, foot and sensors of a simulation on the floor.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
         mode: Command of the drives: references of position and velocity, torques, or both on soft servos (hybrid).
             Position when not given, hybrid where the description says that the servos are soft.
         foot: Foot under both ankles; flat is the robot's own sole.

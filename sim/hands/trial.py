@@ -39,7 +39,7 @@ class HandTrialSpec:
     """Robot, drives and sensors of a trial of hands.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
         mode: Command of the drives, position, torque or hybrid; position when not given, hybrid on soft servos.
         noise: Errors of the sensors, none or realistic.
         seed: Fixes every random draw.

@@ -82,4 +82,6 @@ def test_what_is_no_command_is_noticed() -> None:
 @pytest.mark.parametrize("words", ["", *GROUPS, *COMMANDS])
 def test_every_command_answers_help(words: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words.split(), "--help"]) == RAN
-    assert f"Usage: wbc {words}".strip() in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert f"Usage: wbc {words}".strip() in text
+    assert str(ROOT) not in re.sub(r"[\s│]", "", text), "a folder of this machine"

@@ -36,9 +36,9 @@ class WalkOptions:
     Without any options: 3 m over unknown stones, on soles whose stiffness is set from the scan of each swing foot.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
-        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft, long_arch (soft, too) or variable (its
-            stiffness is set while it swings).
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
+        foot: Foot under both ankles: flat (the robot's own sole), rigid, soft, long_arch (soft, too), variable (its
+            stiffness is set while it swings) or paper (variable from 0 to 80 Nm/rad).
         stiffness: Of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when not given.
         foot_param: Further parameters of the foot, each as name=value.
         policy: Policy that sets soles of variable stiffness while they swing: model, fixed or oracle; the model that

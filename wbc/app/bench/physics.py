@@ -34,7 +34,7 @@ class BenchPhysicsOptions:
     """Robot, feet, grounds and physics steps that are timed.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
         foot: Feet, those that `wbc feet` lists.
         terrain: Grounds, families that `wbc terrains` lists.
         amplitude: Highest minus lowest point of grounds that are not flat, m; on higher ones servos alone do not stand.

@@ -32,7 +32,7 @@ class BenchSolverOptions:
 
     Attributes:
         ticks: Feasible problems to solve, over all robots.
-        robot: Robots that take turns, out of those that `wbc robots` lists.
+        robot: Robots that take turns: names that `wbc robots` lists, or files.
         stream: Longest stream from one random start, ticks.
         scattered: Share of streams whose every tick has a random state of its own.
         sample: ProxQP solves the same problem from scratch every so many ticks.

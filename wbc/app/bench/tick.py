@@ -37,7 +37,7 @@ class BenchTickOptions:
     """A robot on two soles whose centre of mass sways.
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists.
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
         ticks: Ticks measured.
         warm_up: Ticks before them, in which the velocity jump of the start dies out.
         period: Control period, s.

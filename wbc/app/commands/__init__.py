@@ -11,7 +11,7 @@ GROUPS = {
     "bench": "Measure the library itself.",
     "foot": "Test one foot on a rig.",
     "study": "Run many walks, and continue where they stopped.",
-    "motion": "Clips of joint positions: made, checked, made feasible.",
+    "motion": "Make, check, filter and track clips of joint positions.",
     "stiffness": "Learn the stiffness of a sole from the roughness of the ground.",
 }
 """Commands that have commands of their own; a command of the same word runs when none of these follows."""

@@ -26,7 +26,8 @@ TablePath = Annotated[
     Path,
     Parameter(
         help="Table that `wbc study dataset` has written, or a file in the columns of the paper's authors; the one "
-        "that comes with the library if not given."
+        "that comes with the library if not given.",
+        show_default=False,
     ),
 ]
 
