@@ -385,7 +385,7 @@ def _dask(address: str, workers: int | None) -> Iterator[Executor]:
         from distributed import Client, LocalCluster  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise InputError(
-            "a distributed sweep needs Dask: install the extra 'cluster', wbc[cluster]"
+            "a distributed sweep needs Dask: pip install -e '.[cluster]' in the clone"
         ) from error
     logging.getLogger("distributed").setLevel(logging.WARNING)
     with contextlib.ExitStack() as stack:

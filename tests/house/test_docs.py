@@ -169,6 +169,13 @@ def test_every_picture_is_shown_on_a_page() -> None:
         assert f"images/{picture.name})" in shown, f"no page shows {picture.name}"
 
 
+def test_extras_are_installed_from_a_clone() -> None:
+    """The library is in no package index: `pip install wbc[…]` would install something else."""
+    sources = (path for room in ("wbc", "sim", "feet") for path in (ROOT / room).rglob("*.py"))
+    for path in (*PAGES, ROOT / "README.md", *sources):
+        assert not re.search(r"\bwbc\[[a-z]+\]", path.read_text(encoding="utf-8")), path
+
+
 def test_the_programs_that_draw_pictures_can_be_imported() -> None:
     """They run seldom: a name that has moved is noticed here."""
     names = ", ".join(sorted(file.stem for file in (ROOT / "docs").glob("*.py") if file.stem != "conf"))

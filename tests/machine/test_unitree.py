@@ -26,7 +26,7 @@ DESCRIPTION = wbc.load_robot("g1")
 PROGRAM = Path(__file__).resolve().parents[1] / "support" / "machine_process.py"
 dds = pytest.mark.skipif(
     importlib.util.find_spec("cyclonedds") is None,
-    reason="cyclonedds is not installed: pip install wbc[unitree]",
+    reason="cyclonedds is not installed: it comes with the extra 'unitree'",
 )
 
 

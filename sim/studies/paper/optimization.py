@@ -232,7 +232,7 @@ class Asker:
             import bayes_opt  # type: ignore[import-not-found, unused-ignore] # noqa: PLC0415 - an extra
         except ImportError as error:
             raise InputError(
-                'an optimisation needs the extra "studies": pip install "wbc[studies]"'
+                'an optimisation needs the extra "studies": pip install -e ".[studies]" in the clone'
             ) from error
         self._engine = bayes_opt
         self._seed = seed

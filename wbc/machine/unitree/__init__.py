@@ -1,6 +1,6 @@
 """Unitree's low-level topics over DDS: driver of a G1, its motion switcher, and a robot's end of them for simulations.
 
-Needs the extra `wbc[unitree]`.
+Needs the extra `unitree`.
 """
 
 from wbc.machine.unitree.dds import DdsError

@@ -1,6 +1,6 @@
 """DDS: one topic to read and one to write, and the messages of unitree_hg and unitree_api.
 
-Needs the extra `wbc[unitree]` (cyclonedds 11; it does not find 0.10 on the loopback interface).
+Needs the extra `unitree` (cyclonedds 11; it does not find 0.10 on the loopback interface).
 
 Source of topics and fields: unitree_sdk2_python 37116c5, `idl`; unitree_mujoco c598f10.
 """
@@ -63,7 +63,7 @@ def messages() -> dict[str, Any]:
         from cyclonedds.idl import types  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise DdsError(
-            "Unitree's topics need cyclonedds: install the extra 'unitree', wbc[unitree]"
+            "Unitree's topics need cyclonedds: pip install -e '.[unitree]' in the clone"
         ) from error
     u1, u4, f4, i2, i4, i8 = (
         getattr(types, kind) for kind in ("uint8", "uint32", "float32", "int16", "int32", "int64")
