@@ -1,7 +1,7 @@
 """A task of your own: keep looking at a point, whatever the body does.
 
 A task gives three things for its rows: the velocity per joint velocity (Jacobian), target minus measured (error), and
-the acceleration without joint acceleration (drift). Weights, gains and limits come with the base class.
+the acceleration without joint acceleration (drift). Weight, stiffness and damping come with the base class.
 """
 
 from __future__ import annotations
