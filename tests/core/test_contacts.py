@@ -387,6 +387,26 @@ def test_options_that_are_assigned_act_in_the_next_tick_as_those_given_at_the_st
     assert (contact.min_force, contact.max_force, contact.ramp, contact.stiffness) == (30.0, 120.0, 0.1, 9.0)
 
 
+def test_a_rectangle_given_before_the_contact_is_added_is_kept_and_a_place_is_not_taken() -> None:
+    robot = make_robot("g1")
+    sole = robot.soles[0]
+    contact, whole = SoleContact("left_foot"), SoleContact("left_foot")
+    for act in (lambda: contact.target, lambda: setattr(contact, "target", pin.SE3.Identity())):
+        with pytest.raises(InputError, match="contact 'left_foot' holds no place yet"):
+            act()
+    with pytest.raises(
+        InputError, match=r"width of contact 'left_foot' \(m\) must lie in \(0.01, inf\], got 0.01"
+    ):
+        contact.set_rectangle(0.1, 0.01)
+    contact.set_rectangle(0.1, 0.04)
+    for each in (contact, whole):
+        each.bind(robot)
+    np.testing.assert_allclose(contact.cone, rectangle_wrench_cone(0.045, 0.015, 0.7), atol=1e-12)
+    full = rectangle_wrench_cone(sole.length / 2 - 0.005, sole.width / 2 - 0.005, 0.7)
+    np.testing.assert_array_equal(whole.cone, full)
+    assert contact.target == robot.placement(sole.frame)
+
+
 def test_contacts_that_are_off_weigh_nothing() -> None:
     """A robot in the air falls, whatever contacts it might have."""
     controller = Controller(make_robot("g1"), 0.002)

@@ -16,7 +16,16 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, check_options, finite_array, names_in, non_negative, positive
+from wbc.core.errors import (
+    Array,
+    InputError,
+    check_options,
+    finite_array,
+    finite_scalar,
+    names_in,
+    non_negative,
+    positive,
+)
 from wbc.core.robot import GRAVITY, Robot
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -291,11 +300,17 @@ class Contact(ABC):
 
     @property
     def target(self) -> pin.SE3:
-        """Placement of the held frame in the world; assign it, with `velocity`, to move a foot that is loaded."""
+        """Placement of the held frame in the world; assign it, with `velocity`, to move a foot that is loaded.
+
+        Raises:
+            InputError: The contact has not been added to a controller yet, or what is assigned is not a placement.
+        """
+        self._check_bound()
         return self._target
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
+        self._check_bound()
         if not isinstance(value, pin.SE3):
             raise InputError(f"target of contact '{self.name}' must be a pinocchio.SE3, got {value!r}")
         finite_array(f"target of contact '{self.name}'", value.homogeneous, (4, 4))
@@ -351,6 +366,10 @@ class Contact(ABC):
             drift: To fill: acceleration at zero generalised acceleration, shape (dim,).
         """
 
+    def _check_bound(self) -> None:
+        if self._robot is None:
+            raise InputError(f"contact '{self.name}' holds no place yet; add it to a controller first")
+
     def _set_forces(self, low: float, high: float | None) -> None:
         if high is not None and high <= low:
             raise InputError(
@@ -404,6 +423,7 @@ class SoleContact(Contact):
         self._friction = positive(f"friction of contact '{sole}'", friction)
         self._margin = non_negative(f"CoP margin of contact '{sole}' (m)", margin)
         self._even = even
+        self._rectangle: tuple[float, float] | None = None  # as given
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
         chosen: ContactOptions = {"min_force": 10.0, "wrench_weight": weight, **options}
@@ -423,7 +443,7 @@ class SoleContact(Contact):
                 f"CoP margin of contact '{self.name}' must be below half of its sole, "
                 f"{sole.length} × {sole.width} m; got {self._margin} m"
             )
-        self.set_rectangle(sole.length, sole.width)
+        self._bound_cop(*(self._rectangle or (sole.length, sole.width)))
         super().bind(robot)
         self._local = pin.LOCAL
 
@@ -433,6 +453,14 @@ class SoleContact(Contact):
         Raises:
             InputError: A size that is not larger than twice the margin.
         """
+        least = 2.0 * self._margin
+        self._rectangle = (
+            finite_scalar(f"length of contact '{self.name}' (m)", length, low=least, open_low=True),
+            finite_scalar(f"width of contact '{self.name}' (m)", width, low=least, open_low=True),
+        )
+        self._bound_cop(length, width)
+
+    def _bound_cop(self, length: float, width: float) -> None:
         self.cone[:] = rectangle_wrench_cone(
             length / 2 - self._margin, width / 2 - self._margin, self._friction, even=self._even
         )
