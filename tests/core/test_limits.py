@@ -240,6 +240,10 @@ def test_torques_stay_within_limit_and_rate(name: str) -> None:
             limited += int((change > 0.99 * rate * controller.dt).sum())
         before = solution.torques
         q, v = integrate(controller, q, v, solution.accelerations)
+        if tick == 100:  # torques do not jump with what is added, either
+            knee = robot.joints_between(robot.soles[0].frame, robot.base_frame)[3]
+            target = {robot.joint_names[knee]: robot.q[7 + knee] + 0.5}
+            controller.add(PostureTask(target, joints=list(target), name="knee", weight=1.0, stiffness=200.0))
     assert limited > 0
 
 

@@ -265,7 +265,6 @@ class Controller:
         """Make QP and solver anew, after something was added or removed."""
         self._assembly = self._assemble()
         self._solver = self._solver_of(self._assembly)
-        self._torques = None
         self._dirty = False
 
     def reset(self) -> None:
