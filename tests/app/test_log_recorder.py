@@ -208,10 +208,13 @@ def test_header_says_where_the_numbers_come_from() -> None:
 
 def test_every_number_has_a_unit_and_every_signal_a_meaning() -> None:
     known = {"1", "s", "1/s", "m", "m/s", "m/s²", "rad", "rad/s", "N", "Nm", "Nm/rad"}
-    for name, signal in Log.open(recorded_walk()).signals.items():
+    signals = Log.open(recorded_walk()).signals
+    for name, signal in signals.items():
         assert signal.about, name
         if not name.startswith("solver/residual"):
             assert signal.unit in known, name
+    for task, unit in {"com": "m/s²", "posture": "rad/s²", "left_foot swing": "m/s²|rad/s²"}.items():
+        assert signals[f"solver/residual/{task}"].unit == unit
 
 
 @pytest.mark.parametrize("torque", [False, True])

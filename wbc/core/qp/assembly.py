@@ -165,7 +165,7 @@ class Assembly:
         self._joint_bounds = (p.lower[na : na + n_joint], p.upper[na : na + n_joint])
         self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
         self.torque_rows = slice(n_eq + p.n_soft, n_eq + p.n_soft + na)
-        units = {task.name: task.unit for task in tasks}
+        units = {task.name: task.residual_unit for task in tasks}
         self.layout = Layout(nv, p.contacts, self._places, units, tuple(self._limit_names))
 
     # ---- layout -------------------------------------------------------------------------------------------------
