@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wbc.core.arguments import checked
+from wbc.core.errors import InputError, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
@@ -57,5 +58,10 @@ def register_foot(name: str, kind: type[Foot]) -> None:
     Args:
         name: Name for `foot` and the command line.
         kind: Frozen dataclass derived from `Foot`.
+
+    Raises:
+        InputError: A name that is not text or is empty, or a kind that is no class derived from `Foot`.
     """
+    if not (isinstance(kind, type) and issubclass(kind, Foot)):
+        raise InputError(f"a foot is registered by its class, derived from Foot, got {shown(kind)}")
     _FEET[name] = kind

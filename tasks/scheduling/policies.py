@@ -227,7 +227,12 @@ def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -
         name: Name for `stiffness_policy`, and for walks. A sweep runs walks in processes of their own: register it in a
             module that these import, too. The policy behind a name is not part of a journal's keys.
         make: Its class, or a function of named parameters that returns one.
+
+    Raises:
+        InputError: A name that is not text or is empty, or what cannot be called.
     """
+    if not callable(make):
+        raise InputError(f"a stiffness policy is registered by its class or a function, got {shown(make)}")
     _POLICIES[name] = make
 
 

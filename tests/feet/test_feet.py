@@ -83,6 +83,13 @@ def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> 
 
     register_foot("skate", Skate)
     assert isinstance(foot("skate", width=0.02), Skate)
+    for name in (3, None, " "):
+        with pytest.raises(InputError, match="the name of a foot must be text, got"):
+            register_foot(name, Skate)  # type: ignore[arg-type]
+    for kind in (None, Skate(), int):
+        with pytest.raises(InputError, match="registered by its class, derived from Foot, got"):
+            register_foot("skate", kind)  # type: ignore[arg-type]
+    assert isinstance(foot("skate"), Skate)
 
 
 def test_a_design_made_with_dataclass_alone_is_checked_like_the_others() -> None:

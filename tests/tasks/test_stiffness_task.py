@@ -396,6 +396,10 @@ def test_policies_have_names() -> None:
         stiffness_policy("fixed", stiffness=-1.0)
     register_stiffness_policy("always 3", lambda: FixedPolicy(3.0))
     assert stiffness_policy("always 3") == FixedPolicy(3.0)
+    with pytest.raises(InputError, match="the name of a stiffness policy must be text, got 3"):
+        register_stiffness_policy(3, ModelPolicy)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="registered by its class or a function, got FixedPolicy"):
+        register_stiffness_policy("mine", FixedPolicy(3.0))  # type: ignore[arg-type]
 
 
 def test_what_is_commanded_is_reached_even_by_an_early_landing() -> None:

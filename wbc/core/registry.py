@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, NoReturn, ParamSpec, TypeVar
 
-from wbc.core.errors import InputError, choose, unknown_name
+from wbc.core.errors import InputError, choose, shown, unknown_name
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -27,6 +27,11 @@ class Registry(dict[str, T]):
     def __missing__(self, name: object) -> NoReturn:
         unknown_name(self.kind, name, self)
 
+    def __setitem__(self, name: str, value: T) -> None:
+        if not isinstance(name, str) or not name.strip():
+            raise InputError(f"the name of a {self.kind} must be text, got {shown(name)}")
+        super().__setitem__(name, value)
+
     def add(self, name: str, value: T) -> None:
         """Register a value under a new name.
 
@@ -37,9 +42,7 @@ class Registry(dict[str, T]):
         Raises:
             InputError: The name is not text, is empty or is taken.
         """
-        if not isinstance(name, str) or not name.strip():
-            raise InputError(f"the name of a {self.kind} must be text, got {name!r}")
-        if name in self:
+        if isinstance(name, str) and name in self:
             raise InputError(f"a {self.kind} '{name}' is registered already")
         self[name] = value
 
