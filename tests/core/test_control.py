@@ -12,6 +12,7 @@ from task_factory import standing
 from wbc.core.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
+from wbc.core.errors import InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import GRAVITY, Robot
@@ -103,3 +104,15 @@ def test_in_closed_loop_references_are_drawn_to_the_estimate_of_a_moving_robot(t
         q = pin.integrate(robot.model, q, share * pin.difference(robot.model, q, estimate.q))
         q = pin.integrate(robot.model, q, DT * drawn + 0.5 * DT**2 * solution.accelerations)
         np.testing.assert_allclose(pin.difference(robot.model, control.q, q), 0.0, atol=1e-9)
+
+
+def test_functions_of_the_tick_that_cannot_be_called_are_refused_before_it() -> None:
+    controller = standing("hrp4_class", DT)
+    for kind in (PositionControl, TorqueControl):
+        with pytest.raises(
+            InputError, match="prepare must be a function of robot and measurement, or none, got 3"
+        ):
+            kind(controller, prepare=3)  # type: ignore[arg-type]
+    for wrong in ("yes", None, 1):
+        with pytest.raises(InputError, match="feedforward must be true, false or a function of the solution"):
+            PositionControl(controller, feedforward=wrong)  # type: ignore[arg-type]

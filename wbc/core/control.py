@@ -15,7 +15,7 @@ from typing import Annotated, Literal, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError
+from wbc.core.errors import Array, InputError, MeasurementError, shown
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
@@ -104,6 +104,10 @@ class DriveControl:
         prepare: Prepare | None,
         safety: SafetySettings | None,
     ) -> None:
+        if prepare is not None and not callable(prepare):
+            raise InputError(
+                f"prepare must be a function of robot and measurement, or none, got {shown(prepare)}"
+            )
         self.controller = controller
         self.prepare = prepare
         self.observer = Observer(controller.robot) if observer is None else observer

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.control import DriveControl, FailurePolicy, Feedforward, Prepare, SafetySettings
-from wbc.core.errors import Array, InputError, positive, scalar
+from wbc.core.errors import Array, InputError, positive, scalar, shown
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
@@ -73,6 +73,10 @@ class PositionControl(DriveControl):
         """
         if feedback not in ("open", "closed"):
             raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
+        if not isinstance(feedforward, bool) and not callable(feedforward):
+            raise InputError(
+                f"feedforward must be true, false or a function of the solution, got {shown(feedforward)}"
+            )
         if feedback == "open" and observer is not None and observer.robot is controller.robot:
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
