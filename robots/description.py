@@ -251,6 +251,7 @@ class RobotDescription:
         )
         return replace(made, **{key: value for key, value in extra.items() if value})
 
+    @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
         """Return the same robot with other servo gains.
 

@@ -116,6 +116,15 @@ def test_a_value_that_breaks_a_rule_is_refused_with_name_rule_and_value(
             from_json(Spec, values)
 
 
+def test_settings_that_take_their_values_by_name_say_so() -> None:
+    @settings(kw_only=True)
+    class Named:
+        mass: Positive = 1.0
+
+    with pytest.raises(InputError, match="^Named takes its values by name: mass=2.0$"):
+        Named(2.0)  # type: ignore[misc]
+
+
 def test_an_unknown_field_or_choice_is_an_unknown_name() -> None:
     for values in ({"lenght": 1.0}, {"side": "lef"}):
         with pytest.raises(UnknownNameError):

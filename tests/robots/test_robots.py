@@ -349,6 +349,10 @@ def test_states_and_models_that_no_robot_has_are_refused() -> None:
     for act in (lambda: Robot(model, robot.soles, lying), lambda: control.reset(lying)):
         with pytest.raises(InputError, match="quaternion of the .*configuration must have length 1, got 0"):
             act()
+    with pytest.raises(InputError, match="servos must be of the 29 joints of robot 'g1', in their order"):
+        Robot(model, robot.soles, q, servos=load("talos").servos)
+    with pytest.raises(InputError, match=r"gains must be a list, each item text, got '\*=40,1'"):
+        known.with_servos("*=40,1")
     with pytest.raises(InputError, match="joints must be a mapping of text to a finite number"):
         robot.configuration({robot.joint_names[0]: "bent"})  # type: ignore[dict-item]
     bare = pin.buildSampleModelHumanoid()

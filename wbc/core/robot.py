@@ -168,6 +168,11 @@ class Robot:
         self.base_frame = links[0]
         self.torso_frame = torso_frame or self.base_frame
         self.imu_frame = imu_frame or self.base_frame
+        if servos is not None and servos.joint_names != self.joint_names:
+            raise InputError(
+                f"servos must be of the {self.na} joints of robot '{self.name}', in their order, got "
+                f"{shown(servos.joint_names)}"
+            )
         self.servos = servos
         self.frames = dict(frames or {})
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):

@@ -289,6 +289,10 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
             raise InputError(
                 f"{whole.__name__} takes {len(names)} values ({', '.join(names)}), got more"
             ) from None
+        if first["type"] == "unexpected_positional_argument":
+            raise InputError(
+                f"{whole.__name__} takes its values by name: {names[loc[0]]}={shown(value)}"
+            ) from None
         loc = (names[loc[0]], *loc[1:])
     unknown = first["type"].startswith("unexpected")
     path, hint, unit = _locate(kind, loc[:-1] if unknown else loc)
