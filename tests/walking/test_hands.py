@@ -28,7 +28,9 @@ from wbc.walking import (
     WalkingControlSettings,
     walk_distance,
 )
-from wbc.walking.hands.motion import least_turn
+from wbc.walking.hands.hand import Hand
+from wbc.walking.hands.hands import Hands
+from wbc.walking.hands.motion import MovingFrame, least_turn
 from wbc.walking.planning.footsteps import mean_heading
 from wbc.walking.stabilizer.zmp import zmp_offset
 
@@ -348,6 +350,65 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
     walking.hands.press("left_hand", bound - 1.0, AHEAD)
     with pytest.raises(InputError, match=f"may press with {bound:.0f} N"):
         walking.hands.press("left_hand", bound + 1.0, AHEAD, at=(0.3, 0.2, 0.9))
+
+
+def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[float], None]]:
+    """Return hands of which the left one holds with a force, and a tick of it on an arm that has a force."""
+    robot = load("hrp4_class").robot()
+    given = WalkingControlSettings(hands=HandSettings(**settings))
+    hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, given).hands
+    assert hands is not None
+    hand, middle = hands.all["left_hand"], MovingFrame(0.25)
+
+    def tick(most: float) -> None:
+        felt = max(hand.target, 2.0 * hands.settings.touch)
+        hand.update(np.array([-felt, 0.0, 0.0, 0.0, 0.0, 0.0]), np.eye(3), most, middle, 0.005)
+
+    hands.press("left_hand", force, AHEAD, firm=True)
+    while hand.state is not HandState.HOLD or hand.target < force:
+        tick(np.inf)
+    return hands, hand, tick
+
+
+def test_an_arm_that_has_its_force_again_gives_it_again() -> None:
+    _, hand, tick = held_hand(30.0, ramp=0.1)
+    for most, given, bounded in (
+        (50.0, 30.0, False),
+        (20.0, 20.0, True),
+        (25.0, 25.0, True),
+        (50.0, 30.0, False),
+    ):
+        for _ in range(3):
+            tick(most)
+            assert (hand.target, hand.bounded) == (pytest.approx(given), bounded)
+
+
+@pytest.mark.parametrize("extra", [12.0, -12.0])
+def test_a_hand_that_is_let_go_gives_its_part_of_the_balance_back_with_its_force(extra: float) -> None:
+    hands, hand, tick = held_hand(30.0, help=1.0, ramp=1.0)
+    hand.extra = extra
+    tick(np.inf)
+    hands.release("left_hand")
+    targets = [hand.target]
+    while hand.state is HandState.HOLD:
+        hands.help(np.array((0.0, 20.0)), np.zeros(3), 0.005)
+        tick(np.inf)
+        targets.append(hand.target)
+    assert targets[0] == pytest.approx(30.0 + extra) and targets[-1] == 0.0
+    assert np.abs(np.diff(targets)).max() < 2.0 * 42.0 * 0.005, "twice the mean slope of the ramp"
+    assert not hands._missing.any(), "the next hand that presses begins with no moment of this one"
+
+
+def test_a_hand_that_presses_lets_go_before_it_grips() -> None:
+    hands, hand, tick = held_hand(20.0)
+    with pytest.raises(InputError, match=re.escape("release('left_hand') and wait until it is free")):
+        hands.grip("left_hand", (0.35, 0.2, 0.9), AHEAD, 10.0)
+    assert hand.state is HandState.HOLD and hand.target == pytest.approx(20.0)
+    hands.release("left_hand")
+    while hand.state is not HandState.FREE:
+        tick(np.inf)
+    hands.grip("left_hand", (0.35, 0.2, 0.9), AHEAD, 10.0)
+    assert hand.state is HandState.REACH
 
 
 def test_a_turn_with_a_cart_is_as_great_as_it_should_be_wherever_the_robot_looks() -> None:

@@ -106,13 +106,12 @@ class Hand:
         state: State.
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
-        force: Force with which it is to press now.
+        force: Force that is asked for now, N.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
             its way before the surface. Zero where it has none.
         extra: Force for the balance on top of the one that is asked for, N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the arm has less force than is asked for.
-        lost_for: Time since the contact was lost, s; NaN while it is not.
     """
 
     def __init__(
@@ -142,9 +141,9 @@ class Hand:
         self.force = Ramp()
         self.pressed = self.extra = 0.0
         self.tare = np.zeros(6)
+        self._most = math.inf  # that the arm has, N
         self.bounded = False
         self.excess = np.zeros(3)
-        self.lost_for = math.nan
         self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
         self._start = pin.SE3.Identity()
         self._path, self._turn, self._rotation = np.zeros(3), np.zeros(3), np.eye(3)
@@ -153,9 +152,19 @@ class Hand:
         self._held = pin.SE3.Identity()  # in the frame that goes with the robot
 
     @property
+    def planned(self) -> float:
+        """Force with which it is to press now, N: what is asked for, or what the arm has if that is less."""
+        return min(self.force.value, self._most)
+
+    @property
     def target(self) -> float:
-        """Force with which it is to press now, with its part of the balance, N."""
-        return self.force.value + self.extra
+        """The same with the hand's part of the balance, N."""
+        return self.planned + self.extra
+
+    @property
+    def helps(self) -> bool:
+        """True while the hand may press with more for the balance: until it is to let go."""
+        return self.state is HandState.HOLD and self.force.goal > 0.0
 
     @property
     def active(self) -> bool:
@@ -178,7 +187,7 @@ class Hand:
         self.direction = direction
         self.state, self._felt, self._way = HandState.APPROACH, 0.0, 0.0
         self._path, self._elapsed, self._grips = np.zeros(3), 0.0, False
-        self.lost_for, self.extra, self.excess, self.bounded = math.nan, 0.0, np.zeros(3), False
+        self.extra, self.excess, self.bounded, self._most = 0.0, np.zeros(3), False, math.inf
         self._start = pin.SE3(self._robot.placement(self.task.frame))
         self.task.target = self._start
         self.task.reset()
@@ -206,7 +215,7 @@ class Hand:
     def release(self) -> None:
         """Take the force back and let go."""
         if self.state is HandState.HOLD:
-            self.force.to(0.0, self._settings.ramp)
+            self._fade(self._settings.ramp)
         elif self.state is not HandState.FREE:
             self._free()
 
@@ -239,22 +248,22 @@ class Hand:
             self._carry(rotation, middle)
             return
         if self.state is HandState.HOLD:
+            before = self.force.value
             self.force.advance(dt)
-            self.bounded = self.force.value > most
-            if self.bounded:
-                self.force.value = most
+            self.bounded, self._most = self.force.value > most, most
+            if self.force.goal == 0.0:  # the part of the balance goes with the force
+                self.extra *= self.force.value / max(before, 1e-9)
             self._watch(dt)
             if self.force.goal == 0.0 and self.force.value == 0.0:
                 self._free()
                 return
             self.extra = min(
-                max(self.extra, min(0.0, self._settings.touch - self.force.value)), most - self.force.value
+                max(self.extra, min(0.0, self._settings.touch - self.planned)), most - self.planned
             )
             task.target_wrench[:3] = rotation.T @ (-self.target * self.direction)
             task.measured_wrench[:] = wrench
             task.measured_wrench[3:] = 0.0
             return
-        self.lost_for += dt
         self.force.advance(dt)
         task.measured_wrench[:] = task.target_wrench
 
@@ -316,17 +325,20 @@ class Hand:
 
     def _watch(self, dt: float) -> None:
         """Notice that there is nothing to press on any more."""
-        short = (
-            self.pressed < self._settings.loss * min(self.force.value, self.target)
-            and min(self.force.value, self.target) > 2.0 * self._settings.touch
-        )
+        least = min(self.planned, self.target)
+        short = self.pressed < self._settings.loss * least and least > 2.0 * self._settings.touch
         self._short = self._short + dt if short else 0.0
         if self._short > self._settings.loss_time + 1e-9:
             self._lose()
 
+    def _fade(self, duration: float) -> None:
+        """Take the force back within a time, s."""
+        self.force = Ramp(self.planned)
+        self.force.to(0.0, duration)
+
     def _lose(self) -> None:
-        self.state, self.lost_for = HandState.LOST, 0.0
-        self.force.to(0.0, self._settings.loss_ramp)
+        self.state = HandState.LOST
+        self._fade(self._settings.loss_ramp)
         self.extra = 0.0
         self.task.target_wrench[:] = 0.0
         self.task.feedforward_velocity = np.zeros(6)

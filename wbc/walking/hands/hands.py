@@ -190,7 +190,7 @@ class Hands:
             force: N.
             direction: Direction in which the hand presses, in the world, shape (3,): (0, 0, −1) on a table.
             at: Point of the surface, in the world of the robot's estimate, shape (3,), m: the hand goes before it
-                first; it approaches from where it is when None.
+                first; it approaches from where it is when None. A hand that presses already stays on its surface.
             firm: True for what cannot give way, such as a wall or a rail; else a force whose sudden loss the robot
                 would not survive is refused.
 
@@ -217,7 +217,7 @@ class Hands:
         Raises:
             UnknownNameError: No such hand.
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
-                target (`arms`).
+                target (`arms`) or presses on something.
         """
         self._start(hand, limit, direction, at, firm=False, grip=True)
 
@@ -233,6 +233,11 @@ class Hands:
     ) -> None:
         """Check what a hand is to do, and let it begin."""
         choose("hand", hand, self.all)
+        if grip and self.all[hand].state is HandState.HOLD:
+            raise InputError(
+                f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
+                f"free, it presses with {self.all[hand].pressed:.0f} N"
+            )
         if hand in self._targets and self._targets[hand].target is not None:
             raise InputError(
                 f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
@@ -344,7 +349,7 @@ class Hands:
             hand.update(wrench, place.rotation, most, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
-                push = -hand.force.value * hand.direction
+                push = -hand.planned * hand.direction
                 planned[:3] += push
                 planned[3:] += np.cross(place.translation, push)
             elif hand.state is HandState.GRIP:
@@ -420,8 +425,9 @@ class Hands:
             zmp: That ZMP, shape (3,), m.
             dt: Control period, s.
         """
-        pressing = [hand for hand in self.all.values() if hand.state is HandState.HOLD]
+        pressing = [hand for hand in self.all.values() if hand.helps]
         if not pressing or self.settings.help == 0.0:
+            self._missing[:] = 0.0
             return
         arms = [self._estimate.data.oMf[self._frames[hand.name]].translation - zmp for hand in pressing]
         levers = np.array(
