@@ -352,6 +352,31 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
         walking.hands.press("left_hand", bound + 1.0, AHEAD, at=(0.3, 0.2, 0.9))
 
 
+def turned_hands(yaw: float) -> Hands:
+    """Return the hands of a robot that stands with a heading, rad."""
+    robot = load("hrp4_class").robot()
+    q = np.array(robot.half_sitting)
+    turn = pin.SE3(pin.utils.rotate("z", yaw), np.zeros(3))
+    q[:7] = pin.SE3ToXYZQUAT(turn * pin.XYZQUATToSE3(q[:7]))
+    robot.update(q, np.zeros(robot.nv))
+    settings = WalkingControlSettings(hands=HandSettings())
+    hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings).hands
+    assert hands is not None
+    return hands
+
+
+@pytest.mark.parametrize("yaw", [0.5 * np.pi, -2.3])
+def test_the_bound_goes_with_the_heading_of_the_robot(yaw: float) -> None:
+    """Before the hands have ever moved, too: soles are longer than wide wherever the robot looks."""
+    for along in (AHEAD, (0.0, 1.0, 0.0), (0.8, -0.6, 0.0)):
+        words = []
+        for hands, turn in ((turned_hands(0.0), 0.0), (turned_hands(yaw), yaw)):
+            with pytest.raises(InputError) as refused:
+                hands.press("left_hand", 60.0, pin.utils.rotate("z", turn) @ along, at=(0.1, 0.1, 0.9))
+            words.append(str(refused.value))
+        assert words[0] == words[1]
+
+
 def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[float], None]]:
     """Return hands of which the left one holds with a force, and a tick of it on an arm that has a force."""
     robot = load("hrp4_class").robot()

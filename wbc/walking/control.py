@@ -175,7 +175,7 @@ class WalkingControl:
             self.walk.start()
 
     def _make_hands(self, settings: HandSettings, height: float) -> Hands:
-        """Return the hands; a loss is survived within the sole and, sideways, between both feet."""
+        """Return the hands; a loss is survived within a sole: while the robot walks it has no more."""
         (length, width), _ = self._sizes
         return Hands(
             self.controller,

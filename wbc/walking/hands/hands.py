@@ -93,7 +93,7 @@ class Hands:
             controller: Controller of the robot.
             estimate: Robot as estimated.
             settings: Settings.
-            edges: Distances from the middle of the stance to the toes and to the side, m.
+            edges: Distances from the middle of a sole to its toes and to its side, m.
             height: Height of the CoM over the support, m.
             arms: Targets of the same hands; a hand has either a target or something to press on.
 
@@ -137,7 +137,6 @@ class Hands:
         self._missing = np.zeros(2)
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._middle = MovingFrame(settings.follow)
-        self._heading = np.eye(2)
         self._acting = False
         self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
         self._imu = self._estimate.placement(self._estimate.imu_frame)
@@ -302,8 +301,7 @@ class Hands:
         size = float(np.linalg.norm(total))
         if size < 1e-9:
             return
-        x, y = np.abs(self._heading.T @ (total / size)).tolist()
-        room = min(self._edges[0] / max(x, 1e-9), self._edges[1] / max(y, 1e-9)) - self.settings.margin
+        room = self._to_edge(total, self._yaw) - self.settings.margin
         if size > room:
             most = force * room / size
             raise InputError(
@@ -333,8 +331,6 @@ class Hands:
         if not (pressing or self._acting):
             return None
         zmp = reference.pendulum.zmp
-        c, sine = math.cos(reference.heading), math.sin(reference.heading)
-        self._heading = np.array(((c, -sine), (sine, c)))
         feet = [motion.placement.translation for motion in reference.feet]
         self._middle.update(feet, reference.heading, dt)
         wrenches = measurement.hand_wrenches
@@ -362,7 +358,9 @@ class Hands:
         self._yield(rests)
         self._outside += quick * (felt + pulled - self._outside)
         self._slow += slow * (pulled - self._slow)
-        self._shift.follow(self._lean(-zmp_offset(planned + self._slow, zmp, self._weight)), dt)
+        self._shift.follow(
+            self._lean(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading), dt
+        )
         self._acting = pressing or not self._shift.still or float(np.abs(self._outside[:3]).max()) > 0.1
         if not self._acting:
             self._outside[:] = self._slow[:] = 0.0
@@ -399,13 +397,25 @@ class Hands:
         for hand, part in zip(gripping, excess, strict=True):
             hand.excess = part
 
-    def _lean(self, goal: Array) -> Array:
+    def _to_edge(self, way: Array, yaw: float) -> float:
+        """Return the distance from the middle of the stance to the edge of a sole along a way, shape (2,), m.
+
+        Args:
+            way: In the world, of a length, shape (2,).
+            yaw: Heading of the robot, rad.
+        """
+        c, s = math.cos(yaw), math.sin(yaw)
+        x, y = float(way[0]), float(way[1])
+        size = math.hypot(x, y)
+        ahead, aside = abs(c * x + s * y) / size, abs(c * y - s * x) / size
+        return min(self._edges[0] / max(ahead, 1e-9), self._edges[1] / max(aside, 1e-9))
+
+    def _lean(self, goal: Array, yaw: float) -> Array:
         """Return what is left of a shift of the CoM once the ZMP of the feet has gone its part of the way."""
         size = math.hypot(goal[0], goal[1])
         if self.settings.edge == 0.0 or size < 1e-9:
             return goal
-        x, y = np.abs(self._heading.T @ (goal / size)).tolist()
-        room = self.settings.edge * min(self._edges[0] / max(x, 1e-9), self._edges[1] / max(y, 1e-9))
+        room = self.settings.edge * self._to_edge(goal, yaw)
         rest: Array = goal * max(0.0, 1.0 - room / size)
         return rest
 
