@@ -104,6 +104,37 @@ def test_without_a_push_over_the_edge_steps_are_adjusted_as_ever(enabled: bool, 
     assert walk.phases.plan == other.phases.plan
 
 
+def test_a_catch_that_has_begun_is_finished_though_the_robot_is_told_to_walk_quickly() -> None:
+    """The foot that waits in the air comes down wide, on level ground."""
+    walk, dcm = in_the_third_step(CATCH)
+    hold(walk, beside(walk, 0.005, dcm), 0.4)
+    landing = walk.phases.plan.steps[walk.phases.step]
+    walk.reaction = 1.0
+    caught = beside(walk, 0.08, dcm)
+    height = 1.0
+    while walk.phases.phase is Phase.SINGLE:
+        reference = walk.update((0.5 * WEIGHT if height < 0.004 else 0.0, WEIGHT), dcm=caught)
+        height = float(reference.feet[0].placement.translation[2])
+    assert reference.feet[0].placement.translation[1] == pytest.approx(landing.y, abs=2e-3)
+    assert walk.phases.plan.steps[walk.phases.step].z == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_robot_that_is_steered_comes_over_from_the_foot_that_it_was_caught_on() -> None:
+    """Steps that are planned anew on both feet leave the duration of that support as it is."""
+    ends = []
+    for steered in (False, True):
+        walk, dcm = in_the_third_step(CATCH)
+        hold(walk, beside(walk, 0.005, dcm), 1.0)
+        caught = beside(walk, 0.08, dcm)
+        while walk.phases.phase is Phase.SINGLE:
+            reference = walk.update((0.5 * WEIGHT, 0.5 * WEIGHT), dcm=caught)
+        if steered:
+            walk.steer(walk.phases.plan.steps[walk.phases.step :])
+        hold(walk, reference.pendulum.dcm[:2] + (0.0, -0.06), DT, ON_LEFT)  # strays: planned anew
+        ends.append(walk.phases.duration)
+    assert ends[1] == pytest.approx(ends[0], abs=1e-9)
+
+
 def test_the_spin_of_the_trunk_counts_against_the_room() -> None:
     walk, dcm = in_the_third_step(CATCH)
     hold(walk, beside(walk, 0.005, dcm), 1.0)

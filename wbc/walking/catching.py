@@ -240,7 +240,8 @@ class Catch:
         strayed = float(np.hypot(*(np.asarray(dcm)[:2] - reference))) > STRAYED + MARGIN
         if not (begins or strayed) or phases.elapsed > self.settings.longest_catch:
             return Turn(True)
-        stance, landed = phases.plan.stance(phases.step - 1), phases.plan.stance(phases.step)
+        # The foot that stood alone leaves next; steps that were taken may be forgotten (`WalkPhases.steer`).
+        stance, landed = phases.plan.lift_off(phases.step), phases.plan.stance(phases.step)
         room = self._room(stance, dcm, reference, trunk, None)
         way = max(self._way(stance, landed, room.now, room.outward), 0.1)
         end = phases.elapsed + way

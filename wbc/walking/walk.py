@@ -472,7 +472,9 @@ class Walk:
 
     def _catches(self, dcm: Array, trunk: Trunk, swing: SwingFoot) -> bool:
         """Catch a push on one foot; true while that moves the step."""
-        if self.catch is None or not self.adjusts or self.reaction > 0.0 or self._planned_swing is None:
+        if self.catch is None or self._planned_swing is None:
+            return False
+        if not self.catch.active and (not self.adjusts or self.reaction > 0.0):
             return False
         planned = self._planned_swing
         turn = self.catch.on_one_foot(
