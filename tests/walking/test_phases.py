@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -169,6 +170,17 @@ def test_stopping_on_both_feet() -> None:
     assert [e for _, e in run(w, ideal, 5.0)][-1] is Event.STOPPED
     w.stop()
     assert w.finished
+
+
+@pytest.mark.parametrize("first", ["left", "right"])
+def test_stopping_before_the_first_step_closes_up_with_the_foot_that_gives_up_its_load(first: str) -> None:
+    apart = replace(START, **{first: replace(getattr(START, first), x=-0.1)})
+    w = WalkPhases(walk_distance(apart, 0.5, first=first), WEIGHT)
+    w.start()
+    run(w, ideal, 0.3)
+    w.stop()
+    assert [step.side for step in w.plan.steps] == [first]
+    assert w.plan.final[0].x == pytest.approx(w.plan.final[1].x)
 
 
 def test_landings_and_times_can_change_on_the_way() -> None:

@@ -201,15 +201,15 @@ class FootstepPlan:
         return replace(self, steps=(*self.steps[:index], step, *later))
 
     def stopping_after(self, index: int) -> FootstepPlan:
-        """Return the plan cut after a step, with one more that brings the other foot beside it.
+        """Return the plan cut after a step, with one more that brings the foot that would step next beside the other.
 
         Args:
             index: Last step to walk; −1 walks none.
         """
         cut = replace(self, steps=self.steps[: index + 1])
         left, right = cut.final
-        last = left if (self.steps[index].side if index >= 0 else "right") == "left" else right
-        mate = right if last is left else left
+        stands = self.stance(index + 1).side if self.steps else "right"
+        last, mate = (left, right) if stands == "left" else (right, left)
         offset = self.spacing if mate.side == "left" else -self.spacing
         c, s = math.cos(last.yaw), math.sin(last.yaw)
         beside = replace(last, side=mate.side, x=last.x - s * offset, y=last.y + c * offset)
