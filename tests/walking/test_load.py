@@ -14,7 +14,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot
 from wbc.sim import Plant
 from wbc.sim.balance import CarrySpec, CarryTrial, arms_forward, carry
-from wbc.walking import HeldLoad, LoadSettings
+from wbc.walking import FootstepPlan, HeldLoad, LoadSettings, WalkingControl, WalkingControlSettings
 
 DESCRIPTION = load_robot("hrp4_class")
 DT = 0.005
@@ -46,6 +46,32 @@ def test_a_load_that_is_dropped_leaves_the_models() -> None:
     assert trial.run().upright
     assert trial.plant.load_mass == 0.0
     assert trial.walking.controller.robot.mass == pytest.approx(trial.plant.robot.mass, abs=0.02)
+
+
+def test_a_load_that_is_let_go_of_leaves_the_balance_as_well() -> None:
+    """Masses of stabilizer and phases are those of the models, and the estimate of the bias rests meanwhile."""
+    robot = DESCRIPTION.robot()
+    settings = WalkingControlSettings(load=LoadSettings())
+    walking, plant = WalkingControl(robot, FootstepPlan.standing(robot), DT, settings), Plant(DESCRIPTION)
+    load, own = walking.load, robot.mass
+    assert load is not None
+
+    def stand(seconds: float) -> None:
+        for _ in range(round(seconds / DT)):
+            plant.step(walking.command(plant.measure()))
+
+    stand(2.0)
+    for hand in robot.frames.values():
+        plant.load(hand, 1.5, over=0.5)
+    stand(2.0)
+    assert walking.stabilizer.mass == robot.mass == pytest.approx(own + 3.0, rel=0.01) and not load.changing
+    for hand in robot.frames.values():
+        plant.load(hand, 0.0)
+    load.release()
+    assert load.changing
+    stand(0.1)
+    assert walking.stabilizer.mass == robot.mass == pytest.approx(own)
+    assert walking.walk.phases.weight == pytest.approx(own * GRAVITY) and walking.fallen is None
 
 
 @pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.1)])

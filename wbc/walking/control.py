@@ -334,10 +334,10 @@ class WalkingControl:
         """Follow the estimate of the load; the models have it from the next tick on."""
         outside = self.control.observer.outside
         assert outside is not None
-        if self.hands is not None and self.hands.active:  # what they press on is no load
-            return
-        if load.update(outside, self.dt):
-            mass = self._robot.mass
+        if self.hands is None or not self.hands.active:  # what they press on is no load
+            load.update(outside, self.dt)
+        mass = self._robot.mass
+        if mass != self.stabilizer.mass:  # taken over, given back or let go of
             self.stabilizer.mass = mass
             self.walk.phases.weight = mass * GRAVITY
             if self.lean is not None:

@@ -107,8 +107,8 @@ class HeldLoad:
         x, y = self.offset.tolist()
         return self.middle + (c * x - s * y, s * x + c * y, 0.0)
 
-    def update(self, outside: OutsideWrench, dt: float) -> bool:
-        """Follow the outside wrench; True if mass or place in the models have changed.
+    def update(self, outside: OutsideWrench, dt: float) -> None:
+        """Follow the outside wrench, and let the models follow the estimate.
 
         Args:
             outside: Observer of the outside wrench; what is put into the models is taken off its estimate.
@@ -116,7 +116,7 @@ class HeldLoad:
         """
         s, robot = self.settings, self._robot
         if not outside.ready:
-            return False
+            return
         points = [place.translation.tolist() for place in self._places]
         middle = [sum(point[axis] for point in points) / len(points) for axis in range(3)]
         wrench, com = outside.wrench, robot.com.tolist()
@@ -139,10 +139,8 @@ class HeldLoad:
         )
         off = abs(mass - self.applied) + math.hypot(x - self._applied_moment[0], y - self._applied_moment[1])
         least = s.step * self._own
-        if off < (least if mass > 0.0 else 1e-9):
-            return False
-        self._apply(outside, mass, (x, y), middle, c, n)
-        return True
+        if off >= (least if mass > 0.0 else 1e-9):
+            self._apply(outside, mass, (x, y), middle, c, n)
 
     def release(self) -> None:
         """Take the load off the models at once."""
@@ -150,6 +148,7 @@ class HeldLoad:
             self._robot.carry(hand, 0.0)
         self.mass = self.applied = 0.0
         self._moment = self._applied_moment = (0.0, 0.0)
+        self._quiet = 0.0
         self.offset = np.zeros(2)
 
     def _apply(
