@@ -87,6 +87,25 @@ def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothi
     assert walking.tasks.com.spared.size == 0
 
 
+def test_a_pose_after_a_point_turns_a_hand_from_where_it_is() -> None:
+    """At a point the wrist turns as it likes; the reference of its rotation must not be that of before."""
+    walking = control()
+    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+    feet = (walking.walk._feet[0], walking.walk._feet[1])
+    hand.reach(robot.placement(hand.frame).translation)
+    for _ in range(100):
+        walking.arms.update(feet, 0.0)
+    q = np.array(robot.half_sitting)
+    q[7 + hand.joints[-1]] += 0.8
+    robot.update(q, np.zeros(robot.nv))
+    here = pin.SE3(robot.placement(hand.frame))
+    hand.reach(here)
+    walking.arms.update(feet, 0.0)
+    task = walking.controller.task("left_hand")
+    np.testing.assert_allclose(task.target.rotation, here.rotation, atol=1e-9)
+    assert np.abs(task.feedforward_velocity[3:]).max() < 1e-9
+
+
 def test_a_target_in_the_frame_of_an_object_moves_with_it() -> None:
     walking = control()
     hand = walking.arms["right_hand"]

@@ -172,10 +172,16 @@ class Arm:
                 f"got {np.round(goal.translation, 3).tolist()}"
             )
         moved = frame != self._within or not self.active
+        turned = self._point and not point  # at a point a hand turns as it likes
         self._within, self._goal, self._point, self._on = frame, goal, point, True
         if moved:  # the reference begins where the hand is
             self._reference = self._frame_pose.actInv(self._robot.placement(self.frame))
             self._velocity = np.zeros(6)
+        elif turned:  # as far as its rotation goes
+            self._reference.rotation = (
+                self._frame_pose.rotation.T @ self._robot.placement(self.frame).rotation
+            )
+            self._velocity[3:] = 0.0
         if point:
             self._goal.rotation = self._reference.rotation
         self._task_of(frame == PELVIS)
