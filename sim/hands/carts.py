@@ -17,6 +17,7 @@ from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
 from wbc.sim.hands.trial import SIDES, ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
+from wbc.sim.scenes.things import GRIP
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.planners import walk_distance, walk_velocity
@@ -26,9 +27,6 @@ BAR = (0.69, 0.48)
 
 BEHIND = 0.57
 """Distance of the cart's bar behind its middle, m."""
-
-GRIP = 0.2
-"""Distance of each handle from the middle of the bar, m."""
 
 USUAL: Mapping[str, float] = MappingProxyType({"resistance": 15.0, "turn_step": 2.2})
 """Values of `CartSpec` that are not given."""

@@ -17,6 +17,12 @@ from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, abo
 HANDLE_RADIUS = 0.015
 """Radius of a handle, m."""
 
+GRIP = 0.2
+"""Distance of both handles of a bar from its middle, m."""
+
+Bar = Annotated[float, Field(ge=2.0 * GRIP, le=20.0)]
+"""Extent of a thing with a bar across, m: less leaves its handles beside it."""
+
 Opening = Annotated[float, Field(ge=0.1, le=20.0)]
 """Extent of a door, m: less leaves nothing of its leaf."""
 
@@ -74,7 +80,7 @@ class Rail(Scene):
 
     distance: Annotated[Place, "m"] = param(0.4, "Middle of the bar from the origin")
     height: Annotated[Size, "m"] = param(0.9, "Height of the top of the bar")
-    width: Annotated[Size, "m"] = param(1.6, "Length of the bar")
+    width: Annotated[Bar, "m"] = param(1.6, "Length of the bar")
     radius: Annotated[float, Field(gt=0.0, le=0.2), "m"] = param(0.025, "Radius of the bar")
 
     def __post_init__(self) -> None:
@@ -87,7 +93,7 @@ class Rail(Scene):
         level = self.height - self.radius
         body = spec.worldbody.add_body(name="rail", pos=[self.distance, 0.0, level])
         self.solid(body, "capsule", (self.radius, 0.5 * self.width), quat=ALONG_Y, colour=METAL)
-        for name, y in (("left", 0.2), ("right", -0.2)):
+        for name, y in (("left", GRIP), ("right", -GRIP)):
             body.add_site(name=f"{name} handle", pos=[0.0, y, 0.0])
         for y in (-0.5 * self.width, 0.5 * self.width):
             self.solid(body, "capsule", (self.radius, 0.5 * level), (0.0, y, -0.5 * level), colour=METAL)
@@ -128,7 +134,7 @@ class Cart(Scene):
     resistance: Annotated[NonNegative, "N"] = param(15.0, "Force along the ground that moves it")
     handle: Annotated[Size, "m"] = param(0.9, "Height of its bar")
     length: Annotated[Size, "m"] = param(0.9, "Distance of its axles")
-    width: Annotated[Size, "m"] = param(0.5, "Width of the platform and length of the bar")
+    width: Annotated[Bar, "m"] = param(0.5, "Width of the platform and length of the bar")
 
     def build(self, spec: mujoco.MjSpec) -> None:
         wheel, deck = 0.06, 0.04
@@ -145,7 +151,7 @@ class Cart(Scene):
             body, "capsule", (HANDLE_RADIUS, side), bar, quat=ALONG_Y, mass=0.04 * self.mass, colour=METAL
         )
         for name, sign in (("left", 1.0), ("right", -1.0)):
-            body.add_site(name=f"{name} handle", pos=[bar[0], 0.2 * sign, top])
+            body.add_site(name=f"{name} handle", pos=[bar[0], GRIP * sign, top])
             post = body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=[-half, sign * side, wheel, bar[0], sign * side, top],
@@ -176,6 +182,12 @@ class Door(Scene):
     resistance: Annotated[NonNegative, "Nm"] = param(2.0, "Dry friction of the hinge")
     damping: Annotated[NonNegative, "Nms/rad"] = param(2.0, "Damping of the hinge")
     handle: Annotated[Positive, "m"] = param(0.95, "Height of the handle")
+
+    def __post_init__(self) -> None:
+        if self.handle >= self.height:
+            raise InputError(
+                f"handle (m) of a door must be below the top of its leaf at {self.height:g} m, got {self.handle:g}"
+            )
 
     def build(self, spec: mujoco.MjSpec) -> None:
         side = 1.0 if self.hinge == "left" else -1.0
