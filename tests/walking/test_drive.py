@@ -12,7 +12,7 @@ import pytest
 import wbc
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import FootstepPlan, Gait, Reach, WalkingControl, check_plan, walk_distance
+from wbc.walking import FootstepPlan, Gait, Reach, WalkingControl, check_plan, climb_stairs, walk_distance
 from wbc.walking.driver import Driver
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings
 from wbc.walking.planning.reach import bent_height
@@ -219,6 +219,45 @@ def test_steps_of_a_plan_are_expected_where_the_last_foot_has_found_the_ground()
     rest = source.footsteps(Standing(sunk, None, 5, False, 0.0)).steps
     assert [(step.side, step.x, step.y) for step in rest] == [(s.side, s.x, s.y) for s in stairs.steps[2:]]
     assert [step.z for step in rest] == pytest.approx([step.z - 0.03 for step in stairs.steps[2:]])
+
+
+def test_stairs_of_a_plan_that_is_followed_are_climbed_as_those_of_a_walk_and_nothing_after_them() -> None:
+    start = FootstepPlan.standing(ROBOTS["hrp4_class"])
+    stairs = climb_stairs(start, rise=0.05, tread=0.25, count=2, first_edge=0.2)
+    walked, followed = Stage(plan=stairs), Stage()
+    followed.driver.follow(stairs)
+    swings: list[list[np.ndarray]] = [[], []]
+    for stage, heights in zip((walked, followed), swings, strict=True):
+        while stage.walk.steps_done < 2:
+            stage.run(DT)
+            side = stage.walk.phases.swing
+            if side is not None:
+                heights.append(stage.references[-1].feet[side == "right"].placement.translation)
+    np.testing.assert_allclose(swings[1], swings[0], atol=1e-9)
+    for stage in (walked, followed):
+        stage.run(8.0)
+        stage.steer((0.1, 0.0, 0.0))
+        stage.run(4.0)
+        assert stage.walk.phases.plan.gait == replace(stairs.gait, feet_spacing=start.spacing)
+        assert stage.walk._swing_gait == stage.walk.phases.plan.gait, "level ground again"
+
+
+def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Gaits of a speed are multiples of 10 ms; at a period of 4 ms every plan would say so, ten times a second."""
+    robot, period = ROBOTS["hrp4_class"], 0.004
+    settings = WalkSettings(phases=PhaseSettings.by_time(), adjustment=None)
+    walk = Walk(robot, FootstepPlan.standing(robot), float(robot.com[2]), period, settings)
+    driver = Driver(walk, robot)
+    driver.velocity = (0.3, 0.0, 0.0)
+    for tick in range(700):
+        driver.update(tick * period)
+        walk.update([0.0, 0.0])
+    assert walk.phases.plan.gait.single_support == pytest.approx(142 * period) and not caplog.records
+    gait = Gait(single_support=0.801)
+    Walk(robot, walk_distance(FootstepPlan.standing(robot, gait), 0.3), float(robot.com[2]), DT, settings)
+    assert "single_support of 0.801 s rounded to 0.8 s" in caplog.text, "what the user gave is said"
 
 
 class _Raises:

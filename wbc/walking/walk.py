@@ -174,6 +174,8 @@ class Walk:
         self.period = positive("control period (s)", period)
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.on_grid(period)
+        for note in self.notes:
+            logger.warning("%s", note)
         if gait.single_support < shortest_swing(gait):
             raise InputError(
                 f"single_support must be at least {shortest_swing(gait):g} s for take-off, swing and landing, got "
@@ -282,19 +284,16 @@ class Walk:
             InputError: Sides that do not alternate, or a single support too short for a swing; nothing is changed then.
         """
         phases = self.phases
-        swing_gait = self._swing_gait
-        if gait is not None and gait != phases.plan.gait:
-            if gait.single_support < shortest_swing(gait):
-                raise InputError(
-                    f"single_support must be at least {shortest_swing(gait):g} s, got {gait.single_support:g} s"
-                )
-            swing_gait = gait
+        if gait is not None and gait.single_support < shortest_swing(gait):
+            raise InputError(
+                f"single_support must be at least {shortest_swing(gait):g} s, got {gait.single_support:g} s"
+            )
         if self._swing is None and self._surprise:
             # The ground is expected where the last landings have found it, not at the height of the last one.
             down = (1.0 - self.settings.ground_memory) * self._surprise
             steps = [replace(step, z=step.z - down) for step in steps]
         phases.steer(steps, gait)
-        self._swing_gait = swing_gait
+        self._swing_gait = self._swing_gait if gait is None else gait
         self._ground = 0.0
         if phases.phase is Phase.STANDING and steps:
             self._events = (phases.start(),)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -13,8 +12,6 @@ from pydantic import Field
 
 from wbc.core.errors import InputError, finite_array, positive
 from wbc.core.settings import Positive, settings
-
-logger = logging.getLogger(__name__)
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
 
@@ -165,8 +162,6 @@ class Gait:
                 notes.append(
                     f"{name} of {value:g} s rounded to {ticks * period:g} s, a multiple of the control period"
                 )
-        for note in notes:
-            logger.warning("%s", note)
         return replace(self, **changed), tuple(notes)
 
 

@@ -366,11 +366,12 @@ class PlanSource:
             plan: The plan; its feet at the start are not looked at.
         """
         self.plan = plan
+        self._gait = plan.gait.for_stairs() if plan.climbs else plan.gait
         self._begun: int | None = None
 
     def footsteps(self, now: Standing) -> FootstepPlan:
         """See `FootstepSource`."""
-        start = replace(now.start, gait=self.plan.gait)
+        start = replace(now.start, gait=self._gait)
         if self._begun is None:
             self._begun = now.begun
             if now.first is not None and self.plan.steps and self.plan.steps[0].side != now.first:
