@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from task_factory import ROBOTS, integrate, make_robot, standing
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, ModelError
 from wbc.core.limits.rows import BrakingLaw, JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
@@ -264,6 +264,39 @@ def test_torque_limits_bind_when_the_task_wants_too_much() -> None:
     controller.remove(limit)
     np.testing.assert_allclose(controller.solve().torques, free.torques, atol=1e-4)
     assert task.dim == 1
+
+
+def test_joints_without_position_limits_are_free_and_limits_that_cannot_be_kept_are_refused() -> None:
+    robot = make_robot("g1")
+
+    def with_limits(lower: float, upper: float, velocity: float = 3.0, torque: float = 10.0) -> Robot:
+        model = robot.model.copy()
+        names = ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit", "upperEffortLimit")
+        for name, value in zip(names, (lower, upper, velocity, torque), strict=True):
+            limits = np.array(getattr(model, name))
+            limits[-1] = value
+            setattr(model, name, limits)
+        return Robot(model, robot.soles, robot.half_sitting)
+
+    free = with_limits(-np.inf, np.inf)
+    controller = Controller(free, 0.002)
+    controller.add(
+        PostureTask(), SoleContact("left_foot"), SoleContact("right_foot"), JointLimits(), TorqueLimits()
+    )
+    assert controller.solve().ok and not controller.solve().active_limits
+    narrow = JointLimits()
+    narrow.bind(with_limits(0.1, 0.101))
+    assert narrow.lower[-1] == pytest.approx(0.1005) == narrow.upper[-1]
+    for limits in ((1.0, 0.0), (np.nan, 1.0), (0.0, np.nan)):
+        with pytest.raises(
+            ModelError, match="needs a lower position limit that is not above its upper one, got"
+        ):
+            with_limits(*limits)
+    for limits in ((-1.0, 1.0), (np.nan, 1.0), (1.0, -1.0), (1.0, np.nan)):
+        with pytest.raises(
+            ModelError, match="needs limits of velocity and torque that are zero or above, got"
+        ):
+            with_limits(0.0, 1.0, *limits)
 
 
 def test_bad_values_are_refused() -> None:

@@ -418,6 +418,9 @@ def test_polygon_follows_the_soles_on_request() -> None:
 
 
 def test_polygons_that_cannot_hold_a_com_are_refused() -> None:
+    robot = make_robot("g1")
+    with pytest.raises(InputError, match="needs a polygon and a time constant: .* has no soles"):
+        CoMPolygonLimit().bind(Robot(robot.model, [], robot.half_sitting))
     flat, line = [[0, 0], [1, 0]], [[0, 0], [1, 1], [2, 2]]
     for points in (flat, line, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0], [1, np.nan], [0, 1]]):
         with pytest.raises(InputError):

@@ -137,7 +137,8 @@ class Robot:
             servos: Gains of the servos.
 
         Raises:
-            ModelError: No free-flyer root, no frame of its body, or a joint of several degrees of freedom.
+            ModelError: No free-flyer root, no frame of its body, a joint of several degrees of freedom, or limits that
+                cannot be kept.
             UnknownNameError: A frame that is not in the model.
             InputError: A half-sitting of the wrong shape or without orientation.
         """
@@ -184,9 +185,22 @@ class Robot:
         self.position_upper = np.array(model.upperPositionLimit[7:])
         self.velocity_limit = np.array(model.upperVelocityLimit[BASE_DOF:])
         self.torque_limit = np.array(model.upperEffortLimit[BASE_DOF:])
-        if (self.position_lower > self.position_upper).any():
-            bad = self.joint_names[int(np.argmax(self.position_lower > self.position_upper))]
-            raise ModelError(f"joint '{bad}' has a lower position limit above its upper one")
+        for name, lower, upper, *others in zip(
+            self.joint_names,
+            self.position_lower.tolist(),
+            self.position_upper.tolist(),
+            self.velocity_limit.tolist(),
+            self.torque_limit.tolist(),
+            strict=True,
+        ):
+            if not lower <= upper:
+                raise ModelError(
+                    f"joint '{name}' needs a lower position limit that is not above its upper one, got {lower}, {upper}"
+                )
+            if not all(limit >= 0.0 for limit in others):
+                raise ModelError(
+                    f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
+                )
         self.total_mass = scalar(float(pin.computeTotalMass(model)))
         self._carried: dict[int, tuple[int, pin.Inertia]] = {}  # frame → joint, load
         self._own: dict[int, pin.Inertia] = {}  # joint → inertia without loads

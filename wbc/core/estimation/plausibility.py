@@ -91,7 +91,7 @@ class Plausibility:
         known = np.isfinite(lower) & np.isfinite(upper)
         self._middle = np.zeros(2 * na + 6 + 6 * n)
         self._bound = np.full(self._middle.size, np.finfo(float).max)
-        self._middle[:na][known] = 0.5 * (lower + upper)[known]
+        self._middle[:na][known] = 0.5 * (lower[known] + upper[known])
         self._bound[:na][known] = (0.5 * upper - 0.5 * lower)[known] + s.position_margin
         speed = robot.velocity_limit
         self._speed = np.where(speed < UNLIMITED, s.velocity_margin * np.minimum(speed, UNLIMITED), 1e3)

@@ -143,12 +143,16 @@ class CoMPolygonLimit(RowLimit):
         """Take the hull of the soles when no polygon was given.
 
         Raises:
-            InputError: The centre of mass is not above the soles, so that there is no time constant of a pendulum.
+            InputError: No soles, or a centre of mass that is not above them: there is no time constant of a pendulum.
         """
         self._robot = robot
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])
         if self._given_time is None:
+            if not robot.soles:
+                raise InputError(
+                    f"limit '{self.name}' needs a polygon and a time constant: {robot!r} has no soles"
+                )
             height = robot.com[2] - min(robot.placement(sole.frame).translation[2] for sole in robot.soles)
             if height <= 0.0:
                 raise InputError(

@@ -138,9 +138,8 @@ class JointLimits:
             raise InputError(
                 f"braking deceleration {self.braking} must not exceed the acceleration limit {self.acceleration} rad/s²"
             )
-        middle = 0.5 * (robot.position_lower + robot.position_upper)
-        self.lower = np.minimum(robot.position_lower + self._margin, middle)
-        self.upper = np.maximum(robot.position_upper - self._margin, middle)
+        margin = np.minimum(self._margin, 0.5 * (robot.position_upper - robot.position_lower))
+        self.lower, self.upper = robot.position_lower + margin, robot.position_upper - margin
         self.velocity = self._ratio * robot.velocity_limit
         # Row 0 holds the upper bounds, row 1, with changed signs, the lower ones: arrays of one shape take NumPy half
         # the time.
