@@ -146,6 +146,26 @@ def test_it_stands_within_two_steps(when: float, speed: float) -> None:
     assert stage.walk.steps_done > done + 2, "and walks on when told to"
 
 
+@pytest.mark.parametrize("left", [0.2, 0.06, 0.04, 0.02])
+def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(left: float) -> None:
+    """The later the command, the less time is left to take the DCM from where it would have rested."""
+    stage = Stage()
+    phases = stage.walk.phases
+    stage.steer((0.3, 0.0, 0.0))
+    stage.run(6.0)
+    stage.steer(None)
+    while phases.phase is not Phase.SINGLE or phases.step + 1 < len(phases.plan):
+        stage.run(DT)
+    stage.run(phases.duration - phases.elapsed - left)
+    assert phases.phase is Phase.SINGLE
+    steps = stage.walk.steps_done
+    stage.steer((0.3, 0.0, 0.0))
+    stage.run(3.0)
+    assert stage.walk.steps_done > steps + 2
+    for a, b in zip(stage.references, stage.references[1:], strict=False):
+        assert np.linalg.norm(b.pendulum.com - a.pendulum.com - DT * a.pendulum.com_velocity) < 1e-4
+
+
 def test_velocity_and_turn_are_those_commanded() -> None:
     stage = Stage()
     stage.steer((0.1, 0.05, 0.1))

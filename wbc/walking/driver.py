@@ -3,8 +3,8 @@
     source  →  steps from where the feet stand  →  check  →  walk
 
 On both feet the steps are planned anew every tenth of a second; with a foot in the air only when the source or its
-command has changed. A source that fails, or asks for a step that the robot cannot take, is dropped: the robot comes
-to a stand, and the reason is logged.
+command has changed, and not while the last foot is about to land. A source that fails, or asks for a step that the
+robot cannot take, is dropped: the robot comes to a stand, and the reason is logged.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ class Driver:
         swings = phases.phase is Phase.SINGLE
         if swings:
             command = (source, _target(source))
-            if command == self._planned or time < self._next:
+            if command == self._planned or time < self._next or self._comes_to_rest:
                 self._landed = True
                 return
         elif time < self._next and not self._landed:
@@ -227,6 +227,13 @@ class Driver:
             self._steer(plan)
         except Exception as error:  # of a source of the user's own, too: the robot comes to a stand
             self._drop(error, now)
+
+    @property
+    def _comes_to_rest(self) -> bool:
+        """True in the last moments of the last step: no ZMP takes the DCM from its rest to another step that soon."""
+        phases = self._walk.phases
+        last = phases.step + 1 >= len(phases.plan)
+        return last and phases.duration - phases.elapsed < self.settings.replan
 
     def _step_out(self, time: float, beyond: float, capture: CaptureSteps) -> bool:
         """Step out of a push; True while the robot does."""
