@@ -133,6 +133,7 @@ class Hands:
             arms.occupied.update(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
+        self._measured = np.zeros((len(hands), 6))  # the last of each wrist that was finite
         self._borne = np.zeros((len(hands), 6))  # the same, the slow share of hands that grip
         self._missing = np.zeros(2)
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
@@ -333,14 +334,14 @@ class Hands:
         zmp = reference.pendulum.zmp
         feet = [motion.placement.translation for motion in reference.feet]
         self._middle.update(feet, reference.heading, dt)
-        wrenches = measurement.hand_wrenches
+        self._read(measurement.hand_wrenches)
         quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         for name, hand in self.all.items():
             if not hand.active:
                 continue
             place = self._estimate.data.oMf[self._frames[name]]
-            wrench = np.zeros(6) if wrenches is None else wrenches[hand.index] - hand.tare
+            wrench = self._measured[hand.index] - hand.tare
             most = self.strength(name, hand.direction)[0] if hand.state is HandState.HOLD else math.inf
             hand.update(wrench, place.rotation, most, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
@@ -367,6 +368,12 @@ class Hands:
             self._middle = MovingFrame(self.settings.follow)
             self._shift.reset()
         return self._outside
+
+    def _read(self, wrenches: Array | None) -> None:
+        """Take the wrenches of the wrists; a sensor that drops out keeps its last one, and NaN gets into no filter."""
+        if wrenches is not None:
+            finite = np.isfinite(wrenches).all(axis=1)
+            self._measured[finite] = wrenches[finite]
 
     def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to what is of no use, and to what is too much.
