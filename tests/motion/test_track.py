@@ -28,6 +28,7 @@ from wbc.motion import (
 from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
 from wbc.motion.reference import ClipReference, placed
 from wbc.sim import TrackSpec, track_motion
+from wbc.walking import FootstepPlan
 
 DT = 0.005
 SIDES = ("left", "right")
@@ -105,6 +106,24 @@ def test_bad_clips_are_refused_before_anything_moves(g1: Robot, steps: MotionCli
     with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
         track_motion(steps, TrackSpec(robot="talos"))
     MotionControl(g1, steps, DT)
+
+
+def test_a_robot_that_tracks_a_clip_says_that_it_cannot_be_steered(g1: Robot) -> None:
+    """Commands that nothing carries out are refused, and a page offers none."""
+    clip = MotionClip.of(g1, np.tile(g1.half_sitting, (20, 1)), 100.0)
+    robot = load_robot("g1").robot()
+    robot.update(first_configuration(robot, clip), np.zeros(robot.nv))
+    control = MotionControl(robot, clip, DT)
+    for order in (
+        lambda: setattr(control, "velocity", (0.1, 0.0, 0.0)),
+        lambda: control.go_to(1.0, 0.0, 0.0),
+        lambda: control.follow(FootstepPlan.standing(robot)),
+    ):
+        with pytest.raises(InputError, match="tracks a clip cannot be steered"):
+            order()
+    with pytest.raises(InputError, match="stands when the clip is over"):
+        control.stop()
+    assert control.velocity is None and not control.steered
 
 
 def test_the_command_refuses_what_cannot_be_tracked(

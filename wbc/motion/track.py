@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -25,14 +25,16 @@ from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.kinematics import BodyMotion, leg_joints
 from wbc.motion.reference import ClipReference, placed
 from wbc.walking.control import WalkingControl
+from wbc.walking.driver import Driver
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.sources import DriveSettings, FootstepSource
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.tasks import TaskGains
-from wbc.walking.walk import WalkReference
+from wbc.walking.walk import Walk, WalkReference
 
 START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
@@ -66,8 +68,34 @@ class TrackSettings:
     early: Annotated[NonNegative, "s"] = 0.1
 
 
+class _ClipDriver(Driver):
+    """Driver of a robot that tracks a clip: its steps are those of the clip, and all others are refused."""
+
+    def __init__(self, walk: Walk, robot: Robot, settings: DriveSettings) -> None:
+        super().__init__(walk, robot, settings)
+        self.steered = False
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Refuse footsteps, those of a velocity or a goal as well.
+
+        Raises:
+            InputError: Always.
+        """
+        raise InputError(f"a robot that tracks a clip cannot be steered, got {shown(source)}")
+
+    def stop(self) -> None:
+        """Refuse to stop.
+
+        Raises:
+            InputError: Always.
+        """
+        raise InputError(
+            "a robot that tracks a clip stands when the clip is over; it cannot be stopped before"
+        )
+
+
 class MotionControl(WalkingControl):
-    """Controller that tracks a clip, then stands in its last frame.
+    """Controller that tracks a clip, then stands in its last frame. It cannot be steered: that is an `InputError`.
 
         result = make_feasible(robot, clip)
         robot.update(first_configuration(robot, result.clip), np.zeros(robot.nv))
@@ -113,6 +141,7 @@ class MotionControl(WalkingControl):
         motion.refuse_flight(found.flight)
         _check_start(robot, q[0])
         super().__init__(robot, FootstepPlan.standing(robot), dt, s.walking, observer=observer)
+        self.driver = _ClipDriver(self.walk, robot, s.walking.drive)
         left, right = (robot.placement(sole.frame).copy() for sole in robot.soles[:2])
         ground = 0.5 * float(left.translation[2] + right.translation[2])
         self.clip = placed(robot, clip, q[0], (left, right))
