@@ -183,6 +183,18 @@ def test_stopping_before_the_first_step_closes_up_with_the_foot_that_gives_up_it
     assert w.plan.final[0].x == pytest.approx(w.plan.final[1].x)
 
 
+@pytest.mark.parametrize("rest", [0.1, 0.4, 0.79])
+def test_a_robot_that_goes_on_as_it_comes_to_rest_has_time_to_shift_its_weight(rest: float) -> None:
+    """As much as from a stand, however soon it would have stood."""
+    w = walking(0.1)
+    while w.step < len(w.plan):
+        until(w, ideal, Event.TOUCH_DOWN)
+    run(w, ideal, rest)
+    assert w.phase is Phase.DOUBLE
+    w.steer(walk_distance(replace(START, left=w.plan.final[0], right=w.plan.final[1]), 0.3).steps)
+    assert w.remaining == pytest.approx(w.plan.gait.initial_double_support)
+
+
 def test_landings_and_times_can_change_on_the_way() -> None:
     w = walking(1.0)
     before = w.plan

@@ -202,8 +202,8 @@ class WalkPhases:
             return
         if waited and not steps:
             self.duration = self.elapsed + gait.final_double_support
-        elif steps and not waited:  # off again before the robot stood
-            self.duration = max(self.elapsed, min(self.duration, self.elapsed + gait.initial_double_support))
+        elif steps and not waited:  # off again before the robot stood: the weight has yet to come over
+            self.duration = self.elapsed + gait.initial_double_support
 
     def retime(self, remaining: float) -> None:
         """Let the present single support end after a time (s), to catch the pendulum."""
