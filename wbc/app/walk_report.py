@@ -69,15 +69,18 @@ def _soles_lines(result: WalkResult) -> list[str]:
         return []
     decided = [step["commanded_nm_per_rad"] for step in steps if step["fallback"] is None]
     reached = sum(step["reached"] for step in steps)
-    text = f"  soles     set by the policy '{result.policy}' in {len(decided)} of {len(steps)} swings"
+    text = (
+        f"  soles     set by the policy '{result.policy}': decided in {len(decided)} of {len(steps)} swings"
+    )
     if decided:
         low, middle, high = (f"{k:.3g}" for k in np.percentile(decided, (0, 50, 100)))
-        text += f" to {low} … {high} Nm/rad, median {middle}"
-    lines = [f"{text}; {reached} there before they landed"]
+        text += f", {low} … {high} Nm/rad, median {middle}"
+    second = f"stiffness reached before the landing in {reached} of {len(steps)}"
     reasons = Counter(re.split("[:,]", step["fallback"])[0] for step in steps if step["fallback"] is not None)
     if reasons:
         counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
-        lines.append(f"            the others fell back ({counts})")
+        second = f"fell back in the others ({counts}); {second}"
+    lines = [text, f"            {second}"]
     errors = [step["profile_error_m"] for step in steps if step["profile_error_m"] is not None]
     if errors:
         mean, most = (1e3 * float(np.mean([error[part] for error in errors])) for part in ("mean", "p95"))

@@ -51,7 +51,7 @@ class JournalOptions:
 
 
 @settings(kw_only=True)
-class PartOptions:
+class ShownPartOptions:
     """Part of a study.
 
     Attributes:
@@ -59,18 +59,27 @@ class PartOptions:
         arm: Only these arms.
         seeds: Only the first so many seeds.
         scale: Only this share of the seeds, at least one.
-        any_code: Take results of other versions of the code, too.
     """
 
     cell: tuple[str, ...] = ()
     arm: tuple[str, ...] = ()
     seeds: int | None = None
     scale: float = 1.0
-    any_code: bool = False
 
     def part(self, study: str) -> Study:
         """Return this part of a study."""
         return read_study(study).narrowed(self.cell, self.arm, self.seeds).scaled(self.scale)
+
+
+@settings(kw_only=True)
+class PartOptions(ShownPartOptions):
+    """Part of a study, with results.
+
+    Attributes:
+        any_code: Take results of other versions of the code, too.
+    """
+
+    any_code: bool = False
 
     def read(self, study: str, options: JournalOptions) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
         """Return this part of a study, the entries of a journal, and the numbers of those left out, with a warning."""
@@ -150,7 +159,11 @@ def study_facts(name: str) -> dict[str, Any]:
 
 @reports
 def show(
-    study: StudyName, /, *, part: Flat[PartOptions] = PartOptions(), output: OutputOptions = Output()
+    study: StudyName,
+    /,
+    *,
+    part: Flat[ShownPartOptions] = ShownPartOptions(),
+    output: OutputOptions = Output(),
 ) -> Report:
     """Print a study as JSON, to be changed and run."""
     chosen = part.part(study)
