@@ -140,7 +140,7 @@ def made(words: str, journals: Path) -> str:
 
 
 def _count(walked: int, whole: int) -> str:
-    return f"{walked} walks" if walked == whole else f"Partial: {walked} of {whole:,} walks"
+    return f"{walked:,} walks" if walked == whole else f"Partial: {walked:,} of {whole:,} walks"
 
 
 def _short(table: StudyTable) -> str:
