@@ -37,6 +37,9 @@ from wbc.sim.plant.truth import GroundTruth
 OTHER_MASS = 0.01
 """Share of the mass by which model and description may differ without a note."""
 
+DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
+"""Warnings after which MuJoCo has reset the simulation by itself, unless the model forbids it."""
+
 Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 """Function that advances a simulation by one physics step, such as `mujoco.mj_step`."""
 
@@ -184,6 +187,7 @@ class MujocoLoop:
         self._signals.begin(self.data)
         self._chain.reset(self._signals.values, self.seed)
         self._pushes.clear(self.data)
+        self.data.warning.number[DIVERGED] = 0
         self._at_work = self.hold()
         if self._late is not None:
             self._late.clear()
@@ -198,12 +202,12 @@ class MujocoLoop:
         """Return the readings of the sensors now; the same object until the next step.
 
         Raises:
-            MeasurementError: The state is not finite: the simulation has diverged.
+            MeasurementError: The simulation has diverged: the state is not finite, or MuJoCo has reset it.
         """
         if self._measurement is not None:
             return self._measurement
         reading, machine = self._chain.read(self._signals.values), self.machine
-        if not math.isfinite(reading.dot(reading)):
+        if self.data.warning.number[DIVERGED].any() or not math.isfinite(reading.dot(reading)):
             raise MeasurementError(f"no measurement at {self.time:.4f} s: the simulation has diverged")
         reading.setflags(write=False)
         self._measurement = self._signals.measurement(

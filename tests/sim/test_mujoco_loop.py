@@ -11,7 +11,7 @@ from foreign import KINDS, foreign_model
 
 import wbc
 from wbc import Command, Measurement
-from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
 from wbc.sim import Machine, MujocoLoop, Plant
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
@@ -239,6 +239,19 @@ def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() ->
     with pytest.raises(InputError, match="a loop takes a Command, got None"):
         loop.step(None)  # type: ignore[arg-type]
     assert loop.time == 0.0
+
+
+def test_a_simulation_that_mujoco_has_reset_by_itself_gives_no_measurement() -> None:
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
+    loop.step(loop.hold())
+    loop.data.qvel[loop.places.joint_dof[0]] = 1e12
+    loop.step(loop.hold())
+    assert np.isfinite(loop.data.qpos).all()  # MuJoCo has put everything back to where the file has it
+    with pytest.raises(MeasurementError, match="the simulation has diverged"):
+        loop.measure()
+    loop.reset()
+    loop.step(loop.hold())
+    assert loop.measure().time == loop.time
 
 
 # ---- furniture in the plant ------------------------------------------------------------------------------------------
