@@ -116,7 +116,7 @@ class JointActuators:
             raise ModelError(f"actuator '{name}' of joint '{joint}' has a gain or a gear of zero")
 
     def check(self, command: Command) -> None:
-        """Raise InputError for what is no command, one of the wrong shape, or one that is not finite."""
+        """Raise InputError for what is no command, one of the wrong shape or not finite, or negative gains."""
         if not isinstance(command, Command):
             raise InputError(f"a loop takes a Command, got {shown(command)}")
         na = len(self._names)
@@ -130,6 +130,9 @@ class JointActuators:
             if not np.isfinite(array).all():
                 joint = self._names[int(np.argmin(np.isfinite(array)))]
                 raise InputError(f"command: {name} of joint '{joint}' is not finite")
+            if name in ("kp", "kd") and (array < 0.0).any():
+                joint = self._names[int(np.argmax(array < 0.0))]
+                raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
 
     def apply(self, data: mujoco.MjData, command: Command) -> None:
         """Write the controls of the coming physics step.

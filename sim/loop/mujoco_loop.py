@@ -225,7 +225,7 @@ class MujocoLoop:
             command: References of the servos and feed-forward torque, or torque alone.
 
         Raises:
-            InputError: A command of the wrong shape or not finite; the simulation has not moved.
+            InputError: A command of the wrong shape or not finite, or negative gains; the simulation has not moved.
         """
         self.actuators.check(command)
         model, data, signals, chain = self.model, self.data, self._signals, self._chain

@@ -236,6 +236,9 @@ def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() ->
     bad[2] = np.nan
     with pytest.raises(InputError, match=f"kp of joint '{DESCRIPTION.joint_names[2]}' is not finite"):
         loop.step(dataclasses.replace(command, kp=bad))
+    bad[2] = -1.0
+    with pytest.raises(InputError, match=f"kd of joint '{DESCRIPTION.joint_names[2]}' must be finite and not"):
+        loop.step(dataclasses.replace(command, kd=bad))
     with pytest.raises(InputError, match="a loop takes a Command, got None"):
         loop.step(None)  # type: ignore[arg-type]
     assert loop.time == 0.0
