@@ -164,6 +164,12 @@ class JointActuators:
             self.applied[self._bare] = clipped
             data.qfrc_applied[self._dof[self._bare]] = clipped
 
+    def settle(self, data: mujoco.MjData) -> None:
+        """Put actuators with a lag where their controls are, as after a long time at them."""
+        state = self._model.actuator_actadr[self._actuators]
+        lagging = state >= 0
+        data.act[state[lagging]] = data.ctrl[self._actuators[lagging]]
+
     def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: np.ndarray) -> Array:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
         q, v = data.qpos[self._qpos], data.qvel[self._dof]

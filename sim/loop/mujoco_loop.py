@@ -160,7 +160,7 @@ class MujocoLoop:
         return float(self.data.time)
 
     def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
-        """Put the robot, at rest, into a configuration; everything else stays where it is.
+        """Put the robot, at rest and held by its drives, into a configuration; everything else stays where it is.
 
         Args:
             configuration: Shape (nq,); half-sitting on z = 0 when None.
@@ -180,6 +180,7 @@ class MujocoLoop:
         self.data.qvel[places.joint_dof] = 0.0
         mujoco.mj_forward(self.model, self.data)
         self.actuators.apply(self.data, self.hold())
+        self.actuators.settle(self.data)
         self._begin()
 
     def _begin(self) -> None:

@@ -244,6 +244,21 @@ def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() ->
     assert loop.time == 0.0
 
 
+def test_a_reset_leaves_nothing_of_the_lag_of_the_drives() -> None:
+    def moved(loop: MujocoLoop) -> float:
+        start = loop.hold()
+        for _ in range(10):
+            loop.step(start)
+        return float(np.abs(loop.hold().joint_position - start.joint_position).max())
+
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "position", lag=0.05), prefix=PREFIX)
+    assert moved(loop) < 5e-3  # rad; drives that begin at references of zero move by 0.06
+    elsewhere = loop.hold()
+    loop.step(dataclasses.replace(elsewhere, joint_position=elsewhere.joint_position + 0.5))
+    loop.reset()
+    assert moved(loop) < 5e-3
+
+
 def test_a_simulation_that_mujoco_has_reset_by_itself_gives_no_measurement() -> None:
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
     loop.step(loop.hold())

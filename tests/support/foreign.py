@@ -20,6 +20,7 @@ def foreign_model(
     imu: bool = True,
     gains: tuple[np.ndarray, np.ndarray] | None = None,
     gear: float = 1.0,
+    lag: float = 0.0,
 ) -> mujoco.MjModel:
     """Return a scene: a ball, a table, a door with a motor, the robot, and its actuators from the last joint on.
 
@@ -31,6 +32,7 @@ def foreign_model(
         imu: With a gyroscope and an accelerometer on a site that is turned against the IMU frame.
         gains: kp and kd of servos; the description's when None.
         gear: Of motors.
+        lag: Time constant of the filters of actuators of one kind; none when 0, s.
     """
     robot = description.robot()
     spec = mujoco.MjSpec()
@@ -91,6 +93,8 @@ def foreign_model(
             continue
         which = ("motor" if i % 2 else "position") if kind == "mixed" else kind
         actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        if lag > 0.0:
+            actuator.dyntype, actuator.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTEREXACT, lag
         if which == "motor":
             actuator.gear[0] = gear
             continue
