@@ -174,11 +174,10 @@ class JointActuators:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
         position = q if command.joint_position is None else command.joint_position
-        given = command.kp is not None or command.kd is not None
-        kp = command.kp if command.kp is not None else np.zeros_like(q) if given else self._kp
-        kd = command.kd if command.kd is not None else np.zeros_like(q) if given else self._kd
-        if command.joint_position is None:
-            kp = np.zeros_like(q)
+        kp, kd = command.kp, command.kd
+        if command.joint_position is None:  # torque control, damped where kd is given
+            kp, kd = np.zeros_like(q), np.zeros_like(q) if kd is None else kd
+        kp, kd = self._kp if kp is None else kp, self._kd if kd is None else kd
         kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
         velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
         dt = self._model.opt.timestep

@@ -106,6 +106,24 @@ def test_gains_of_a_command_replace_those_of_the_file() -> None:
         np.testing.assert_allclose(torque, 0.5, atol=0.15)  # the joints have begun to move
 
 
+def test_a_gain_that_a_command_leaves_out_is_that_of_the_description() -> None:
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "position"), prefix=PREFIX)
+    rest = loop.hold()
+    assert rest.joint_position is not None
+    command = dataclasses.replace(rest, joint_position=rest.joint_position + 0.01)
+    kp, kd = np.array(DESCRIPTION.kp), np.array(DESCRIPTION.kd)
+
+    def torque(**gains: np.ndarray) -> np.ndarray:
+        loop.reset()
+        loop.step(dataclasses.replace(command, **gains))  # type: ignore[arg-type]
+        measured = loop.measure().joint_torque
+        assert measured is not None
+        return measured
+
+    np.testing.assert_allclose(torque(kd=0.5 * kd), torque(kp=kp, kd=0.5 * kd))
+    np.testing.assert_allclose(torque(kp=0.5 * kp), torque(kp=0.5 * kp, kd=kd))
+
+
 def test_other_parts_than_the_feet_touch() -> None:
     """The pelvis of a robot that lies on its back hits the ground, which is not measured at the soles."""
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
@@ -237,7 +255,7 @@ def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() ->
     with pytest.raises(InputError, match=f"kp of joint '{DESCRIPTION.joint_names[2]}' is not finite"):
         loop.step(dataclasses.replace(command, kp=bad))
     bad[2] = -1.0
-    with pytest.raises(InputError, match=f"kd of joint '{DESCRIPTION.joint_names[2]}' must be finite and not"):
+    with pytest.raises(InputError, match=f"kd of joint '{DESCRIPTION.joint_names[2]}' must be finite"):
         loop.step(dataclasses.replace(command, kd=bad))
     with pytest.raises(InputError, match="a loop takes a Command, got None"):
         loop.step(None)  # type: ignore[arg-type]
