@@ -45,6 +45,9 @@ Sync = Literal["always", "second", "never"]
 """Policy by which lines are forced to the disk, where they survive a loss of power: at once, if the last time was a
 second ago, or never. A killed process loses nothing in any case."""
 
+PACKED = ".xz"
+"""Ending of a compressed journal."""
+
 SYNC_TIME = 1.0
 """Shortest time between two forced writes with the policy "second", s."""
 
@@ -208,7 +211,7 @@ def read_journal(path: Path | str) -> Mapping[str, Entry]:
 def _read(path: Path | str) -> Entries:
     try:
         content = Path(path).read_bytes()
-        if Path(path).suffix == ".xz":
+        if Path(path).suffix == PACKED:
             content = lzma.decompress(content)
     except FileNotFoundError:
         return Entries()
@@ -275,10 +278,10 @@ class Journal:
             sync: Policy by which lines are forced to the disk.
 
         Raises:
-            UnknownNameError: An unknown policy.
+            InputError: A folder or a compressed file, or an unknown policy.
             JournalError: Another process writes into it, or the file is no journal or cannot be written.
         """
-        self.path = Path(path)
+        self.path = check_journal_path(path)
         self._sync = choose("sync policy", sync, get_args(Sync))
         self._synced = -math.inf
         try:
@@ -364,12 +367,16 @@ class Journal:
 
 
 def check_journal_path(path: Path | str) -> Path:
-    """Return the path of a journal, checked before a long run begins.
+    """Return the path of a journal to write, checked before a long run begins.
 
     Raises:
-        InputError: A folder.
+        InputError: A folder, or a compressed file, which can be read alone.
     """
     path = Path(path)
     if path.is_dir():
         raise InputError(f"a journal is a file, but {path} is a folder")
+    if path.suffix == PACKED:
+        raise InputError(
+            f"{path} is compressed, and such a journal is only read; unpack it with `xz -dk` to go on"
+        )
     return path

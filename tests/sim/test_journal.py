@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import lzma
 import math
 import os
 import subprocess
@@ -222,10 +223,12 @@ def test_what_is_no_number_is_null() -> None:
 def test_refuses(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="second"):
         Journal(tmp_path / "a", sync="minute")
-    with pytest.raises(InputError, match="folder"):
-        check_journal_path(tmp_path)
+    for opened in (check_journal_path, Journal):
+        with pytest.raises(InputError, match="folder"):
+            opened(tmp_path)
+    (tmp_path / "file").touch()
     with pytest.raises(JournalError, match="cannot be written"):
-        Journal(tmp_path)
+        Journal(tmp_path / "file" / "a")
     with pytest.raises(JournalError, match="cannot be read"):
         read_journal(tmp_path)
     with pytest.raises(UnknownNameError, match="crashed"):
@@ -234,6 +237,17 @@ def test_refuses(tmp_path: Path) -> None:
     journal.close()
     with pytest.raises(JournalError, match="closed"):
         journal.add(entry(1))
+
+
+def test_a_compressed_journal_is_read_and_never_written(tmp_path: Path) -> None:
+    plain, packed = tmp_path / "journal.jsonl", tmp_path / "journal.jsonl.xz"
+    entries = written(plain, 200)
+    packed.write_bytes(lzma.compress(plain.read_bytes()))
+    for opened in (check_journal_path, Journal):
+        for path in (packed, tmp_path / "new.xz"):
+            with pytest.raises(InputError, match="is compressed, .* unpack it"):
+                opened(path)
+    assert list(read_journal(packed).values()) == entries and not (tmp_path / "new.xz").exists()
 
 
 def test_an_edited_robot_file_is_another_robot(tmp_path: Path) -> None:
