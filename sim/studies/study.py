@@ -12,7 +12,7 @@ arms can be compared in pairs. It is data: those of the catalog are made by func
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
@@ -35,6 +35,9 @@ METRICS = {
     "driving": "falls_per_hour.mean",
 }
 """Kind of trial → metric of its tables unless a study names another."""
+
+ALL = "all"
+"""Name of the row of all cells together in tables; no cell has it."""
 
 Parts = Mapping[str, Any]
 """Parts of a spec, as plain values."""
@@ -123,13 +126,27 @@ class Study:
         if not self.cells or not self.arms or not self.seeds:
             raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
         names = [cell.name for cell in self.cells]
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError(f"study '{self.name}' has the cell '{name}' twice")
+        self._refuse_twice("cell", names)
+        self._refuse_twice("seed", self.seeds)
+        if ALL in names:
+            raise InputError(
+                f"study '{self.name}': no cell can be called '{ALL}', the row of all cells together"
+            )
         references = () if self.reference is None else (self.reference,)
         for cell in self.cells:
+            if cell.arms == ():
+                raise InputError(
+                    f"cell '{cell.name}' of the study '{self.name}' has no arms; leave arms out for all"
+                )
+            self._refuse_twice(f"cell '{cell.name}' with the arm", cell.arms or ())
             for arm in (*(cell.arms or ()), *cell.arm_values, *references):
                 choose(f"arm of the study '{self.name}'", arm, self.arms)
+
+    def _refuse_twice(self, what: str, values: Sequence[Any]) -> None:
+        """Refuse a value that is given twice: its trials would be run once and counted twice."""
+        if len(set(values)) < len(values):
+            value = next(each for each, count in Counter(values).items() if count > 1)
+            raise InputError(f"study '{self.name}' has the {what} '{value}' twice")
 
     @property
     def size(self) -> int:

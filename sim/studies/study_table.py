@@ -24,10 +24,7 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, canonical
-from wbc.sim.studies.study import METRICS, Study, StudyTrial, study_entries
-
-ALL = "all"
-"""Name of the row of all cells together."""
+from wbc.sim.studies.study import ALL, METRICS, Study, StudyTrial, study_entries
 
 
 @dataclass(frozen=True)
@@ -239,7 +236,7 @@ def study_table(
                 column.values[trial.cell, trial.seed] = value
                 column.layouts[trial.cell, trial.seed] = layout
     rows = [row for row in members if row != ALL]
-    if len(rows) > 1 and ALL not in {cell.name for cell in study.cells}:
+    if len(rows) > 1:
         rows.append(ALL)
     cells = []
     for row in rows:
@@ -272,7 +269,7 @@ def study_table(
                     directions=dict(column.directions),
                 )
             )
-    corrected = holm([None if cell.row == ALL and len(rows) > 1 else cell.p for cell in cells])
+    corrected = holm([None if cell.row == ALL else cell.p for cell in cells])
     found = tuple(replace(cell, p_corrected=p) for cell, p in zip(cells, corrected, strict=True))
     return StudyTable(study, name, completed_only, tuple(by), reference, margin, tuple(rows), found)
 

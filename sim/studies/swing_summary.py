@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import Study, study_entries
-from wbc.sim.studies.study_table import ALL
+from wbc.sim.studies.study import ALL, Study, study_entries
 from wbc.tasks.scheduling.record import as_good_as
 
 TOLERANCE = 0.05

@@ -524,6 +524,13 @@ def test_studies_of_the_project_can_be_run(name: str) -> None:
         (lambda: small_study(reference="hard"), "flat, rigid, soft"),
         (lambda: small_study(kind="walc"), "walk"),
         (lambda: small_study(cells=(Cell("a", {}), Cell("a", {}))), "twice"),
+        (lambda: small_study(cells=(Cell("a", {}), Cell("all", {}))), "no cell can be called 'all'"),
+        (lambda: small_study(seeds=(100, 101, 100)), "seed '100' twice"),
+        (lambda: small_study(cells=(Cell("a", {}, ("flat", "flat")),)), "cell 'a' with the arm 'flat' twice"),
+        (
+            lambda: small_study(cells=(Cell("a", {}, ()),)),
+            "cell 'a' of .* has no arms; leave arms out for all",
+        ),
         (lambda: small_study(cells=(Cell("a", {}, ("hard",)),)), "arm"),
         (lambda: list(small_study(base={"fot": "soft"}).trials()), "small.*flat.*foot"),
         (lambda: small_study().narrowed(["stones"]), "flat, legacy"),

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from wbc.app.plot.style import BLUE, ORANGE, grid, new_figure
 from wbc.sim.studies.intervals import FEW
-from wbc.sim.studies.study import ground_of
-from wbc.sim.studies.study_table import ALL, StudyTable
+from wbc.sim.studies.study import ALL, ground_of
+from wbc.sim.studies.study_table import StudyTable
 
 
 def steps_figure(table: StudyTable) -> Figure:
