@@ -56,7 +56,7 @@ class MotionOptions(GainOptions, total=False):
     """
 
     axes: Sequence[str]
-    joints: Sequence[str] | None
+    joints: str | Sequence[str] | None
 
 
 class ComplianceOptions(MotionOptions, total=False):

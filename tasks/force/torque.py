@@ -30,7 +30,7 @@ class JointTorqueTask(JointTask, VariableTask):
         self,
         target: JointValues | None = None,
         *,
-        joints: Sequence[str] | None = None,
+        joints: str | Sequence[str] | None = None,
         **options: Unpack[TaskOptions],
     ) -> None:
         """Describe the task.
@@ -38,7 +38,7 @@ class JointTorqueTask(JointTask, VariableTask):
         Args:
             target: Torques of the task's joints, shape (number of joints,), Nm, or joint name → torque for some of
                 them; zero for all others.
-            joints: Joints of the task; all when None.
+            joints: Joint or joints of the task; all when None.
             **options: See `TaskOptions`.
         """
         check_options(self, TaskOptions, options)

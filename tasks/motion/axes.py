@@ -152,7 +152,7 @@ def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp
     return np.setdiff1d(np.arange(robot.nv), used)
 
 
-def distinct_joints(joints: Sequence[str]) -> list[str]:
+def distinct_joints(joints: str | Sequence[str]) -> list[str]:
     """Return the names as a list; a single name counts as a list of one.
 
     Raises:

@@ -21,14 +21,18 @@ class JointTask(Task):
     """Base of tasks on joints, of which each has a row and a target."""
 
     def __init__(
-        self, name: str, target: JointValues | None, joints: Sequence[str] | None, options: Mapping[str, Any]
+        self,
+        name: str,
+        target: JointValues | None,
+        joints: str | Sequence[str] | None,
+        options: Mapping[str, Any],
     ) -> None:
         """Describe the task.
 
         Args:
             name: Name of the task where the options give none.
             target: Targets of the joints.
-            joints: Joints of the task; all when None.
+            joints: Joint or joints of the task; all when None.
             options: Options by name, checked, with the defaults of the task.
 
         Raises:

@@ -30,7 +30,7 @@ class PostureTask(JointTask, SelectionTask):
         self,
         target: JointValues | None = None,
         *,
-        joints: Sequence[str] | None = None,
+        joints: str | Sequence[str] | None = None,
         joint_weights: Mapping[str, float] | None = None,
         **options: Unpack[GainOptions],
     ) -> None:
@@ -39,7 +39,7 @@ class PostureTask(JointTask, SelectionTask):
         Args:
             target: Positions of the task's joints, shape (number of joints,), or joint name → position for some of
                 them; the present posture for all others.
-            joints: Joints of the task; all when None.
+            joints: Joint or joints of the task; all when None.
             joint_weights: Joint name → factor on the weight; it stays when the weight is changed.
             **options: See `GainOptions`.
         """

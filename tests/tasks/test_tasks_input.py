@@ -212,6 +212,14 @@ def test_posture_refuses_joints_that_are_not_its_own() -> None:
         task.target = {robot.joint_names[5]: 0.0}
 
 
+def test_a_single_joint_counts_as_a_list_of_one() -> None:
+    robot = make_robot("hrp4_class")
+    joint = robot.joint_names[3]
+    for task in (PostureTask({joint: 0.5}, joints=joint), JointTorqueTask({joint: 0.5}, joints=joint)):
+        task.bind(robot)
+        assert task.dim == 1 and task.target.tolist() == [0.5]
+
+
 def test_contact_on_a_frame_that_is_no_sole_is_refused() -> None:
     controller = Controller(make_robot("hrp4_class"), 0.002)
     with pytest.raises(UnknownNameError, match="no sole 'left_hand'"):
