@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import shlex
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass
@@ -366,6 +367,12 @@ def test_a_command_loads_what_it_needs_alone() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert set(names()) == {robot["name"] for robot in json.loads(done.stdout)["robots"]}
+
+
+def test_a_closed_stdout_is_no_failure() -> None:
+    command = f"{shlex.quote(sys.executable)} -m wbc robots talos >&-"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_a_reader_that_goes_away_is_no_failure() -> None:

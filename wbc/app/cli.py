@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print_error=False,
             result_action="return_value",
         )
-        sys.stdout.flush()
+        print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT

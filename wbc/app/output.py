@@ -102,7 +102,7 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
 @contextmanager
 def stdout_on_stderr() -> Iterator[None]:
     """Send everything that is written to stdout to stderr instead."""
-    sys.stdout.flush()
+    print(end="", flush=True)  # there may be no stdout
     python_stdout, sys.stdout = sys.stdout, sys.stderr
     try:
         saved = os.dup(1)
