@@ -8,6 +8,7 @@ import os
 import shlex
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
@@ -18,11 +19,13 @@ from cyclopts import App, Parameter
 import wbc
 from wbc.app import cli, live
 from wbc.app.arguments import plain_options
-from wbc.app.commands import COMMANDS, GROUPS
+from wbc.app.commands import COMMANDS, GROUPS, balance, hands
 from wbc.app.output import Flat, Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 from wbc.robots import names, others
+from wbc.sim.balance import CarryResult, CarrySpec
+from wbc.sim.hands import OneFootResult
 
 Captured = pytest.CaptureFixture[str]
 
@@ -270,6 +273,36 @@ def test_a_run_can_be_watched(capfd: Captured, monkeypatch: pytest.MonkeyPatch) 
     assert json.loads(out)["real_time_factor"] < 1.2  # held back to real time
 
 
+class Ended:
+    """Trial that has ended as soon as it runs."""
+
+    plant = walking = None
+
+    def __init__(self, spec: Any) -> None:
+        self.spec = spec
+
+    def run(self, after_tick: object) -> CarryResult | OneFootResult:
+        """Return a result without a simulation."""
+        if isinstance(self.spec, CarrySpec):
+            return CarryResult("g1", True, "done", 1.0, 0.3, 0.0, 0.0, 4, 9.0, 0, self.spec.seed)
+        return OneFootResult("g1", True, "done", 9.0, 0, self.spec.seed, 0.1, 90.0, 0.0, False, True)
+
+
+@pytest.mark.parametrize("words", ["carry", "hands one-foot"])
+def test_changes_from_the_page_are_reported_of_every_run(
+    capfd: Captured, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    changes: list[list[dict[str, Any]]] = [[{"what": "stop", "time": 2.0}], []]
+    pages = iter(changes)
+    shown = lambda *_: nullcontext(live.ShownRun(None, next(pages)))  # noqa: E731
+    monkeypatch.setattr(live.LiveView, "show", shown)
+    monkeypatch.setattr(balance, "CarryTrial", Ended)
+    monkeypatch.setattr(hands, "OneFootTrial", Ended)
+    code, out, err = wbc_command(capfd, *words.split(), "--seeds", "2", "--seed", "7", "--json")
+    assert code == cli.RAN, err
+    assert json.loads(out)["interventions"] == [{"seed": 7, "what": "stop", "time": 2.0}]
+
+
 @settings
 class Inner:
     """Inner settings.
@@ -335,8 +368,6 @@ def test_an_internal_failure_is_told_apart_from_bad_input(
 ) -> None:
     def broken(options: Any) -> None:
         raise ZeroDivisionError("something of ours")
-
-    from wbc.app.commands import balance  # noqa: PLC0415 - patched here
 
     monkeypatch.setattr(balance, "StandTrial", broken)
     code, out, err = wbc_command(capfd, "stand", "--json")

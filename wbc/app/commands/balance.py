@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from typing import Any
 
 from rich.progress import track
 
@@ -11,6 +12,7 @@ from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.settings import Count, settings, to_json
 from wbc.sim.balance import (
+    CarryResult,
     CarrySpec,
     CarryTrial,
     PushTableSpec,
@@ -95,13 +97,14 @@ def carry(
     output: OutputOptions = Output(),
 ) -> Report:
     """Hand a load of unknown mass to a robot; it finds mass and place, carries the load and lets go of it."""
-    results, changes = [], []
+    results: list[CarryResult] = []
+    changes: list[dict[str, Any]] = []
     runs = range(options.seeds)
     for run in track(runs, "carrying", console=progress_console()) if options.seeds > 1 else runs:
         trial = CarryTrial(options.carry(run))
         with live.show(trial.plant, trial.walking) as watching:
             results.append(trial.run(watching.after_tick))
-        changes = watching.interventions
+        changes += [{"seed": trial.spec.seed, **change} for change in watching.interventions]
     lines = []
     for each in results:
         state = "carried it" if each.upright else f"FELL ({each.stage})"

@@ -135,12 +135,12 @@ def _report(
 ) -> Report:
     """Run all trials and report them."""
     results: list[HandTrialResult] = []
-    changes: Any = []
+    changes: list[dict[str, Any]] = []
     for spec in track(specs, "running", console=progress_console()) if len(specs) > 1 else specs:
         one: HandTrial = trial(spec)
         with live.show(one.plant, one.walking) as watching:
             results.append(one.run(watching.after_tick))  # type: ignore[attr-defined]
-        changes = watching.interventions
+        changes += [{"seed": spec.seed, **change} for change in watching.interventions]
     lines = []
     for each in results:
         state = (
