@@ -101,6 +101,7 @@ INPUTS: list[tuple[list[str], str]] = [
     (["foot", "pitch", *["--terrain", *IMAGE[1:]]], "heights.csv"),
     (WRITERS["spec.json"], "journal.jsonl"),
     (["study", "dataset", "--journal", "journal.jsonl", "--output"], "journal.jsonl"),
+    (["study", "best", *STUDY_WORDS], "study.json"),
     (["walk", "--spec", "study.json", "--record"], "study.json"),
     (["walk", "--distance", "0.05", "--param", "source=heights.csv", "--record"], "heights.csv"),
 ]
@@ -111,6 +112,7 @@ ENDINGS = {
     "train": ".json",
     "view": ".html",
     "rerun": ".json",
+    "best": ".json",
     "dataset": ".csv",
     "walk": ".arrow",
 }

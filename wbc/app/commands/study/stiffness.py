@@ -143,7 +143,7 @@ def best(
     """Find the best stiffness of each cell of a study whose arms are stiffnesses, from its journal."""
     target, table = None, options.target()
     if options.out is not None:
-        target = check_target("a result", options.out, (".json",), [options.journal])
+        target = check_target("a result", options.out, (".json",), [options.journal, study])
     chosen, entries, unused = part.read(study, options)
     found = labels(chosen, entries, pooled=not options.separate, any_code=part.any_code)
     if not found:
