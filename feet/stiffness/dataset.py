@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.errors import Array, InputError, choose, finite_array, shown
 from wbc.core.files import csv_rows, read_text, replacing
 from wbc.core.settings import Positive, from_json, settings, to_json
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -253,7 +253,7 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
         path: File, for the message.
 
     Raises:
-        InputError: Not JSON, another format or another version.
+        InputError: Not JSON, another format or another version, or a provenance ("made") that is no object.
     """
     try:
         head = json.loads(text)
@@ -267,6 +267,8 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
             f"{path}: version {head.get('version')!r} of a {kind} cannot be read, this wbc reads version {version}; "
             "make it again with this wbc"
         )
+    if not isinstance(head.get("made", {}), dict):
+        raise InputError(f"{path}: made must be an object with the provenance, got {shown(head['made'])}")
     return head
 
 

@@ -219,6 +219,7 @@ def test_a_saved_model_is_the_same_model(
         ({"settings": None}, "ModelSettings must be ModelSettings, got None"),
         ({"recipe": {"step": 0.007}}, "ProfileRecipe must be complete, .*, got {'step': 0.007}"),
         ({"reach": -1.0}, "scale and reach"),
+        ({"made": 5}, "made must be an object with the provenance, got 5"),
     ],
 )
 def test_models_that_do_not_fit_are_refused(
@@ -285,6 +286,7 @@ def test_tables_that_cannot_be_used_are_refused(table: StiffnessTable, tmp_path:
         ("\n".join([*lines[:3], lines[3][: len(lines[3]) // 2]]), "row 2 has"),
         ("\n".join([lines[0], lines[1].replace("Sku", "Skew"), *lines[2:]]), "missing columns Sku"),
         (lines[0], "no columns"),
+        ("\n".join([lines[0].replace('"made": {', '"made": [{')[:-1] + "]}", *lines[1:]]), "made must be an object"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=message):
