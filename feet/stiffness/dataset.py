@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from decimal import Decimal
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -300,7 +301,17 @@ def _numbers(name: str, entries: Iterable[Any], *, missing: bool = False) -> Arr
 
 
 def _whole(name: str, entries: Iterable[Any]) -> NDArray[np.int64]:
-    numbers = _numbers(name, entries)
+    given = list(entries)
+    numbers = _numbers(name, given)
     if (numbers != np.floor(numbers)).any():
         raise InputError(f"stiffness table: column {name} must hold whole numbers")
-    return numbers.astype(np.int64)
+    # Seeds have up to 63 bits, of which a double keeps 53.
+    whole = [
+        int(entry) if isinstance(entry, (int, np.integer)) else int(Decimal(str(entry))) for entry in given
+    ]
+    try:
+        return np.array(whole, dtype=np.int64)
+    except OverflowError as error:
+        raise InputError(
+            f"stiffness table: column {name} must be below 2**63, got {max(whole, key=abs)}"
+        ) from error

@@ -242,6 +242,14 @@ def test_files_that_are_no_models_are_refused(tmp_path: Path, model: StiffnessMo
         StiffnessModel.load(torn)
 
 
+def test_seeds_keep_all_their_digits(table: StiffnessTable, tmp_path: Path) -> None:
+    seed = 2**62 + 1
+    large = StiffnessTable.from_columns(table.columns() | {"seed": [seed] * len(table)})
+    assert large.seed.tolist() == [seed] * len(table)
+    large.save(tmp_path / "table.csv")
+    assert StiffnessTable.load(tmp_path / "table.csv").fingerprint() == large.fingerprint()
+
+
 def test_a_saved_table_is_the_same_table(table: StiffnessTable, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     table.save(path)
@@ -270,6 +278,7 @@ def test_tables_that_cannot_be_used_are_refused(table: StiffnessTable, tmp_path:
         ({"Sp": ["x"] * len(table)}, "column Sp must be numbers"),
         ({"Sp": [float("nan")] * len(table)}, "column Sp must be finite"),
         ({"seed": [0.5] * len(table)}, "seed must hold whole numbers"),
+        ({"seed": [2**63] * len(table)}, r"seed must be below 2\*\*63, got 9223372036854775808"),
         ({"amplitude": [-0.01] * len(table)}, "amplitude must not be negative"),
         ({"stiffness_low": [75.0] * len(table)}, "between stiffness_low and stiffness_high"),
         ({"Sp": [1.0]}, "same number of rows"),
@@ -286,7 +295,10 @@ def test_tables_that_cannot_be_used_are_refused(table: StiffnessTable, tmp_path:
         ("\n".join([*lines[:3], lines[3][: len(lines[3]) // 2]]), "row 2 has"),
         ("\n".join([lines[0], lines[1].replace("Sku", "Skew"), *lines[2:]]), "missing columns Sku"),
         (lines[0], "no columns"),
-        ("\n".join([lines[0].replace('"made": {', '"made": [{')[:-1] + "]}", *lines[1:]]), "made must be an object"),
+        (
+            "\n".join([lines[0].replace('"made": {', '"made": [{')[:-1] + "]}", *lines[1:]]),
+            "made must be an object",
+        ),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=message):
