@@ -60,6 +60,8 @@ class FootTest:
                 f"settling and hold times must be at least one physics step of {self.physics.timestep:g} s, "
                 f"got {self.settle:g} s and {self.hold:g} s"
             )
+        if self.physics.gravity == 0.0:
+            raise InputError("gravity (m/s²) must be above 0 for a foot test, whose load is a weight; got 0")
         self.foot.fit(self.robot_sole)
         # A height field has to be as fine as this sole's spheres; a coarser one is refused here.
         if self.ground.sole_radius != self.foot.contact.radius:

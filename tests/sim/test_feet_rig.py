@@ -262,6 +262,7 @@ def test_a_press_can_be_drawn(name: str, tmp_path: Path) -> None:
         ({"drop": -0.01}, r"^drop \(m\)"),
         ({"settle": 0.0}, r"^settle \(s\)"),
         ({"hold": 1e-5}, "at least one physics step"),
+        ({"physics": PhysicsSettings(gravity=0.0)}, r"^gravity \(m/s²\) must be above 0 for a foot test"),
         ({"ankle_stiffness": -1.0}, r"^ankle_stiffness \(Nm/rad\)"),
         ({"x": math.nan}, "finite"),
         ({"foot": "soft"}, "^foot must be Foot, got 'soft'$"),
