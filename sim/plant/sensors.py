@@ -12,11 +12,12 @@ from itertools import groupby
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from wbc.core.errors import Array, scalar
 from wbc.core.registry import Registry
 from wbc.core.settings import NonNegative, settings
-from wbc.sim.plant.settings import whole_steps
+from wbc.sim.plant.settings import LONGEST_DELAY, whole_steps
 
 
 @settings
@@ -27,13 +28,13 @@ class SignalNoise:
         std: Standard deviation of white noise, in the unit of the signal, a new draw at every reading.
         bias_std: Standard deviation of a constant bias, drawn once at reset.
         quantum: Resolution: readings are multiples of it; 0 for none.
-        latency: Age of a reading, s, rounded up to whole physics steps.
+        latency: Age of a reading, s, rounded up to whole physics steps; at most 0.1 s.
     """
 
     std: NonNegative = 0.0
     bias_std: NonNegative = 0.0
     quantum: NonNegative = 0.0
-    latency: Annotated[NonNegative, "s"] = 0.0
+    latency: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
 
 
 @settings

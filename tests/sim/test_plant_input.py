@@ -64,6 +64,11 @@ def test_refuses_negative_noise(field: str) -> None:
         SensorNoise(joint_position=SignalNoise(**{field: -1.0}))
 
 
+def test_refuses_readings_older_than_any_delay() -> None:
+    with pytest.raises(InputError, match=r"latency \(s\)"):
+        SignalNoise(latency=1e7)
+
+
 @pytest.mark.parametrize("field", ["iterations", "impratio", "gravity", "timestep"])
 def test_refuses_bad_physics(field: str) -> None:
     with pytest.raises(InputError, match=field):
