@@ -48,7 +48,12 @@ class Ground:
         return np.array([s.box for s in self.solids]).reshape(-1, 4)
 
     def _highest(self, x: Array, y: Array) -> tuple[Array, Index]:
-        """Return the height and index of the solid below each point: -1 floor, -2 height map."""
+        """Return the height and index of the solid below each point: -1 floor, -2 height map; NaN where x or y is."""
+        known = ~(np.isnan(x) | np.isnan(y))
+        if not known.all():
+            heights, owners = np.full(x.shape, np.nan), np.full(x.shape, -1, dtype=np.intp)
+            heights[known], owners[known] = self._highest(x[known], y[known])
+            return heights, owners
         z: Array = np.full(x.shape, self.floor)
         owner: Index = np.full(x.shape, -1, dtype=np.intp)
         if self.field is not None:
@@ -76,17 +81,21 @@ class Ground:
         return z, owner
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the height of the ground, m, at world x and y (m), in their broadcast shape."""
+        """Return the height of the ground, m, at world x and y (m), in their broadcast shape; NaN where x or y is."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         return self._highest(bx.ravel(), by.ravel())[0].reshape(bx.shape)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,)."""
+        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,).
+
+        It is NaN where x or y is.
+        """
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         fx, fy = bx.ravel(), by.ravel()
-        _, owner = self._highest(fx, fy)
+        z, owner = self._highest(fx, fy)
         normals = np.zeros((fx.size, 3))
         normals[:, 2] = 1.0
+        normals[np.isnan(z)] = np.nan
         for i in np.unique(owner[owner != -1]):
             mine = owner == i
             part = self.field if i == -2 else self.solids[i]

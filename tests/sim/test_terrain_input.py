@@ -192,6 +192,17 @@ def test_images_that_are_no_height_map_are_refused(tmp_path: Path) -> None:
         terrain("image", 0.03, source=grey, metres_per_pixel=0.01, length=3.0)
 
 
+@pytest.mark.parametrize("name", ["stones", "random"])
+def test_nowhere_has_no_height_and_does_not_change_that_of_other_places(name: str) -> None:
+    ground = terrain(name, amplitude=0.03)
+    x, y = np.linspace(0.4, 2.8, 50), np.zeros(50)
+    heights = ground.height(x, y)
+    assert np.ptp(heights) > 0.01
+    with_nan = ground.height(np.append(x, [np.nan, 1.0]), np.append(y, [0.0, np.nan]))
+    np.testing.assert_array_equal(with_nan, np.append(heights, [np.nan, np.nan]))
+    assert np.isnan(ground.normal(1.0, np.nan)).all()
+
+
 def test_profiles_must_go_forward() -> None:
     with pytest.raises(InputError, match="profile x1"):
         terrain("flat").profile(1.0, 0.5)
