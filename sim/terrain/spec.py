@@ -297,11 +297,16 @@ class Terrain:
             x and z of the samples, each of shape (n,), m.
 
         Raises:
-            InputError: x1 is not beyond x0, or the step is not positive.
+            InputError: x1 is not beyond x0, or the step is not positive or too short.
         """
         a = finite_scalar("profile x0 (m)", self.start if x0 is None else x0)
         b = finite_scalar("profile x1 (m)", self.stop if x1 is None else x1, low=a, open_low=True)
         spacing = positive("profile step (m)", step)
+        if b - a > MAX_NODES * spacing:
+            raise InputError(
+                f"profile step (m) must be at least {(b - a) / MAX_NODES:.3g}, for {MAX_NODES:.3g} samples between "
+                f"{a:g} and {b:g} m, got {spacing:g}"
+            )
         x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + 1e-9) + 1))
         return x, self.height(x, finite_scalar("profile y (m)", y))
 

@@ -208,3 +208,5 @@ def test_profiles_must_go_forward() -> None:
         terrain("flat").profile(1.0, 0.5)
     with pytest.raises(InputError, match="profile step"):
         terrain("flat").profile(step=0.0)
+    with pytest.raises(InputError, match=r"profile step \(m\) must be at least 3e-07"):
+        terrain("flat").profile(step=1e-300)
