@@ -54,6 +54,8 @@ def read_drives(tree: Tree) -> Drives:
             tree.notes.append(
                 f"joint '{name}': a spring of {model.jnt_stiffness[number].max():g} is left out"
             )
+    if held := [tree.body_name(body) for body in tree.bodies if model.body_gravcomp[body] != 0.0]:
+        tree.notes.append(f"gravity compensation of {len(held)} bodies is left out: {listed(held)}")
     sums: dict[str, float] = {}
     for i in range(model.nu):
         joint = _driven_joint(tree, i)
@@ -72,12 +74,16 @@ def read_drives(tree: Tree) -> Drives:
         name: limit for name, limit in drives.torque.items() if math.isfinite(limit) and limit > 0.0
     }
     if bare := [name for name in tree.joints if name not in sums]:
-        listed = ", ".join(bare[:6]) + (f" and {len(bare) - 6} more" if len(bare) > 6 else "")
-        tree.notes.append(f"no actuator in the file for {len(bare)} joints, taken as driven: {listed}")
+        tree.notes.append(f"no actuator in the file for {len(bare)} joints, taken as driven: {listed(bare)}")
     drives.gains = {name: (kp, kd) for name, (kp, kd) in drives.gains.items() if kp > 0.0}
     drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
     drives.frictionloss = {name: value for name, value in drives.frictionloss.items() if value > 0.0}
     return drives
+
+
+def listed(names: list[str]) -> str:
+    """Return the first of some names, and how many more there are."""
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
 
 
 def _driven_joint(tree: Tree, actuator: int) -> int:

@@ -301,6 +301,11 @@ class MujocoLoop:
             notes.append(
                 f"the robot has {mass:.2f} kg in the model and {self.robot.mass:.2f} kg in the description"
             )
+        weightless = int(np.count_nonzero(model.body_gravcomp[model.body_rootid == self.places.root]))
+        if weightless:
+            notes.append(
+                f"gravity of {weightless} bodies is compensated in the model (gravcomp), not in the description"
+            )
         for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
             if sensor is None:
                 notes.append(f"no {what} on the IMU's body: computed from the motion")

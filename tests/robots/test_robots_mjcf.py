@@ -63,6 +63,13 @@ def test_what_the_file_says_is_kept() -> None:
     assert any("ball" in line for line in description.derived)
 
 
+def test_gravity_compensation_that_is_left_out_is_said() -> None:
+    description = RobotDescription.from_mjcf(
+        biped().replace('<body name="chest"', '<body name="chest" gravcomp="1"')
+    )
+    assert "gravity compensation of 1 bodies is left out: chest" in description.derived
+
+
 FEET = {
     "capsules": CAPSULES,
     "box": '<geom class="foot" type="box" size="0.105 0.05 0.02" pos="0.035 0 -0.05"/>',

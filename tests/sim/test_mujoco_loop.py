@@ -245,6 +245,15 @@ def test_a_model_of_another_robot_is_refused() -> None:
         MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
 
 
+def test_a_robot_without_its_weight_is_noted() -> None:
+    model = foreign_model(DESCRIPTION, "motor")
+    model.body_gravcomp[model.body("ball").id] = 1.0
+    assert not any("gravcomp" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
+    model.body_gravcomp[model.body(PREFIX + DESCRIPTION.robot().torso_frame).id] = 1.0
+    notes = MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+    assert any(note.startswith("gravity of 1 bodies is compensated in the model") for note in notes)
+
+
 def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() -> None:
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
     command = loop.hold()
