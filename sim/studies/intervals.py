@@ -99,7 +99,7 @@ def mean_interval(
     """
     from scipy.stats import bootstrap  # noqa: PLC0415 - takes half a second to import
 
-    finite_scalar("confidence", confidence, low=0.0, high=1.0, open_low=True)
+    _check_confidence(confidence)
     sample = finite_array("values to average", list(values))
     n = sample.size
     if n == 0:
@@ -134,6 +134,12 @@ def mean_interval(
     if not (math.isfinite(low) and math.isfinite(high)):
         return Estimate(n, mean, mean, mean, sums.size)  # the means of all layouts are equal
     return Estimate(n, mean, low, high, sums.size)
+
+
+def _check_confidence(confidence: float) -> None:
+    """Refuse a confidence outside (0, 1)."""
+    if not 0.0 < finite_scalar("confidence", confidence) < 1.0:
+        raise InputError(f"confidence must lie in (0, 1), such as 0.95, got {confidence:g}")
 
 
 def _by_layout(sample: Array, layouts: Sequence[Hashable] | None) -> tuple[Array, Array]:
@@ -270,12 +276,13 @@ def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENC
         confidence: Confidence of the interval.
 
     Raises:
-        InputError: Fewer successes than none or more than trials.
+        InputError: Fewer successes than none or more than trials, or a confidence outside (0, 1).
 
     Source: C. Clopper, E. Pearson, Biometrika 26(4), 1934; `scipy.stats.binomtest`.
     """
     from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
 
+    _check_confidence(confidence)
     whole_number("trials", trials, low=1)
     if not 0 <= successes <= trials:
         raise InputError(f"successes must be from 0 to the {trials} trials, got {successes}")
@@ -295,12 +302,13 @@ def rate_interval(events: int, time: float, *, confidence: float = CONFIDENCE) -
         confidence: Confidence of the interval.
 
     Raises:
-        InputError: A number below zero, or a time that is not above zero.
+        InputError: A number below zero, a time that is not above zero, or a confidence outside (0, 1).
 
     Source: F. Garwood, Biometrika 28(3/4), 1936: the interval of a Poisson mean by quantiles of chi squared.
     """
     from scipy.stats import chi2  # noqa: PLC0415 - slow to import
 
+    _check_confidence(confidence)
     count, time = whole_number("events", events, low=0), positive("time", time)
     if count == 0:
         return 0.0, -math.log(1.0 - confidence) / time

@@ -594,6 +594,18 @@ def test_intervals_of_little() -> None:
         mean_interval([1.0, float("nan")])
 
 
+@pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0])
+def test_no_interval_is_sure_or_impossible(confidence: float) -> None:
+    """Between all and nothing alone: the bootstrap has no interval of confidence 1."""
+    for interval in (
+        lambda: mean_interval([1.0, 5.0, 2.0, 8.0], confidence=confidence),
+        lambda: share_interval(1, 2, confidence=confidence),
+        lambda: rate_interval(0, 1.0, confidence=confidence),
+    ):
+        with pytest.raises(InputError, match=r"confidence must lie in \(0, 1\)"):
+            interval()
+
+
 def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
     """Each layout ten times gives the interval of the layouts, not one that is three times too narrow."""
     rng = np.random.default_rng(3)
