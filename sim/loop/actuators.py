@@ -119,20 +119,7 @@ class JointActuators:
         """Raise InputError for what is no command, one of the wrong shape or not finite, or negative gains."""
         if not isinstance(command, Command):
             raise InputError(f"a loop takes a Command, got {shown(command)}")
-        na = len(self._names)
-        for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
-            value = getattr(command, name)
-            if value is None and name != "joint_torque":
-                continue
-            array = np.asarray(value)
-            if array.shape != (na,) or array.dtype.kind not in "iuf":
-                raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
-            if not np.isfinite(array).all():
-                joint = self._names[int(np.argmin(np.isfinite(array)))]
-                raise InputError(f"command: {name} of joint '{joint}' is not finite")
-            if name in ("kp", "kd") and (array < 0.0).any():
-                joint = self._names[int(np.argmax(array < 0.0))]
-                raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
+        command.check(self._names)
 
     def apply(self, data: mujoco.MjData, command: Command) -> None:
         """Write the controls of the coming physics step.

@@ -194,12 +194,9 @@ def test_a_controller_that_fails_ends_in_damping() -> None:
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
-        (Command(np.full(NA, np.nan)), "the controller's command is not finite"),
-        (
-            Command(np.zeros(NA), kp=np.full(NA, np.inf), kd=np.zeros(NA)),
-            "the controller's command is not finite",
-        ),
-        (Command(np.zeros(3)), rf"the controller's joint_torque must have shape \({NA},\), got \(3,\)"),
+        (Command(np.full(NA, np.nan)), f"joint_torque of joint '{DESCRIPTION.joint_names[0]}' is not finite"),
+        (Command(np.zeros(NA), kp=np.full(NA, np.inf), kd=np.zeros(NA)), "kp of joint '.*' is not finite"),
+        (Command(np.zeros(3)), rf"joint_torque of a command must be numbers of shape \({NA},\), got array"),
     ],
 )
 def test_a_command_that_no_machine_must_get_ends_in_damping(command: Command, reason: str) -> None:
@@ -209,7 +206,9 @@ def test_a_command_that_no_machine_must_get_ends_in_damping(command: Command, re
     sent: list[Command] = []
     machine.write = lambda c: (sent.append(c), SimulatedMachine.write(machine, c))[1]  # type: ignore[method-assign, func-returns-value]
     report = runner.run(5.0)
-    assert report.phases[-1][0] is Phase.DAMPED and re.match(reason, report.reason)
+    assert report.phases[-1][0] is Phase.DAMPED and re.match(
+        f"InputError of the controller: .*{reason}", report.reason
+    )
     assert machine.damped > 0 and all(np.isfinite(c.joint_torque).all() for c in sent)
 
 

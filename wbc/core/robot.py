@@ -260,11 +260,7 @@ class Robot:
         Raises:
             InputError: A configuration or velocity of another shape.
         """
-        try:
-            self.q[:] = q
-            self.v[:] = v
-        except (TypeError, ValueError):
-            self._refuse(q, v)
+        self._take(q, v)
         pin.computeAllTerms(self.model, self.data, self.q, self.v)
         pin.updateFramePlacements(self.model, self.data)
 
@@ -281,18 +277,20 @@ class Robot:
         Raises:
             InputError: A configuration or velocity of another shape.
         """
-        try:
-            self.q[:] = q
-            self.v[:] = v
-        except (TypeError, ValueError):
-            self._refuse(q, v)
+        self._take(q, v)
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
         pin.updateFramePlacements(self.model, self.data)
 
-    def _refuse(self, q: Array, v: Array) -> NoReturn:
-        finite_array("configuration", q, (self.nq,))
-        finite_array("velocity", v, (self.nv,))
-        raise InputError(f"configuration and velocity must be numbers, got {shown(q)} and {shown(v)}")
+    def _take(self, q: Array, v: Array) -> None:
+        try:
+            self.q[:] = q
+            self.v[:] = v
+        except (TypeError, ValueError) as error:
+            finite_array("configuration", q, (self.nq,))
+            finite_array("velocity", v, (self.nv,))
+            raise InputError(
+                f"configuration and velocity must be numbers, got {shown(q)} and {shown(v)}"
+            ) from error
 
     def clone(self) -> Robot:
         """Return another robot of the same model with a state of its own."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from wbc.core.errors import Array, MeasurementError
+from wbc.core.errors import Array, InputError, MeasurementError
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
@@ -128,3 +129,27 @@ class Command:
     sole_stiffness: Array | None = None
     kp: Array | None = None
     kd: Array | None = None
+
+    def check(self, joint_names: Sequence[str]) -> None:
+        """Refuse what no drive must get.
+
+        Args:
+            joint_names: Names of the joints, in their order.
+
+        Raises:
+            InputError: A part of the wrong shape or not finite, or negative gains.
+        """
+        na = len(joint_names)
+        for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
+            value = getattr(self, name)
+            if value is None and name != "joint_torque":
+                continue
+            array = np.asarray(value)
+            if array.shape != (na,) or array.dtype.kind not in "iuf":
+                raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
+            if not np.isfinite(array).all():
+                joint = joint_names[int(np.argmin(np.isfinite(array)))]
+                raise InputError(f"command: {name} of joint '{joint}' is not finite")
+            if name in ("kp", "kd") and (array < 0.0).any():
+                joint = joint_names[int(np.argmax(array < 0.0))]
+                raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
