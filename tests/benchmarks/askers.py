@@ -1,7 +1,7 @@
 """Contest of engines for the Bayesian optimisation: how far from the best is the point that each recommends?
 
 The functions have the noise of walks: a walk falls at a step of its own or not at all. All engines are judged alike, by
-the Gaussian process of `wbc study optimize` fitted to what they asked for, and by the true mean at its optimum.
+the true mean at the optimum that `wbc study optimize` would name among the points they asked for.
 
 Usage: pip install -e '.[studies]' "optuna>=5,<6" scikit-optimize
        python tests/benchmarks/askers.py [--seeds N] [--budget N ...] [--engine NAME ...]
@@ -18,10 +18,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from wbc.sim.studies.paper.optimization import NAMES, Asker, Walked, fitted
+from wbc.sim.studies.paper.optimization import NAMES, Asker, Bounds, Walked
+from wbc.sim.studies.paper.optimum import optimum
 
 STEPS = 22
 WORST = 0.95  # probability of a fall far from the best
+UNIT = Bounds(k=(0.0, 1.0), kP=(0.0, 1.0), kD=(0.0, 1.0), log=False)
 
 Point = tuple[float, ...]
 Engine = Callable[[int], tuple[Callable[[], Point], Callable[[Point, float], None]]]
@@ -123,8 +125,7 @@ def contest(engine: Engine, function: Callable[[Point], float], seed: int, budge
     rng = np.random.default_rng([seed, 7])
     grid = np.random.default_rng(0).random((4096, len(NAMES)))
     best = max(mean_steps(function, tuple(u)) for u in grid)
-    points: list[Point] = []
-    values: list[float] = []
+    known: list[Walked] = []
     missed, spent = {}, 0.0
     for count in range(1, max(budgets) + 1):
         begin = time.process_time()
@@ -132,13 +133,11 @@ def contest(engine: Engine, function: Callable[[Point], float], seed: int, budge
         value = steps(function, point, rng)
         tell(point, value)
         spent += time.process_time() - begin
-        points.append(point)
-        values.append(value)
+        known.append(Walked(point, value, {}))
         if count in budgets:
-            model = fitted(np.array(points), np.array(values), seed=seed)
-            chosen = tuple(grid[int(np.argmax(model.predict(grid)))])
-            missed[count] = best - mean_steps(function, chosen)
-    return missed, spent / len(points)
+            chosen = optimum(known, UNIT, seed=seed).best
+            missed[count] = best - mean_steps(function, tuple(chosen[name] for name in NAMES))
+    return missed, spent / len(known)
 
 
 def main() -> None:

@@ -75,6 +75,18 @@ def test_where_nothing_matters_every_stiffness_is_as_good() -> None:
         optimum(walked[:5], SPEC.bounds)
 
 
+def test_the_optimum_is_a_point_that_was_walked() -> None:
+    """J rises towards a corner that nobody has walked: the model expects more there, the optimum does not go there."""
+    rng = np.random.default_rng(2)
+    points = [tuple(0.7 * rng.random(3)) for _ in range(40)]
+    walked = [Walked(p, 10.0 * sum(p) - 40.0 + rng.normal(), {}) for p in points]
+    found = optimum(walked, SPEC.bounds)
+    assert found.best in [SPEC.bounds.values(p) for p in points]
+    assert found.J > max(10.0 * sum(p) - 40.0 for p in points) - 2.0
+    _, mean, _ = found.slices["kD"]
+    assert mean[-1] > found.J + 1.0
+
+
 @pytest.mark.parametrize("batch", [1, 2])
 def test_killed_anywhere_it_goes_on_with_the_same_walks(batch: int) -> None:
     """Whatever the journal has is found again: nothing is walked twice, and the end is the same."""

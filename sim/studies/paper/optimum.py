@@ -53,7 +53,7 @@ class Optimum:
 
     Attributes:
         walks: Number of walks.
-        best: Parameters of the greatest expected J.
+        best: Parameters of the greatest expected J among those walked.
         J: Expected J there.
         J_std: Standard deviation of that expectation.
         noise: Standard deviation of the J of single walks about their expectation.
@@ -103,7 +103,11 @@ def walked_points(
 
 @checked
 def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimum:
-    """Find the best parameters, and the stiffnesses that cannot be told from the best.
+    """Find the best parameters that were walked, and the stiffnesses that cannot be told from them.
+
+    The best has the greatest expected J among the points walked: where nobody has walked, an expectation may be far off.
+
+    Source: recommendation with noise: P. Frazier, "A tutorial on Bayesian optimization", 2018, section 5.
 
     Args:
         known: Points and results.
@@ -125,31 +129,22 @@ def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimu
         level = float(model.kernel_.k2.noise_level) * float(model._y_train_std) ** 2
         return mean, cov - level * np.eye(len(points))  # of the expectation, not of another noisy walk
 
-    rng = np.random.default_rng(seed)
-    trials = np.vstack([X, rng.random((4000, len(NAMES)))])
-    top = trials[0 if model is None else int(np.argmax(model.predict(trials)))]
+    top = X[int(np.argmax(posterior(X)[0]))]
     axis = np.linspace(0.0, 1.0, GRID)
-    for _ in range(3):  # along each axis in turn
-        for i in range(len(NAMES)):
-            line = np.tile(top, (GRID, 1))
-            line[:, i] = axis
-            mean, _ = posterior(line)
-            top = line[int(np.argmax(mean))]
     slices = {}
     for i, name in enumerate(NAMES):
-        line = np.tile(top, (GRID, 1))
-        line[:, i] = axis
+        line = np.tile(top, (GRID + 1, 1))
+        line[:GRID, i] = axis  # and the best point itself
         mean, cov = posterior(line)
         std = np.sqrt(np.maximum(np.diag(cov), 0.0))
-        values = np.array([bounds.values(point)[name] for point in line])
-        slices[name] = (values, mean, std)
+        values = np.array([bounds.values(point)[name] for point in line[:GRID]])
+        slices[name] = (values, mean[:GRID], std[:GRID])
         if name == "k":
-            best = int(np.argmax(mean))
-            spread = np.sqrt(np.maximum(np.diag(cov) + cov[best, best] - 2.0 * cov[best], 0.0))
+            spread = np.sqrt(np.maximum(np.diag(cov) + cov[GRID, GRID] - 2.0 * cov[GRID], 0.0))
             bounded = np.minimum(mean, BEST_J)  # the model does not know that walks cannot be better
-            same = bounded[best] - bounded <= 1.645 * spread + 1e-9
-            ranges = _ranges(values, same)
-            expected = float(bounded[best]), float(std[best])
+            same = bounded[GRID] - bounded <= 1.645 * spread + 1e-9
+            ranges = _ranges(values, same[:GRID])
+            expected = float(bounded[GRID]), float(std[GRID])
     k, mean, std = slices.pop("k")
     noise = 0.0 if model is None else math.sqrt(model.kernel_.k2.noise_level) * float(model._y_train_std)
     return Optimum(len(known), bounds.values(top), *expected, noise, ranges, k, mean, std, slices)
