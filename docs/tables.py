@@ -16,7 +16,8 @@ The words are the name of a study, its journal (JSON lines, plain or compressed 
     folds       the data set that the walks label: accuracy of the paper's model under every split
 
 A figure is drawn anew by `--figures`; it stands under `<!-- figure fig5 from fig5.jsonl.xz --as steps --to
-images/fig5_steps.svg -->`, with `--as steps` or `--as differences`.
+images/fig5_steps.svg -->`, with `--as steps` or `--as differences`, or of optimisations `--as optimum`: J over the
+stiffness on each ground.
 
 Under each table stands the hash of the code that walked it, and how many of its walks there are; `--stale` names the
 tables of another code than today's. `--pack FOLDER` compresses the journals of a folder into docs/journals.
@@ -41,7 +42,7 @@ from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import optimisation, table_four
-from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec
+from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec, Walked
 from wbc.sim.studies.paper.optimum import Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
@@ -169,14 +170,17 @@ def _folds(mark: Mark) -> str:
     return f"\n{dataset_accuracy(table)}\n\n*{walks} of `dataset`, {_code(mark.code(used))}*\n\n"
 
 
+def _optimised(mark: Mark) -> Iterator[tuple[OptimisationSpec, list[Walked], Optimum]]:
+    """Yield optimisation, walks and optimum of each ground of a mark."""
+    for ground in mark.name.split("+"):
+        spec = optimisation(ground, mark.option("--law") or "default")
+        known = walked_points(spec, mark.entries, any_code=True)
+        yield spec, known, optimum(known, spec.bounds)
+
+
 def _optima(mark: Mark) -> str:
     """Return the optima of some grounds beside the paper's Table II."""
-    found: dict[OptimisationSpec, Optimum] = {}
-    law = mark.option("--law") or "default"
-    for ground in mark.name.split("+"):
-        spec = optimisation(ground, law)
-        known = walked_points(spec, mark.entries, any_code=True)
-        found[spec] = optimum(known, spec.bounds)
+    found = {spec: best for spec, _, best in _optimised(mark)}
     grounds = {spec.ground: each for spec, each in found.items()}
     judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
     text = table_two(grounds)
@@ -193,15 +197,26 @@ def _optima(mark: Mark) -> str:
 def draw(words: str, folder: Path) -> Path:
     """Draw the figure of a mark."""
     from wbc.app.plot.experiments import differences_figure, steps_figure  # noqa: PLC0415 - slow to import
+    from wbc.app.plot.optimization import stiffness_figure  # noqa: PLC0415
     from wbc.core.files import save_figure  # noqa: PLC0415
 
     mark = Mark(words, folder / "journals")
-    kinds = {"steps": steps_figure, "differences": differences_figure}
+    kinds = {
+        "steps": lambda: steps_figure(mark.table()),
+        "differences": lambda: differences_figure(mark.table()),
+        "optimum": lambda: stiffness_figure(*_by_ground(mark)),
+    }
     kind, to = mark.option("--as"), mark.option("--to")
     if kind not in kinds or to is None:
-        raise SystemExit(f"figure {words}: needs --as steps or differences, and --to")
-    save_figure(kinds[kind](mark.table()), folder / to, dpi=110.0)
+        raise SystemExit(f"figure {words}: needs --as {', '.join(kinds)}, and --to")
+    save_figure(kinds[kind](), folder / to, dpi=110.0)
     return folder / to
+
+
+def _by_ground(mark: Mark) -> tuple[dict[str, list[Walked]], dict[str, Optimum]]:
+    """Return walks and optima of a mark by ground."""
+    all_of_it = list(_optimised(mark))
+    return {s.ground: known for s, known, _ in all_of_it}, {s.ground: best for s, _, best in all_of_it}
 
 
 def rebuilt(text: str, journals: Path) -> str:

@@ -94,6 +94,7 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
         f"<!-- table authority from authority.jsonl.xz --as choice --arm 5 --arm 80 -->\n{end}\n"
         f"<!-- table stones from optimize.jsonl.xz --as optimum -->\n{end}\n"
         "<!-- figure authority from authority.jsonl.xz --as differences --arm 5 --arm 80 --to images/a.svg -->\n"
+        "<!-- figure stones from optimize.jsonl.xz --as optimum --to images/optima.svg -->\n"
     )
     assert tables.main([], tmp_path) == 0
     text = page.read_text()
@@ -104,6 +105,7 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
     capsys.readouterr()
     assert tables.main(["--figures"], tmp_path) == 0
     assert (tmp_path / "images" / "a.svg").stat().st_size > 5000
+    assert "<!-- stones -->" in (tmp_path / "images" / "optima.svg").read_text()
     page.write_text(f"<!-- table authority from authority.jsonl.xz --as pie -->\n{end}")
     with pytest.raises(SystemExit, match="no kind of table pie"):
         tables.main([], tmp_path)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from wbc.app import cli
+from wbc.app.commands.study.optimize import save_figures
 from wbc.core.errors import InputError
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.paper.optimization import (
@@ -82,7 +83,7 @@ def test_the_optimum_is_a_point_that_was_walked() -> None:
     walked = [Walked(p, 10.0 * sum(p) - 40.0 + rng.normal(), {}) for p in points]
     found = optimum(walked, SPEC.bounds)
     assert found.best in [SPEC.bounds.values(p) for p in points]
-    assert found.J > max(10.0 * sum(p) - 40.0 for p in points) - 2.0
+    assert max(10.0 * sum(p) - 40.0 for p in points) - 2.0 < found.J
     _, mean, _ = found.slices["kD"]
     assert mean[-1] > found.J + 1.0
 
@@ -188,6 +189,16 @@ def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_p
     )
     text = table_two({"stones": found})
     assert "| 4 | 1.3 | 2.8 – 16.1 |" in text and len(TABLE_II) == 11
+
+
+def test_figures_show_each_ground_and_the_stiffness_on_all(tmp_path: Path) -> None:
+    """Bounds from k = 0, which have no logarithm, too."""
+    paper = OptimisationSpec(ground="boards", bounds=BOUNDS["paper"], law="legacy", distance=0.3)
+    walked = {spec.ground: optimise(spec, 14, MadeUpWalks()) for spec in (SPEC, paper)}
+    found = {spec.ground: optimum(walked[spec.ground], spec.bounds) for spec in (SPEC, paper)}
+    names = [path.name for path in save_figures(tmp_path, "part", walked, found)]
+    assert names == ["part_stiffness.png", "part_stones.png", "part_boards.png"]
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def walked_points(
 def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimum:
     """Find the best parameters that were walked, and the stiffnesses that cannot be told from them.
 
-    The best has the greatest expected J among the points walked: where nobody has walked, an expectation may be far off.
+    The best has the greatest expected J among the points walked: where nobody has walked, the model may be far off.
 
     Source: recommendation with noise: P. Frazier, "A tutorial on Bayesian optimization", 2018, section 5.
 

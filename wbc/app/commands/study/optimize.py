@@ -54,7 +54,7 @@ class OptimizeOptions(RunOptions):
         seed: Seed of the points that are asked for.
         batch: Points asked for at a time; as many as workers when not given. Another number asks for other points.
         validate: Held-out seeds on which the optimum is walked beside other stiffnesses; 0 for none.
-        figures: Folder for a figure of each ground.
+        figures: Folder for a figure of each ground, and one of J over the stiffness on all of them.
         any_code: Take walks of other versions of the code, too.
     """
 
@@ -117,7 +117,11 @@ def optimize(
     found, walked, judged = run_optimisations(
         specs, options, budget=options.budget, validate=options.validate, any_code=options.any_code
     )
-    figures = _figures(options.figures, walked, found)
+    figures = (
+        []
+        if options.figures is None
+        else [str(path) for path in save_figures(options.figures, "optimize", walked, found)]
+    )
     data = {
         "grounds": {
             name: {
@@ -173,18 +177,26 @@ def _texts(found: Mapping[str, Optimum], judged: Mapping[str, StudyTable]) -> li
     return lines
 
 
-def _figures(
-    folder: Path | None, walked: Mapping[str, list[Walked]], found: Mapping[str, Optimum]
-) -> list[str]:
-    if folder is None:
-        return []
-    from wbc.app.plot.optimization import optimum_figure  # noqa: PLC0415 - slow to import
+def save_figures(
+    folder: Path, part: str, walked: Mapping[str, list[Walked]], found: Mapping[str, Optimum]
+) -> list[Path]:
+    """Save a figure of each ground and one of J over the stiffness on all of them; return their files.
 
+    Args:
+        folder: An existing folder.
+        part: Beginning of the files' names.
+        walked: Ground → walks.
+        found: Ground → optimum.
+    """
+    from wbc.app.plot.optimization import optimum_figure, stiffness_figure  # noqa: PLC0415 - slow to import
+
+    figures = {name: optimum_figure(name, walked[name], each) for name, each in found.items()}
+    if len(found) > 1:
+        figures = {"stiffness": stiffness_figure(walked, found), **figures}
     paths = []
-    for name, each in found.items():
-        path = folder / f"optimize_{name}.png"
-        save_figure(optimum_figure(name, walked[name], each), path, dpi=110.0)
-        paths.append(str(path))
+    for name, figure in figures.items():
+        paths.append(folder / f"{part}_{name}.png")
+        save_figure(figure, paths[-1], dpi=110.0)
     return paths
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.app.commands.study.optimize import run_optimisations
+from wbc.app.commands.study.optimize import run_optimisations, save_figures
 from wbc.app.commands.study.run import RunOptions, run_trials
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.plot.experiments import differences_figure, steps_figure
@@ -210,7 +210,7 @@ def _optimisation(part: str, options: PaperOptions) -> str:
     length = options.distance or 3.0
     specs = [optimisation(ground, law, distance=length, batch=options.workers) for ground in grounds]
     budget = max(round(options.scale * BUDGET), FIRST_DESIGN + 1)
-    found, _, judged = run_optimisations(
+    found, walked, judged = run_optimisations(
         specs,
         options.run(part),
         budget=budget,
@@ -218,9 +218,10 @@ def _optimisation(part: str, options: PaperOptions) -> str:
         any_code=options.any_code,
     )
     walks = f"{budget} walks on each of {len(grounds)} grounds; {BUDGET} at full scale"
-    return "\n\n".join(
-        [walks, table_two(found), *(f"{name}\n\n{t.markdown()}" for name, t in judged.items())]
-    )
+    tables = (f"{name}\n\n{table.markdown()}" for name, table in judged.items())
+    pictures = save_figures(options.folder, part, walked, found)
+    figures = (f"![{picture.stem.replace('_', ' ').capitalize()}.]({picture.name})" for picture in pictures)
+    return "\n\n".join([walks, table_two(found), *figures, *tables])
 
 
 def _dataset(options: PaperOptions) -> str:
