@@ -134,8 +134,8 @@ def judge(
     judged = tuple(each for each in candidates() if not theirs or each.features == PAPER_FEATURES)
     if chosen != ModelSettings():
         judged = (Candidate.of(chosen, "the model asked for"), *judged)
-    curve = learning_curve(data, chosen)
     results = compare(data, judged, folds=options.folds, clusters=chosen.clusters)
+    curve = learning_curve(data, chosen)
     if options.plot is not None:
         draw_model(data, options.plot, chosen)
     trends = amplitude_trends(data)

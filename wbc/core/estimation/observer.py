@@ -287,29 +287,7 @@ class Observer:
         # In the base frame: CoPs, and headings of the soles.
         points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
         ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
-        yaw_error = 0.0
-        velocity = None
-        rotations: list[Vector] = []
-        self.stance_rotation = (0.0, 0.0, 0.0)
-        if not self.in_flight:
-            vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
-            for i, sole in enumerate(self._soles):
-                share = self._shares[i]
-                if share == 0.0:
-                    continue
-                rate = pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED)
-                rotating = rate.angular.tolist()
-                at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
-                sliding, (rx, ry, rz), point, axis = turned_all(turn, (at_cop, rotating, points[i], ahead[i]))
-                if share > SHARED:
-                    rotations.append((rx + turning[0], ry + turning[1], rz + turning[2]))
-                    if share >= 0.5:
-                        self.stance_rotation = rotations[-1]
-                x, y, z = add_cross(sliding, turning, point)
-                vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
-            velocity = np.array((vx, vy, vz))
-        self.foot_rotation = _common(rotations)
+        velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead)
         moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
         imu_arm = np.array(add_cross(moving, turning, at_imu))
         if velocity is not None:
@@ -401,6 +379,50 @@ class Observer:
             at_x, at_y, at_z = self._anchors[i]
             self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z)
         return arms
+
+    def _motion_from_anchors(
+        self,
+        base: Rows,
+        spin: Vector,
+        arms: Sequence[Vector],
+        points: Sequence[Vector],
+        ahead: Sequence[Vector],
+    ) -> tuple[Array | None, float]:
+        """Return what anchors at rest say of the base, and update the rotations of the feet.
+
+        Args:
+            base: Rotation of the base.
+            spin: Angular velocity of the base, in the world, rad/s.
+            arms: Vectors from the sole centres to the CoPs, in the base frame, m.
+            points: CoPs in the base frame, m.
+            ahead: First axes of the soles in the base frame.
+
+        Returns:
+            Velocity of the base in the world, shape (3,), m/s (None in flight), and error of its yaw, rad.
+        """
+        self.foot_rotation, self.stance_rotation = 0.0, (0.0, 0.0, 0.0)
+        if self.in_flight:
+            return None, 0.0
+        vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
+        yaw_error = 0.0
+        rotations: list[Vector] = []
+        for i, sole in enumerate(self._soles):
+            share = self._shares[i]
+            if share == 0.0:
+                continue
+            rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
+            rotating = rate.angular.tolist()
+            at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
+            sliding, (rx, ry, rz), point, axis = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
+            if share > SHARED:
+                rotations.append((rx + spin[0], ry + spin[1], rz + spin[2]))
+                if share >= 0.5:
+                    self.stance_rotation = rotations[-1]
+            x, y, z = add_cross(sliding, spin, point)
+            vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
+            yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
+        self.foot_rotation = _common(rotations)
+        return np.array((vx, vy, vz)), yaw_error
 
     def _update_position(
         self,
