@@ -13,6 +13,7 @@ from wbc.app import cli
 from wbc.app.commands.study.optimize import save_figures
 from wbc.core.errors import InputError
 from wbc.sim.studies.journal import Entry, Journal, trial_key
+from wbc.sim.studies.paper.experiments import authority, optimisation
 from wbc.sim.studies.paper.optimization import (
     BOUNDS,
     FIRST_DESIGN,
@@ -24,9 +25,10 @@ from wbc.sim.studies.paper.optimization import (
     optimise,
     parameters,
 )
-from wbc.sim.studies.paper.optimum import TABLE_II, optimum, table_two, validation, walked_points
+from wbc.sim.studies.paper.optimum import TABLE_II, USUAL, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.walks import WalkSpec
+from wbc.sim.walks.presets import PAPER_GAINS
 
 pytest.importorskip("bayes_opt", reason="needs the extra 'studies'")
 
@@ -180,7 +182,7 @@ def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_p
     boards = OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3)
     study = validation({SPEC: found, boards: found}, 20)
     assert set(study.seeds) == set(range(100, 120))
-    assert list(study.arms) == ["best", "k 5", "k 80", "k 2000"]
+    assert list(study.arms) == ["best", "k 5", "k 80", "k 2000", "usual gains, k 80"]
     specs = {trial.cell: trial.spec for trial in study.trials()}
     assert all(
         (spec.ground == cell) == spec.owns(walk.to_json())
@@ -189,6 +191,22 @@ def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_p
     )
     text = table_two({"stones": found})
     assert "| 4 | 1.3 | 2.8 – 16.1 |" in text and len(TABLE_II) == 11
+
+
+def test_nothing_is_optimised_in_the_walks_beside_the_optimum() -> None:
+    """With the default law they are walks of the study 'authority', with the paper's law they have its gains."""
+    rng = np.random.default_rng(0)
+    usual = {}
+    for law in ("default", "legacy"):
+        spec = optimisation("stones", law)
+        found = optimum([Walked(tuple(rng.random(3)), -1.0, {}) for _ in range(12)], spec.bounds)
+        trials = validation({spec: found}, 20).trials()
+        usual[law] = [trial.spec for trial in trials if trial.arm == USUAL]
+    same = {trial.spec for trial in authority(20).narrowed(["stones,"], ["80"]).trials()}
+    assert set(usual["default"]) == same and len(same) == 20
+    assert {spec.changes for spec in usual["legacy"]} == {
+        WalkSpec(changes=PAPER_GAINS, gains="legacy").changes
+    }
 
 
 def test_figures_show_each_ground_and_the_stiffness_on_all(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from wbc.feet.soles.actuator import PAPER_STIFFEST, SOFTEST, STIFFEST
 from wbc.sim.studies.journal import Entry, canonical, trial_key
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import merged
-from wbc.sim.walks.presets import FAST_LANDING
+from wbc.sim.walks.presets import FAST_LANDING, PAPER_GAINS
 from wbc.sim.walks.spec import WalkSpec
 
 NAMES = ("k", "kP", "kD")
@@ -144,6 +144,11 @@ class OptimisationSpec:
         """Return the parts of a spec that the parameters decide."""
         gains = {"gains.dcm_p": values["kP"], "gains.dcm_d": values["kD"]}
         return {"stiffness": values["k"], "changes": gains}
+
+    def usual_parts(self) -> dict[str, Any]:
+        """Return the same parts of a walk that nothing was optimised for: 80 Nm/rad and the usual gains of the law."""
+        gains = dict(PAPER_GAINS) if self.law == "legacy" else {}
+        return {"stiffness": PAPER_STIFFEST, "changes": gains}
 
     def walk(self, values: Mapping[str, float], seed: int) -> WalkSpec:
         """Return the walk with some parameters over the layout of a seed."""

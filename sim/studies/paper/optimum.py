@@ -28,6 +28,9 @@ from wbc.sim.studies.study import FRESH_SEED, Cell, Study
 GRID = 201
 """Number of stiffnesses of a slice of the posterior."""
 
+USUAL = "usual gains, k 80"
+"""Arm of a validation that nothing was optimised for."""
+
 BEST_J = 0.0
 """Greatest J that there can be: every step done, without errors."""
 
@@ -162,7 +165,9 @@ def _ranges(values: Array, inside: Iterable[bool]) -> tuple[tuple[float, float],
 
 
 def validation(found: Mapping[OptimisationSpec, Optimum], seeds: int) -> Study:
-    """Return the study that walks optima on seeds that no optimisation has seen, beside other stiffnesses.
+    """Return the study that walks optima on seeds that no optimisation has seen.
+
+    Beside them walk other stiffnesses with the same gains, and 80 Nm/rad with the usual gains of the law.
 
     Args:
         found: Optimisation → its result; all with the same bounds of the stiffness.
@@ -173,15 +178,14 @@ def validation(found: Mapping[OptimisationSpec, Optimum], seeds: int) -> Study:
     cells = []
     for spec, optimal in found.items():
         own = {name: spec.own_parts({**optimal.best, "k": k}) for name, k in others.items()}
-        cells.append(
-            Cell(spec.ground, spec.parts(), arm_values={"best": spec.own_parts(optimal.best), **own})
-        )
+        values = {"best": spec.own_parts(optimal.best), **own, USUAL: spec.usual_parts()}
+        cells.append(Cell(spec.ground, spec.parts(), arm_values=values))
     return Study(
         name="validation",
-        about="optima on held-out seeds, beside other stiffnesses with the same gains",
+        about="optima on held-out seeds, beside other stiffnesses and the usual gains",
         base={},
         cells=tuple(cells),
-        arms={name: {} for name in ("best", *others)},
+        arms={name: {} for name in ("best", *others, USUAL)},
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         metric="J",
         reference="best",

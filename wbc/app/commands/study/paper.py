@@ -81,7 +81,7 @@ class PaperOptions:
 
     Attributes:
         folder: Folder for journals, tables, figures and the report.
-        scale: Share of the walks, of each experiment at least one seed; 0.05 is 1,778 walks, two hours on two
+        scale: Share of the walks, of each experiment at least one seed; 0.05 is 1,793 walks, two hours on two
             cores.
         only: Only these parts: authority, damping, oracle, tuned_fixed, table4, fig5, optimize, dataset, table4_legacy,
             fig5_legacy, optimize_legacy.
