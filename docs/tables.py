@@ -186,7 +186,7 @@ def _optima(mark: Mark) -> str:
     text = table_two(grounds)
     if judged:
         judgement = _short(study_table(validation(found, VALIDATIONS), judged, any_code=True))
-        text += f"\n\nOn held-out layouts, with the best gains, {judgement}"
+        text += f"\n\nOn held-out layouts, each k with the best gains, {judgement}"
     used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
     walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())
     partial = "Partial: " if any(each.walks < BUDGET for each in found.values()) else ""
