@@ -20,11 +20,13 @@ images/fig5_steps.svg -->`, with `--as steps` or `--as differences`, or of optim
 stiffness on each ground.
 
 Under each table stands the hash of the code that walked it, and how many of its walks there are; `--stale` names the
-tables of another code than today's. `--pack FOLDER` compresses the journals of a folder into docs/journals.
+tables of another code than today's. `--pack FOLDER` compresses the journals of a folder into docs/journals. `--held-out
+FOLDER` writes the studies that walk the optima on held-out layouts, for `wbc study run`.
 """
 
 from __future__ import annotations
 
+import json
 import lzma
 import re
 import shlex
@@ -35,7 +37,7 @@ from functools import cached_property
 from pathlib import Path
 
 from wbc.app.commands.study.paper import BUDGET, EVALUATIONS, VALIDATIONS, WINDOWS
-from wbc.core.files import read_json
+from wbc.core.files import read_json, write_text
 from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.intervals import share_text
@@ -43,7 +45,7 @@ from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import optimisation, table_four
 from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec, Walked
-from wbc.sim.studies.paper.optimum import Optimum, optimum, table_two, validation, walked_points
+from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
 from wbc.sim.studies.study import Study, study_entries
@@ -252,12 +254,32 @@ def pack(source: Path, folder: Path = DOCS) -> list[Path]:
     return packed
 
 
+def held_out(target: Path, folder: Path = DOCS) -> list[Path]:
+    """Write the studies that walk the optima of the journals on held-out layouts."""
+    written = []
+    for law, name in (("default", "optimize"), ("legacy", "optimize_legacy")):
+        path = folder / "journals" / f"{name}.jsonl.xz"
+        if not path.is_file():
+            continue
+        entries, found = read_journal(path), {}
+        for spec in (optimisation(ground, law) for ground in TABLE_II):
+            known = walked_points(spec, entries, any_code=True)
+            if known:
+                found[spec] = optimum(known, spec.bounds)
+        written.append(target / f"{name}_held_out.json")
+        write_text(written[-1], json.dumps(validation(found, VALIDATIONS).to_json(), indent=1) + "\n")
+    return written
+
+
 def main(words: list[str], folder: Path = DOCS) -> int:
     """Rebuild, check, list, draw or pack; return 1 if a page differs from its journals or a table is stale."""
     bad = 0
     if words[:1] == ["--pack"]:
         for path in pack(Path(words[1]), folder):
             print(f"{path.name}: {path.stat().st_size / 1024:.0f} KiB")
+        return 0
+    if words[:1] == ["--held-out"]:
+        print("\n".join(str(path) for path in held_out(Path(words[1]), folder)))
         return 0
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wbc.core.files import read_json
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec
 from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.study import Study
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 sys.path[:0] = [str(DOCS), str(DOCS.parent / "tests" / "benchmarks")]
@@ -106,6 +108,9 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
     assert tables.main(["--figures"], tmp_path) == 0
     assert (tmp_path / "images" / "a.svg").stat().st_size > 5000
     assert "<!-- stones -->" in (tmp_path / "images" / "optima.svg").read_text()
+    assert tables.main(["--held-out", str(source)], tmp_path) == 0
+    study = Study.from_json(read_json(source / "optimize_held_out.json"))
+    assert [cell.name for cell in study.cells] == ["stones"] and len(study.seeds) == tables.VALIDATIONS
     page.write_text(f"<!-- table authority from authority.jsonl.xz --as pie -->\n{end}")
     with pytest.raises(SystemExit, match="no kind of table pie"):
         tables.main([], tmp_path)
