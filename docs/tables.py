@@ -31,7 +31,7 @@ import lzma
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -110,6 +110,10 @@ class Mark:
             any_code=True,
         )
 
+    def optimised(self) -> Iterator[tuple[OptimisationSpec, list[Walked], Optimum]]:
+        """Yield optimisation, walks and optimum of each of its grounds."""
+        return _optimised(self.name.split("+"), self.option("--law") or "default", self.entries)
+
     def code(self, used: list[Entry]) -> str:
         """Return the code of some entries, which must be one."""
         codes = sorted({entry.version["code"] for entry in used})
@@ -172,17 +176,19 @@ def _folds(mark: Mark) -> str:
     return f"\n{dataset_accuracy(table)}\n\n*{walks} of `dataset`, {_code(mark.code(used))}*\n\n"
 
 
-def _optimised(mark: Mark) -> Iterator[tuple[OptimisationSpec, list[Walked], Optimum]]:
-    """Yield optimisation, walks and optimum of each ground of a mark."""
-    for ground in mark.name.split("+"):
-        spec = optimisation(ground, mark.option("--law") or "default")
-        known = walked_points(spec, mark.entries, any_code=True)
+def _optimised(
+    grounds: Iterable[str], law: str, entries: Mapping[str, Entry]
+) -> Iterator[tuple[OptimisationSpec, list[Walked], Optimum]]:
+    """Yield optimisation, walks and optimum of each ground."""
+    for ground in grounds:
+        spec = optimisation(ground, law)
+        known = walked_points(spec, entries, any_code=True)
         yield spec, known, optimum(known, spec.bounds)
 
 
 def _optima(mark: Mark) -> str:
     """Return the optima of some grounds beside the paper's Table II."""
-    found = {spec: best for spec, _, best in _optimised(mark)}
+    found = {spec: best for spec, _, best in mark.optimised()}
     grounds = {spec.ground: each for spec, each in found.items()}
     judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
     text = table_two(grounds)
@@ -217,7 +223,7 @@ def draw(words: str, folder: Path) -> Path:
 
 def _by_ground(mark: Mark) -> tuple[dict[str, list[Walked]], dict[str, Optimum]]:
     """Return walks and optima of a mark by ground."""
-    all_of_it = list(_optimised(mark))
+    all_of_it = list(mark.optimised())
     return {s.ground: known for s, known, _ in all_of_it}, {s.ground: best for s, _, best in all_of_it}
 
 
@@ -261,11 +267,10 @@ def held_out(target: Path, folder: Path = DOCS) -> list[Path]:
         path = folder / "journals" / f"{name}.jsonl.xz"
         if not path.is_file():
             continue
-        entries, found = read_journal(path), {}
-        for spec in (optimisation(ground, law) for ground in TABLE_II):
-            known = walked_points(spec, entries, any_code=True)
-            if known:
-                found[spec] = optimum(known, spec.bounds)
+        entries = read_journal(path)
+        walked = {entry.spec["terrain"] for entry in entries.values()}
+        grounds = [ground for ground in TABLE_II if ground in walked]
+        found = {spec: best for spec, _, best in _optimised(grounds, law, entries)}
         written.append(target / f"{name}_held_out.json")
         write_text(written[-1], json.dumps(validation(found, VALIDATIONS).to_json(), indent=1) + "\n")
     return written
