@@ -10,7 +10,7 @@ from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import WINDOW_FEATURES
 from wbc.feet.stiffness.model import Kind, ModelSettings, knn_pipeline
-from wbc.feet.stiffness.validation import Candidate, Protocol, Validation, cross_validate
+from wbc.feet.stiffness.validation import Candidate, Protocol, Validation, cross_validate, fold_splitter
 
 
 def candidates() -> tuple[Candidate, ...]:
@@ -64,7 +64,15 @@ def compare(
     folds: int = 10,
     clusters: Clusters | None = None,
 ) -> list[Validation]:
-    """Return the cross-validation of several models by several protocols; see `cross_validate`."""
+    """Return the cross-validation of several models by several protocols; see `cross_validate`.
+
+    Raises:
+        InputError: As `cross_validate`, for any of the protocols, before the first model is trained.
+        UnknownNameError: No such protocol.
+    """
+    labels = table.labels(ModelSettings().clusters if clusters is None else clusters)
+    for protocol in protocols:
+        fold_splitter(table, labels, protocol, folds)
     return [
         cross_validate(table, model, protocol, folds=folds, clusters=clusters)
         for protocol in protocols

@@ -153,28 +153,12 @@ def cross_validate(
         InputError: A single class, fewer than two folds or groups, or more folds than rows of any class.
         UnknownNameError: No such protocol.
     """
-    from sklearn.model_selection import GroupKFold, StratifiedKFold  # noqa: PLC0415 - only studies need it
-
-    choose("protocol of the cross-validation", protocol, PROTOCOLS)
-    whole_number("folds", folds, low=2)
     settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
     ranges = settings.clusters if clusters is None else clusters
     labels = table.labels(ranges)
+    splitter, groups = fold_splitter(table, labels, protocol, folds, seed)
     features = FeatureSet(model.features)(table.values)
-    groups = None
-    if protocol in _GROUPS:
-        groups = table.groups(_GROUPS[protocol])
-        count = min(folds, int(groups.max()) + 1)
-        if count < 2:
-            raise InputError(f"protocol '{protocol}' needs at least two groups, the table has one")
-        splitter: Any = GroupKFold(count)
-    else:
-        most = int(np.bincount(labels).max())
-        if most < folds:
-            raise InputError(f"{folds} stratified folds need a class of as many rows, the largest has {most}")
-        shuffled = protocol == "shuffled"
-        splitter = StratifiedKFold(folds, shuffle=shuffled, random_state=seed if shuffled else None)
     command, fold = np.empty(len(table)), np.empty(len(table), dtype=np.intp)
     with warnings.catch_warnings():
         # Classes of fewer rows than folds, as in the paper's data.
@@ -187,6 +171,39 @@ def cross_validate(
     known = np.isfinite(table.stiffness_low) & np.isfinite(table.stiffness_high)
     inside = (command >= table.stiffness_low) & (command <= table.stiffness_high) if known.all() else None
     return Validation(model.name, protocol, ranges, table.stiffness, command, fold, inside)
+
+
+def fold_splitter(
+    table: StiffnessTable, labels: NDArray[np.intp], protocol: Protocol, folds: int, seed: int = 0
+) -> tuple[Any, NDArray[np.intp] | None]:
+    """Return scikit-learn's splitter of a protocol, and the groups of the rows if the protocol has groups.
+
+    Args:
+        table: Profiles with their best stiffness.
+        labels: Cluster of each row, shape (n,).
+        protocol: Way to split the table, one of `PROTOCOLS`.
+        folds: Number of folds; the number of groups if that is smaller and the protocol has groups.
+        seed: Seed of the shuffling.
+
+    Raises:
+        InputError: Fewer than two folds or groups, or more folds than rows of any class.
+        UnknownNameError: No such protocol.
+    """
+    from sklearn.model_selection import GroupKFold, StratifiedKFold  # noqa: PLC0415 - only studies need it
+
+    choose("protocol of the cross-validation", protocol, PROTOCOLS)
+    whole_number("folds", folds, low=2)
+    if protocol in _GROUPS:
+        groups = table.groups(_GROUPS[protocol])
+        count = min(folds, int(groups.max()) + 1)
+        if count < 2:
+            raise InputError(f"protocol '{protocol}' needs at least two groups, the table has one")
+        return GroupKFold(count), groups
+    most = int(np.bincount(labels).max())
+    if most < folds:
+        raise InputError(f"{folds} stratified folds need a class of as many rows, the largest has {most}")
+    shuffled = protocol == "shuffled"
+    return StratifiedKFold(folds, shuffle=shuffled, random_state=seed if shuffled else None), None
 
 
 def train_and_command(

@@ -433,7 +433,7 @@ def test_models_are_compared_on_the_same_folds(table: StiffnessTable) -> None:
 
 @pytest.mark.slow
 def test_every_candidate_can_be_trained(table: StiffnessTable) -> None:
-    assert len(compare(table)) == 4 * len(candidates())
+    assert len(compare(table)) == len(PROTOCOLS) * len(candidates())
 
 
 def test_more_grounds_teach_more(table: StiffnessTable) -> None:
@@ -486,6 +486,8 @@ def test_bad_splits_are_refused(table: StiffnessTable) -> None:
         cross_validate(table, protocol="ground")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="folds"):
         cross_validate(table, folds=1)
+    with pytest.raises(InputError, match="999 stratified folds"):
+        compare(table, [Candidate("is not trained", lambda: pytest.fail("trained"))], folds=999)
     one_ground = table.rows(table.ground == table.ground[0])
     with pytest.raises(InputError, match="at least two groups"):
         cross_validate(one_ground)
