@@ -49,11 +49,11 @@ class JointTorqueTask(JointTask, VariableTask):
 
     def bind_problem(self, problem: Problem) -> None:
         """Find the torque rows; see `VariableTask.bind_problem`."""
-        self._torque_rows = problem.torque_matrix
+        self._torque_rows, self._torque_bias = problem.torque_matrix, problem.torque_bias
         self._selection = self._columns - BASE_DOF
 
     def evaluate(self, matrix: Array, reference: Array) -> None:
-        """Fill the rows; see `VariableTask.evaluate`. Torque rows leave out the joints' bias, which is added back."""
+        """Fill the rows; see `VariableTask.evaluate`. Torque rows leave out the bias, which is added back."""
         assert self._target is not None
         matrix[:] = self._torque_rows[self._selection]
-        np.subtract(self._target, self.robot.bias[self._columns], out=reference)
+        np.subtract(self._target, self._torque_bias[self._selection], out=reference)

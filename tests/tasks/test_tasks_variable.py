@@ -53,6 +53,27 @@ def test_torques_are_those_of_inverse_dynamics(name: str) -> None:
 
 
 @robots
+def test_outside_forces_enter_the_dynamics_once_however_often_a_tick_is_solved(name: str) -> None:
+    controller = standing(name)
+    robot, joint = controller.robot, arm(controller.robot)[0]
+    controller.add(CoMTask(), JointTorqueTask({joint: 2.0}, joints=joint, hard=True))
+    robot.update(*near_half_sitting(robot, np.random.default_rng(3), 0.05, 0.3))
+    bias = robot.bias.copy()
+    jacobian = pin.getFrameJacobian(
+        robot.model, robot.data, robot.frame_id(left_hand(robot)), pin.LOCAL_WORLD_ALIGNED
+    )
+    controller.outside = jacobian[:3].T @ [10.0, -5.0, -20.0]
+    solutions = [controller.solve() for _ in range(3)]
+    for solution in solutions:
+        assert solution.ok
+        force = inverse_dynamics(controller, solution) - controller.outside
+        np.testing.assert_allclose(force[:6], 0.0, atol=1e-4)
+        np.testing.assert_allclose(solution.torques, force[6:], atol=1e-5)
+        assert solution.torques[robot.joint_index(joint)] == pytest.approx(2.0, abs=1e-6)
+    np.testing.assert_array_equal(robot.bias, bias)  # others read it, too
+
+
+@robots
 def test_hard_torques_are_met_and_soft_ones_come_near(name: str) -> None:
     controller = standing(name)
     joints = arm(controller.robot)[::-1]

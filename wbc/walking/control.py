@@ -29,7 +29,7 @@ from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
-from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.catching import Trunk
@@ -402,8 +402,9 @@ class WalkingControl:
         """Joint torques of the commanded motion with the desired foot wrenches in place of the QP's own, Nm."""
         x = solution.variables.copy()
         x[solution.layout.nv :] = self._wrench_targets.reshape(-1)
-        torques: Array = np.dot(self.controller.problem.torque_matrix, x)
-        torques += self._robot.bias[BASE_DOF:]
+        problem = self.controller.problem
+        torques: Array = np.dot(problem.torque_matrix, x)
+        torques += problem.torque_bias
         return torques
 
     def _schedule_stiffness(self, scheduler: StiffnessScheduler, measurement: Measurement) -> Array:

@@ -69,7 +69,6 @@ class Assembly:
         layout: Names and places of everything in a solution.
         level_dims: Number of soft rows of each level of priority, the highest first.
         torque_rows: Rows of the problem that are the joint torques, less the bias.
-        joint_bias: The joints' part of the bias forces, shape (na,), Nm; follows every update of the robot.
         listening: Tasks that read the sensors.
     """
 
@@ -152,8 +151,8 @@ class Assembly:
         # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
         self._yielding = [slot for slot in self._slots if slot.full is not None]
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
-        self._mass, self._base_bias = (mass[:BASE_DOF], mass[BASE_DOF:]), robot.bias[:BASE_DOF]
-        self.joint_bias = robot.bias[BASE_DOF:]
+        self._mass = mass[:BASE_DOF], mass[BASE_DOF:]
+        self._base_bias, self._joint_bias = robot.bias[:BASE_DOF], robot.bias[BASE_DOF:]
         self._base_mass, self._base_force = p.equality[:BASE_DOF, :nv], p.equality[:BASE_DOF, nv:]
         self._joint_mass, self._joint_force = p.inequality[:na, :nv], p.inequality[:na, nv:]
         contact_rows = slice(n_first, contacts_end)
@@ -289,12 +288,14 @@ class Assembly:
             torques: Torques of the last tick, shape (na,), Nm; None at the first one.
             outside: Generalised forces of the surroundings beside the contacts, shape (nv,).
         """
-        v, joint_bias = self._robot.v, self.joint_bias
+        v, torque_bias = self._robot.v, self.problem.torque_bias
         self._base_mass[:], self._joint_mass[:] = self._mass
         np.negative(self._base_bias, out=self._base_target)
-        if outside is not None:
+        if outside is None:
+            torque_bias[:] = self._joint_bias
+        else:
             self._base_target += outside[:BASE_DOF]
-            joint_bias -= outside[BASE_DOF:]
+            np.subtract(self._joint_bias, outside[BASE_DOF:], out=torque_bias)
         for slot in self._slots:
             self._write_contact(slot, dt)
         np.negative(self._contact_base_t, out=self._base_force)
@@ -329,8 +330,8 @@ class Assembly:
         if self._torque_limits is not None:
             lower, upper = self._torque_bounds
             self._torque_limits.write(dt, torques, lower, upper)
-            np.subtract(lower, joint_bias, out=self._torque_lower)
-            np.subtract(upper, joint_bias, out=self._torque_upper)
+            np.subtract(lower, torque_bias, out=self._torque_lower)
+            np.subtract(upper, torque_bias, out=self._torque_upper)
         if self._joint_limits is not None:
             self._joint_limits.write(dt, *self._joint_bounds)
         for limit, matrix, lower, upper in self._row_blocks:

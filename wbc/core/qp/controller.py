@@ -23,7 +23,7 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.qp.task import Task
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
 Item = Task | Contact | JointLimits | TorqueLimits | RowLimit
@@ -38,7 +38,7 @@ class Controller:
         dt: Control period, s.
         model_time: Wall time of the last model update, s; reported in the timings of the next solution.
         outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: what a hand presses
-            on. They enter the dynamics of every tick, and the robot's bias forces of its joints; None for none.
+            on. They enter the dynamics of every tick; None for none.
     """
 
     @checked
@@ -236,13 +236,13 @@ class Controller:
         last = self._solution
         if status.ok:
             x = solver.x.copy()
-            self._torques = torques = solver.values[assembly.torque_rows] + assembly.joint_bias
+            self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
             residual = assembly.residuals(x, solver.values)
             multipliers = solver.multipliers.copy()
         else:
             known = last is not None and last.variables.size == solver.x.size
             x = last.variables if last is not None and known else np.zeros(solver.x.size)
-            torques = np.array(self.robot.bias[BASE_DOF:]) if last is None else last.torques
+            torques = assembly.problem.torque_bias.copy() if last is None else last.torques
             residual = np.full(assembly.n_residuals, np.nan)
             multipliers = np.zeros(solver.multipliers.size)
         timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)

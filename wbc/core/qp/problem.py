@@ -18,7 +18,7 @@ class Problem:
 
     Attributes:
         nv: Number of accelerations, the first variables; contact forces follow.
-        na: Number of joints; the first na inequality rows are the torques, less the bias.
+        na: Number of joints; the first na inequality rows are the torques, less `torque_bias`.
         n_eq: Number of equalities.
         n_soft: Number of soft rows.
         rows: All rows, shape (n_eq + n_soft + n_in, n).
@@ -29,6 +29,7 @@ class Problem:
         soft_weight: Weights of the soft rows, shape (n_soft,), ≥ 0.
         diagonal: Shape (n,), ≥ 0.
         linear: Shape (n,).
+        torque_bias: Part of the joint torques that does not depend on x, shape (na,): bias forces less outside forces.
         n_physics: Number of equalities, the first ones, that nothing may relax; all of them unless set otherwise.
         empty: Mask of equalities that are 0 = 0, shape (n_eq,): held in reserve, to keep the size fixed; None when
             there are none.
@@ -50,7 +51,7 @@ class Problem:
         self.n_physics = n_eq
         self.empty: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None
         self.soft_weight = np.zeros(n_soft)
-        self.diagonal, self.linear = np.zeros(n), np.zeros(n)
+        self.diagonal, self.linear, self.torque_bias = np.zeros(n), np.zeros(n), np.zeros(na)
         self.lower, self.upper = np.full(n_in, -np.inf), np.full(n_in, np.inf)
         self.contacts: dict[str, slice] = {}
         self.equality_groups: dict[str, slice] = {}
@@ -69,7 +70,7 @@ class Problem:
 
     @property
     def torque_matrix(self) -> Array:
-        """Rows T with joint torques τ = T x + joint bias, shape (na, n)."""
+        """Rows T with joint torques τ = T x + `torque_bias`, shape (na, n)."""
         return self.inequality[: self.na]
 
     @property
