@@ -115,6 +115,24 @@ class JointActuators:
         if model.actuator_gainprm[actuator, 0] == 0.0 or model.actuator_gear[actuator, 0] == 0.0:
             raise ModelError(f"actuator '{name}' of joint '{joint}' has a gain or a gear of zero")
 
+    def reach(self, position: Array) -> tuple[Array, Array]:
+        """Return the least and greatest torque at rest that the ranges of the controls leave.
+
+        Args:
+            position: Joint positions, shape (na,).
+
+        Returns:
+            Arrays of shape (na,), Nm; infinite for joints whose controls have no range.
+        """
+        least, most = np.full(position.size, -np.inf), np.full(position.size, np.inf)
+        model, chosen = self._model, np.flatnonzero(self._main)
+        for i in chosen[model.actuator_ctrllimited[self._actuators[chosen]].astype(bool)]:
+            joint, gear = self._joints[i], self._gear[i]
+            own = self._bias[i, 0] + self._bias[i, 1] * gear * position[joint]
+            ends = gear * (self._gain[i] * model.actuator_ctrlrange[self._actuators[i]] + own)
+            least[joint], most[joint] = ends.min(), ends.max()
+        return least, most
+
     def check(self, command: Command) -> None:
         """Raise InputError for what is no command, one of the wrong shape or not finite, or negative gains."""
         if not isinstance(command, Command):

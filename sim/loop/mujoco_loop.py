@@ -37,6 +37,9 @@ from wbc.sim.plant.truth import GroundTruth
 OTHER_MASS = 0.01
 """Share of the mass by which model and description may differ without a note."""
 
+REACHED = 0.99
+"""Share of the torque limits that the ranges of the controls have to reach, or there is a note."""
+
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 """Warnings after which MuJoCo has reset the simulation by itself, unless the model forbids it."""
 
@@ -296,6 +299,14 @@ class MujocoLoop:
         if bare:
             some = ", ".join(bare[:3]) + (", …" if len(bare) > 3 else "")
             notes.append(f"{len(bare)} joints without an actuator get their torque directly: {some}")
+        least, most = self.actuators.reach(self.robot.half_sitting[7:])
+        reach, limit = np.minimum(-least, most), self.description.torque_limit
+        if (short := reach < REACHED * limit).any():
+            worst = int(np.argmin(np.where(short, reach / limit, np.inf)))
+            notes.append(
+                f"at half-sitting the controls of {np.count_nonzero(short)} joints end (ctrlrange) before their torque "
+                f"limits, first {names[worst]}: {least[worst]:.4g} to {most[worst]:.4g} of ±{limit[worst]:.4g} Nm"
+            )
         mass = float(model.body_subtreemass[self.places.root])
         if abs(mass - self.robot.mass) > OTHER_MASS * self.robot.mass:
             notes.append(

@@ -254,6 +254,30 @@ def test_a_robot_without_its_weight_is_noted() -> None:
     assert any(note.startswith("gravity of 1 bodies is compensated in the model") for note in notes)
 
 
+@pytest.mark.parametrize("kind", ["motor", "position"])
+def test_controls_that_end_before_the_torque_limits_are_noted(kind: str) -> None:
+    """Of a motor its greatest control, of a servo how far its reference may be from where the joint is."""
+    model = foreign_model(DESCRIPTION, kind, gear=-20.0)
+    joint = DESCRIPTION.joint_names.index("left_knee_pitch")
+    limit, kp, q = (
+        DESCRIPTION.torque_limit[joint],
+        DESCRIPTION.kp[joint],
+        DESCRIPTION.robot().half_sitting[7 + joint],
+    )
+    actuator = model.actuator(PREFIX + "left_knee_pitch").id
+    middle, full = (0.0, limit / 20.0) if kind == "motor" else (q, limit / kp)
+    model.actuator_ctrllimited[actuator] = True
+    model.actuator_ctrlrange[actuator] = middle - full, middle + full
+    assert not MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+    model.actuator_ctrlrange[actuator] = middle - full, middle + 0.5 * full
+    (note,) = MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+    reached = (-0.5 * limit, limit) if kind == "motor" else (-limit, 0.5 * limit)  # the gear is negative
+    assert note.startswith(
+        "at half-sitting the controls of 1 joints end (ctrlrange) before their torque limits"
+    )
+    assert f"left_knee_pitch: {reached[0]:.4g} to {reached[1]:.4g} of ±{limit:.4g} Nm" in note
+
+
 def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() -> None:
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
     command = loop.hold()
