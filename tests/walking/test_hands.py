@@ -167,6 +167,25 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
     assert np.abs(stand.hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
 
+def test_a_heavier_robot_shifts_its_com_less_for_the_same_force() -> None:
+    """A fifth of the weight on the trunk, known to the models."""
+    stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
+    robot, walking = stand.walking.controller.robot, stand.walking
+    extra = 0.2 * robot.mass
+    robot.carry(robot.torso_frame, extra)
+    stand.plant.load(robot.torso_frame, extra)
+    walking.stabilizer.mass = robot.mass
+    walking.walk.phases.weight = weight = robot.mass * GRAVITY
+    stand.run(0.1)
+    stand.press_both(25.0)
+    stand.run(3.4)
+    hands = stand.hands.all.values()
+    assert [hand.state for hand in hands] == 2 * [HandState.HOLD]
+    place = np.mean([stand.plant.data.site(f"{hand.name} site").xpos for hand in hands], axis=0)
+    expected = -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
+    assert abs(expected[0]) > 0.02 and stand.hands.shift == pytest.approx(expected, abs=2e-3)
+
+
 def test_hands_that_do_nothing_change_nothing() -> None:
     """Every command is that of a walk without hands, up to the rounding of a larger QP."""
     ways = []

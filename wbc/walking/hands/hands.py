@@ -107,7 +107,6 @@ class Hands:
             )
         self.settings = settings
         self._edges, self._height = edges, height
-        self._weight = self._robot.mass * GRAVITY
         self._arms = {role: HandArm(self._robot, frame) for role, frame in self._robot.frames.items()}
         self._frames = {role: arm.frame for role, arm in self._arms.items()}
         hands = {}
@@ -147,6 +146,11 @@ class Hands:
     def _yaw(self) -> float:
         """Heading of the pelvis as estimated, rad."""
         return heading(self._estimate.placement(self._estimate.base_frame).rotation)
+
+    @property
+    def _weight(self) -> float:
+        """Of the robot with the load that it holds, N."""
+        return self._robot.mass * GRAVITY
 
     @property
     def shift(self) -> Array:
