@@ -398,6 +398,24 @@ def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> Non
     assert max(result.largest, key=lambda joint: result.largest[joint]) == "left_elbow_joint"
 
 
+def test_arms_that_are_too_heavy_are_drawn_in_and_nothing_is_slowed_down_for_them() -> None:
+    """An arm of Talos, stretched to the side, asks its shoulder for more than it has, however slowly it gets there."""
+    talos = load_robot("talos").robot()
+    q = np.tile(talos.half_sitting, (200, 1))
+    columns = [7 + talos.joint_index(f"arm_left_{joint}_joint") for joint in (2, 4)]
+    q[:, columns] = 1.3, -0.1
+    clip = MotionClip.of(talos, q, 100.0)
+    result = make_feasible(talos, clip)
+    assert max(check_motion(talos, clip).joint_torque.values()) > 1.1
+    assert result.after.feasible and result.stretched < 1.5
+    assert result.largest["arm_left_2_joint"] > 0.3
+    assert not any(name.startswith("arm_right") for name in result.largest)
+    middle = result.clip.configurations(talos)[len(result.clip) // 2]
+    torque = pin.computeGeneralizedGravity(talos.model, talos.model.createData(), middle)[6:]
+    share = abs(torque / talos.torque_limit)[talos.joints_between("arm_left_7_link", talos.torso_frame)].max()
+    assert share == pytest.approx(0.8, rel=0.02)
+
+
 def test_a_motion_that_is_too_fast_takes_longer(g1: Robot, arms: MotionClip) -> None:
     fast = replace(arms, rate=40.0 * arms.rate)
     assert check_motion(g1, fast).joint_speed

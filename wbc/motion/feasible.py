@@ -1,7 +1,8 @@
 """Filter that makes a clip feasible for a robot: limits, speeds, feet on the ground, ZMP inside the supports.
 
-    clip  →  limits and low pass  →  time (speeds, rest at both ends)  →  contacts  →  footsteps  →  trunk straightened
-          →  inverse kinematics ⇄ centre of mass moved until the ZMP is inside the support  →  feasible clip
+    clip  →  limits and low pass  →  arms drawn in  →  time (speeds, rest at both ends)  →  contacts  →  footsteps
+          →  trunk straightened  →  inverse kinematics ⇄ centre of mass moved until the ZMP is inside the support
+          →  feasible clip
 
 With Δp the change of the ZMP that is needed, the centre of mass moves by Δc, the solution over the whole clip of
 
@@ -26,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
@@ -34,6 +35,12 @@ from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets, KinematicWeights
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.measures import MotionMeasures, measure, supports_of
+
+DRAWING = 10
+"""Most passes that draw in an arm until its joints can hold it."""
+
+HELD = 0.01
+"""Excess of these torques that is left."""
 
 STRAIGHTENING = 5
 """Most passes that turn the trunk up until the waist can hold it."""
@@ -144,7 +151,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     contacts.refuse_flight(s.contacts.flight)
     before = measure(robot, motion, contacts.fill(), s.share, s.friction)
 
-    smooth = _smooth(resampled, robot, s)
+    smooth = _drawn_in(robot, _smooth(resampled, robot, s), s.share)
     pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
     for attempt in range(s.stretches + 1):
         eased, source = _retime(smooth, pace, s)
@@ -195,6 +202,29 @@ def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
         clip.name,
         clip.standing,
     )
+
+
+def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
+    """Return a clip whose arms are no further from half-sitting than a share of their torque limits holds at rest.
+
+    No slowing down helps against gravity. All joints of an arm come nearer to half-sitting by the same ratio.
+    """
+    data, q, rest = robot.model.createData(), clip.configurations(robot), robot.half_sitting[7:]
+    arms = [robot.joints_between(hand, robot.torso_frame) for hand in robot.frames.values()]
+    for _ in range(DRAWING):
+        gravity = np.array([pin.computeGeneralizedGravity(robot.model, data, each)[BASE_DOF:] for each in q])
+        excess = abs(gravity) / (share * robot.torque_limit)
+        heavy = [arm for arm in arms if (excess[:, arm] > 1.0 + HELD).any()]
+        if not heavy:
+            break
+        for arm in heavy:
+            most = np.maximum(excess[:, arm].max(axis=1), 1.0)
+            wide = maximum_filter1d(most, max(1, round(0.3 * clip.rate)))
+            part = 1.0 / gaussian_filter1d(wide, 0.1 * clip.rate, mode="nearest")[:, None]
+            columns = [7 + joint for joint in arm]
+            q[:, columns] = rest[arm] + part * (q[:, columns] - rest[arm])
+        clip = MotionClip.of(robot, q, clip.rate, clip.name, clip.standing)
+    return clip
 
 
 def _speed_ratio(robot: Robot, clip: MotionClip, s: FilterSettings) -> Array:
