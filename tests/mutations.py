@@ -1,7 +1,7 @@
 """Small errors put into the code, one at a time, to see whether the tests notice them; run by hand.
 
     python tests/mutations.py                        # all of tests/mutations.txt; run again, it goes on where it was
-    python tests/mutations.py --room walking         # core, walking, tasks, feet or sim
+    python tests/mutations.py --room walking         # core, walking, motion, tasks, feet or sim
     python tests/mutations.py --only stabilizer.py   # those whose file or change holds a text
     python tests/mutations.py --list                 # results so far, survivors first
 
@@ -182,7 +182,7 @@ def summary(mutations: list[Mutation], known: dict[Mutation, str]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--room", choices=("core", "walking", "tasks", "feet", "sim"))
+    parser.add_argument("--room", choices=("core", "walking", "motion", "tasks", "feet", "sim"))
     parser.add_argument("--only", default="", metavar="TEXT", help="those whose file or change holds it")
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FILE")
     parser.add_argument("--list", action="store_true", help="run nothing")

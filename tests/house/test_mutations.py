@@ -26,7 +26,7 @@ def test_every_mutation_occurs_exactly_once_in_its_file(mutations: ModuleType) -
     table = list(mutations.read_table())
     assert not mutations.faults(table)
     assert len(set(table)) == len(table) >= 100
-    assert {mutation.room for mutation in table} == {"core", "walking", "tasks", "feet", "sim"}
+    assert {mutation.room for mutation in table} == {"core", "walking", "motion", "tasks", "feet", "sim"}
 
 
 def test_a_mutation_that_no_longer_fits_is_named(mutations: ModuleType, tmp_path: Path) -> None:
