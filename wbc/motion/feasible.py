@@ -218,13 +218,17 @@ def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
         if not heavy:
             break
         for arm in heavy:
-            most = np.maximum(excess[:, arm].max(axis=1), 1.0)
-            wide = maximum_filter1d(most, max(1, round(0.3 * clip.rate)))
-            part = 1.0 / gaussian_filter1d(wide, 0.1 * clip.rate, mode="nearest")[:, None]
+            part = _part_left(excess[:, arm].max(axis=1), clip.rate)[:, None]
             columns = [7 + joint for joint in arm]
             q[:, columns] = rest[arm] + part * (q[:, columns] - rest[arm])
         clip = MotionClip.of(robot, q, clip.rate, clip.name, clip.standing)
     return clip
+
+
+def _part_left(excess: Array, rate: float) -> Array:
+    """Return the part of a posture that stays, one over the excess of its torques, smooth in time, shape (T,)."""
+    wide = maximum_filter1d(np.maximum(excess, 1.0), max(1, round(0.3 * rate)))
+    return np.asarray(1.0 / gaussian_filter1d(wide, 0.1 * rate, mode="nearest"))
 
 
 def _speed_ratio(robot: Robot, clip: MotionClip, s: FilterSettings) -> Array:
@@ -346,8 +350,7 @@ def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
         excess = BodyMotion.of(robot, q, rate).torque_share(robot).max(axis=1) / share
         if (excess <= 1.0).all():
             break
-        excess = maximum_filter1d(np.maximum(excess, 1.0), max(1, round(0.3 * rate)))
-        turns = 1.0 / gaussian_filter1d(excess, 0.1 * rate, mode="nearest") - 1.0
+        turns = _part_left(excess, rate) - 1.0
         for i in np.flatnonzero(turns < -1e-3):
             pin.framesForwardKinematics(robot.model, data, q[i])
             x, y, z = data.oMf[torso].rotation @ up
