@@ -36,6 +36,9 @@ FEW = 8
 EQUAL = 20
 """Number of layouts without any difference from which two arms count as equivalent: at most 14 % of all differ then."""
 
+ROUNDING = 1e-9
+"""Standard error, as a share of a margin, up to which differences are the same: rounding leaves 1e-16 of their size."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -258,7 +261,7 @@ def equivalence(
         return Equivalence(margin, None, False)
     mean = float(sums.sum() / counts.sum())
     error = _standard_error(sums, counts)
-    if error == 0.0:
+    if error <= ROUNDING * margin:
         p = 0.0 if abs(mean) < margin and sums.size >= EQUAL else 1.0
     else:
         p = float(t.sf((margin - abs(mean)) / error, sums.size - 1))

@@ -640,6 +640,9 @@ def test_sign_flips_and_equivalence_keep_their_level() -> None:
     # Equal pairs alone say little: of nine, three tenths of all may still differ.
     assert equivalence([0.0] * 20, 0.5).p == 0.0 and not equivalence([0.0] * 9, 0.5).equivalent
     assert not equivalence([0.0] * 6 + [0.01], 0.5).equivalent  # nor do seven that nearly are
+    rounded = [0.1 * (i + 1) - 0.1 * i for i in range(20)]  # all 0.1 but for rounding
+    assert len(set(rounded)) > 1 and equivalence(rounded, 0.5).p == 0.0
+    assert not equivalence(rounded[:19], 0.5).equivalent and not equivalence([0.1] * 12, 0.5).equivalent
     with pytest.raises(InputError, match="margin of equivalence"):
         equivalence([1.0, 2.0], 0.0)
 
