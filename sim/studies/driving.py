@@ -29,6 +29,9 @@ SETTLED = 30.0
 
 HOUR = 3600.0
 
+DIVERGED = "diverged"
+"""Reason of the end of a drive whose physics has diverged: no fall, and no result of the trial."""
+
 
 @settings(kw_only=True)
 class DrivingSpec:
@@ -82,7 +85,7 @@ class _Drive(NamedTuple):
 
     Attributes:
         seconds: Simulated time, s.
-        reason: Reason of the fall; None at the end of the time.
+        reason: Reason of the fall, or `DIVERGED`; None at the end of the time.
         steps: Steps taken.
         path: Length of the way of the pelvis, m.
         drift: Distance of the estimated from the true CoM at the end, seen from above, m.
@@ -110,6 +113,8 @@ def driving_outcome(spec: DrivingSpec, check: Check) -> Outcome:
         while driven < total - 1e-6:
             drives.append(drive := _drive(spec, total - driven, rng, check, memory, driven))
             driven += drive.seconds
+            if drive.reason == DIVERGED:
+                return Outcome("diverged", error=f"the simulation has diverged after {driven:.1f} s")
     falls = [drive for drive in drives if drive.reason is not None]
     low, high = rate_interval(len(falls), driven / HOUR)
     path = sum(drive.path for drive in drives)
@@ -166,7 +171,7 @@ def _drive(
         try:
             measurement = plant.measure()
         except MeasurementError:
-            reason = "diverged"
+            reason = DIVERGED
             break
         plant.step(walking.command(measurement))
         now = plant.data.qpos[:2].copy()
@@ -174,7 +179,7 @@ def _drive(
         memory.update(driven + plant.time)
         fall = walking.fallen or (None if plant.diverged else trial.true_fall())
         if plant.diverged or fall is not None:
-            reason = "diverged" if fall is None else fall.name.lower()
+            reason = DIVERGED if fall is None else fall.name.lower()
             break
     truth, estimate = plant.truth(), walking.control.observer.robot
     drift = math.hypot(*(truth.com[:2] - estimate.com[:2]).tolist())

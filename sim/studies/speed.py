@@ -143,14 +143,15 @@ def speed_limit_outcome(spec: SpeedLimitSpec, check: Check) -> Outcome:
 
     limit = largest_recovered(walks, spec.highest, spec.resolution + 1e-12)
     fastest = max((each["moved"] for each in tried if each["outcome"] == "completed"), default=0.0)
+    diverged = any(each["outcome"] == "diverged" for each in tried)
     record = {
-        "speed": limit,
+        "speed": None if diverged else limit,
         "moved": moved[limit],
         "fastest": fastest,
         "walks": len(tried),
         "tried": tried,
     }
-    return Outcome("done", record, {"wall_s": time.perf_counter() - begin})
+    return Outcome("diverged" if diverged else "done", record, {"wall_s": time.perf_counter() - begin})
 
 
 register_trial(SpeedLimitSpec.kind, TrialKind(SpeedLimitSpec.from_json, speed_limit_outcome))

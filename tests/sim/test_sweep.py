@@ -21,7 +21,7 @@ import pytest
 from sweep_trials import MadeUpTrial, killed_at_start
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.sim.studies import speed, trials
+from wbc.sim.studies import driving, speed, trials
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.driving import DrivingSpec
 from wbc.sim.studies.intervals import (
@@ -377,6 +377,28 @@ def test_a_driven_robot_that_falls_sets_off_anew_and_its_falls_are_counted() -> 
     assert result["drift"] == max(fall["drift"], rest["drift"])
     with pytest.raises(InputError, match="random ones"):
         DrivingSpec(walk=WalkSpec(pushes=(WalkPush(impulse=0.3, time=1.0),)))
+
+
+def test_a_drive_or_search_whose_physics_diverges_is_no_fall(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = iter([(3.0, "tilt"), (2.0, "diverged")])
+
+    def drive(*_: Any) -> driving._Drive:
+        seconds, reason = next(ended)
+        nothing = (0.0, 0.0, 0.0)
+        return driving._Drive(seconds, reason, 1, 1.0, 0.0, 0.0, nothing, None)
+
+    monkeypatch.setattr(driving, "_drive", drive)
+    outcome = run_trial(DrivingSpec(walk=WalkSpec(), minutes=1.0))
+    assert (outcome.status, outcome.result) == ("diverged", None) and "after 5.0 s" in str(outcome.error)
+
+    def made_up(spec: WalkSpec, hooks: Any) -> SimpleNamespace:
+        hooks[1].rows.append((0.0, 0.0, 0.0, 0.0))
+        assert spec.plan.drive is not None
+        return SimpleNamespace(outcome="diverged" if spec.plan.drive[0][1] > 0.3 else "fell", steps_done=3)
+
+    monkeypatch.setattr(speed, "walk", made_up)
+    outcome = run_trial(SpeedLimitSpec(walk=WalkSpec(), highest=0.4, resolution=0.2))
+    assert outcome.status == "diverged" and outcome.result is not None and outcome.result["speed"] is None
 
 
 def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
