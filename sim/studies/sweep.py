@@ -322,6 +322,23 @@ def _local_workers(count: int, begun: Any) -> Iterator[list[_Worker]]:
 
 
 @contextlib.contextmanager
+def local_executor(workers: int) -> Iterator[Executor]:
+    """Make an executor of local processes for many small sweeps, which take over its processes from one another.
+
+    Each has one thread for linear algebra, and ends when this process does, however it ends.
+
+    Args:
+        workers: Number of processes.
+    """
+    context = multiprocessing.get_context("spawn")
+    with (
+        _one_thread(),
+        ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool,
+    ):
+        yield pool
+
+
+@contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
     """Limit the threads of processes that are started meanwhile."""
     before = {name: os.environ.get(name) for name in THREADS}

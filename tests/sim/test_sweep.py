@@ -233,6 +233,29 @@ def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_p
     assert set(by_number(path)) == set(range(count))
 
 
+def test_processes_for_many_sweeps_have_one_thread_and_end_with_their_program() -> None:
+    code = """
+import os
+from wbc.sim.studies.sweep import local_executor
+with local_executor(1) as pool:
+    print(pool.submit(os.getpid).result(), pool.submit(os.getenv, "OMP_NUM_THREADS").result(), flush=True)
+    os.kill(os.getpid(), 9)
+"""
+    environment = os.environ | {"OMP_NUM_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        check=False,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        timeout=60.0,
+    )
+    assert done.returncode == -signal.SIGKILL
+    pid, threads = done.stdout.split()
+    assert threads == b"1"
+    _wait_until_gone({int(pid)})
+
+
 def _wait_until_gone(pids: set[int]) -> None:
     """Processes of a sweep end with it."""
     give_up = time.monotonic() + 60.0

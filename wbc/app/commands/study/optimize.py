@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -28,7 +26,7 @@ from wbc.sim.studies.paper.optimization import (
 )
 from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation
 from wbc.sim.studies.study_table import StudyTable, study_table
-from wbc.sim.studies.sweep import cluster_executor, sweep
+from wbc.sim.studies.sweep import cluster_executor, local_executor, sweep
 from wbc.sim.terrain import terrain_families
 from wbc.sim.walks import WalkSpec
 
@@ -207,12 +205,10 @@ def open_runner(
     """Open journal and workers once for many small sweeps; yield the function that runs the walks of one."""
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(options.journal, sync=options.sync))
-        executor: Any
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
         else:
-            pool = ProcessPoolExecutor(options.workers, mp_context=get_context("spawn"))
-            executor = stack.enter_context(pool)
+            executor = stack.enter_context(local_executor(options.workers))
         bar = stack.enter_context(progress_bar())
         task = bar.add_task(title, total=total, rate="")
 
