@@ -226,7 +226,7 @@ def study_table(
     members: dict[str, set[str]] = {}  # row → its cells
     for trial, entry in study_entries(study, entries, any_code=any_code):
         row = _row(trial, by) if by else trial.cell
-        value = _value(entry, name, completed_only)
+        value = value_of(entry, name, completed_only=completed_only)
         layout = layout_of(trial.plain)
         for title in (row, ALL):
             members.setdefault(title, set()).add(trial.cell)
@@ -298,8 +298,18 @@ def _row(trial: StudyTrial, by: Sequence[str]) -> str:
     )
 
 
-def _value(entry: Entry | None, name: str, completed_only: bool) -> float | None:
-    """Return a number of a trial's result; None where it was not measured or is not counted."""
+def value_of(entry: Entry | None, name: str, *, completed_only: bool = False) -> float | None:
+    """Return a number of a trial's result; None where it was not measured or is not counted.
+
+    Args:
+        entry: The trial's entry; None if it has not been run.
+        name: Part of the result, such as "zmp_error.mean".
+        completed_only: Only walks that were completed are counted.
+
+    Raises:
+        UnknownNameError: The result has no such part.
+        InputError: The part is no number.
+    """
     if entry is None or entry.status != "done" or entry.result is None:
         return None
     if completed_only and entry.result.get("outcome") != "completed":

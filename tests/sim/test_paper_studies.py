@@ -113,6 +113,24 @@ def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> N
         choice(study, {}, ["5"])
 
 
+def test_layouts_without_a_value_are_left_out_of_a_choice_and_texts_are_no_metric() -> None:
+    study = authority(seeds=6).narrowed(["boards", "stones"])
+    entries = {}
+    for trial in study.trials():
+        unknown = (trial.cell.split(",")[0], trial.arm, trial.seed) == (
+            "boards",
+            "5",
+            100,
+        )  # such as after a fall
+        result = {"outcome": "fell", "zmp_error": {"mean": None if unknown else 0.01, "std": 0.0}}
+        entry = Entry(dict(trial.plain), "done", result, None, None, provenance())
+        entries[entry.key] = entry
+    found = choice(study, entries, metric="zmp_error.mean")
+    assert [ground.layouts for ground in found.grounds] == [5, 6] and found.missing == 1
+    with pytest.raises(InputError, match="'outcome' of a result is no number but 'fell'"):
+        choice(study, entries, metric="outcome")
+
+
 def test_a_choice_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     study = authority(seeds=5).narrowed(["boards", "stones"])
     with Journal(tmp_path / "authority.jsonl") as journal:

@@ -16,7 +16,7 @@ from wbc.sim.studies.best_stiffness import Label
 from wbc.sim.studies.intervals import Equivalence, Estimate, equivalence, holm, mean_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import METRICS, Study, study_entries
-from wbc.sim.studies.study_table import part_of
+from wbc.sim.studies.study_table import value_of
 
 FOLDS = 5
 """Parts of the layouts of a ground: an arm is chosen on all but one of them and judged on the last."""
@@ -159,7 +159,8 @@ def choice(
 
     Raises:
         UnknownNameError: An arm or metric that there is not.
-        InputError: Fewer than two arms, or no cell with two layouts that all arms have walked.
+        InputError: Fewer than two arms, no cell with two layouts that all arms have walked, or a metric that is no
+            number.
     """
     name = metric or study.metric or METRICS[study.kind]
     chosen = tuple(arms) or tuple(arm for arm, parts in study.arms.items() if "stiffness" in parts)
@@ -213,8 +214,8 @@ def _complete(
     """Return cell → values (layouts, arms) of the layouts that all arms have walked, and the number of the others."""
     found: dict[tuple[str, int], dict[str, float]] = {}
     for trial, entry in study_entries(study, entries, any_code=any_code):
-        if entry is not None and entry.status == "done" and entry.result is not None:
-            value = float(part_of(entry.result, metric, "part of a result"))
+        value = value_of(entry, metric)
+        if value is not None:
             found.setdefault((trial.cell, trial.seed), {})[trial.arm] = value
     rows: dict[str, list[list[float]]] = {}
     missing = 0
