@@ -416,6 +416,14 @@ def _alive(pid: int) -> bool:
         return sys.platform != "linux"
 
 
+def test_frames_have_their_room_on_the_disk_before_they_are_written() -> None:
+    """Memory that a full disk has no room for ends the program at the first frame, with a bus error."""
+    channel = Channel(3)
+    held = os.fstat(channel.fd)
+    channel.close()
+    assert held.st_size > 2 * MAX_ANNOTATIONS and 512 * held.st_blocks >= held.st_size
+
+
 def test_of_many_frames_the_newest_counts() -> None:
     writer = Channel(3)
     reader = Channel(3, os.dup(writer.fd))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 import tempfile
@@ -46,9 +47,11 @@ class Channel:
         )
         self._file: IO[Any] | None = None
         if fd is None:
-            self._file = tempfile.TemporaryFile(prefix="wbc-view-")  # noqa: SIM115 (closed by `close`)
+            self._file = tempfile.TemporaryFile(prefix="wbc-view-", buffering=0)  # noqa: SIM115 (closed by `close`)
             fd = self._file.fileno()
-            os.ftruncate(fd, layout.itemsize)
+            # All of it now: memory over a hole that a full disk cannot fill ends the program with a bus error.
+            if self._file.write(bytes(layout.itemsize)) < layout.itemsize:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), tempfile.gettempdir())
         self.fd = fd
         self._memory = mmap.mmap(fd, layout.itemsize)
         self._all: Any = np.frombuffer(self._memory, layout, 1)[0]
