@@ -283,7 +283,14 @@ def test_colours_are_those_of_the_urdf() -> None:
 # ---- the page -------------------------------------------------------------------------------------------------------
 
 
-def test_the_page_holds_robot_ground_forces_and_labels(plant: wbc.Plant, view: MeshcatView) -> None:
+def test_the_page_holds_robot_ground_forces_and_labels(
+    plant: wbc.Plant, view: MeshcatView, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("no_proxy", "NO_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(
+        "http_proxy", "http://127.0.0.1:9"
+    )  # pages of this machine are not asked for elsewhere
     view.update()
     html = view.html()
     assert "hrp4_class" in html and "contact force" in html and f"{plant.time:.2f} s" in html

@@ -128,7 +128,8 @@ class DrawingProcess:
         """
         if not self.running:
             raise ViewError("the live view has ended")
-        with urllib.request.urlopen(self._local + "scene.html", timeout=30.0) as answer:
+        direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # it is this machine
+        with direct.open(self._local + "scene.html", timeout=30.0) as answer:
             return str(answer.read().decode("utf-8"))
 
     def close(self) -> None:
