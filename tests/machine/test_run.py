@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import types
@@ -290,6 +291,16 @@ def test_a_driver_that_the_guard_cannot_use_is_refused(monkeypatch: pytest.Monke
     driver.wire = threading.Lock()  # type: ignore[attr-defined]
     with pytest.raises(MachineError, match="a UdpDriver cannot be pickled .*guard=False"):
         Guard(driver, 0.015)
+
+
+def test_the_guard_leaves_no_file_behind_where_memory_needs_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on macOS, which has no memfd."""
+    monkeypatch.delattr(os, "memfd_create", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    Guard(UdpDriver(DESCRIPTION, port=9), 0.015).close()
+    assert not list(tmp_path.iterdir())
 
 
 # ---- UDP -------------------------------------------------------------------------------------------------------------

@@ -64,11 +64,11 @@ class Guard:
                 f"the guard needs a copy of the driver, and a {type(driver).__name__} cannot be pickled ({error}): "
                 "open its wire at the first call; guard=False runs without"
             ) from error
-        self._fd = (
-            os.memfd_create("wbc_guard")
-            if hasattr(os, "memfd_create")
-            else tempfile.mkstemp(prefix="wbc_guard_")[0]
-        )
+        if hasattr(os, "memfd_create"):
+            self._fd = os.memfd_create("wbc_guard")
+        else:
+            self._fd, name = tempfile.mkstemp(prefix="wbc_guard_")
+            os.unlink(name)  # the descriptor is enough
         os.ftruncate(self._fd, mmap.PAGESIZE)
         self._memory = mmap.mmap(self._fd, mmap.PAGESIZE)
         self._memory[: BEAT.size] = BEAT.pack(0.0, 0.0)
