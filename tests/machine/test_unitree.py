@@ -142,6 +142,13 @@ def test_the_motion_switcher_releases_the_motors_and_gives_them_back() -> None:
 
 
 @dds
+def test_an_interface_that_there_is_not_is_refused() -> None:
+    """DDS itself would take another one, and commands would go to whatever robot is there."""
+    with pytest.raises(DdsError, match="cannot use the network interface 'nosuch0'"):
+        UnitreeDriver(DESCRIPTION, "nosuch0", domain=10).read(0.0)
+
+
+@dds
 @pytest.mark.slow
 def test_a_g1_in_another_process_is_driven_over_loopback() -> None:
     """It ramps to the stand, feels its weight through its joints, balances in torque control and is damped."""

@@ -141,10 +141,17 @@ class Topics:
             writes: Topic to write.
 
         Raises:
-            DdsError: cyclonedds is not installed.
+            DdsError: cyclonedds is not installed, or it cannot use that interface.
         """
         kinds = messages()
-        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet  # noqa: PLC0415
+        from cyclonedds.core import (  # noqa: PLC0415
+            DDSException,
+            InstanceState,
+            ReadCondition,
+            SampleState,
+            ViewState,
+            WaitSet,
+        )
         from cyclonedds.domain import Domain, DomainParticipant  # noqa: PLC0415
         from cyclonedds.pub import DataWriter  # noqa: PLC0415
         from cyclonedds.sub import DataReader  # noqa: PLC0415
@@ -152,8 +159,13 @@ class Topics:
 
         try:
             self._domain = Domain(domain, CONFIG.format(interface))
-        except Exception:  # it has been configured in this process before
-            self._domain = None
+        except DDSException as error:
+            if error.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+                # A participant without the domain would speak on another interface, to whatever robot is there.
+                raise DdsError(
+                    f"DDS cannot use the network interface '{interface}' ({error}); the standard error may say why"
+                ) from error
+            self._domain = None  # it has been configured in this process before
         participant = DomainParticipant(domain)
         self._type = kinds[writes]
         self._reader = DataReader(participant, Topic(participant, reads, kinds[reads]))
