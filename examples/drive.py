@@ -8,6 +8,7 @@ Without a terminal it walks an S. The velocity is a value that changes at any ti
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import sys
 from collections.abc import Iterator, Sequence
@@ -28,12 +29,20 @@ def keys() -> Iterator[Any]:
     import termios  # noqa: PLC0415 - only on a terminal
     import tty  # noqa: PLC0415
 
-    old = termios.tcgetattr(sys.stdin)
+    terminal = sys.stdin.fileno()
+    old = termios.tcgetattr(terminal)
+
+    def key() -> str:
+        if not select.select([terminal], [], [], 0.0)[0]:
+            return ""
+        # Not of sys.stdin, whose buffer would hide the rest of an arrow's sequence from `select`.
+        return os.read(terminal, 1).decode(errors="replace")
+
     try:
-        tty.setcbreak(sys.stdin)
-        yield lambda: sys.stdin.read(1) if select.select([sys.stdin], [], [], 0.0)[0] else ""
+        tty.setcbreak(terminal)
+        yield key
     finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, old)
+        termios.tcsetattr(terminal, termios.TCSADRAIN, old)
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:

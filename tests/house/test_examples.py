@@ -5,6 +5,9 @@ from __future__ import annotations
 import ast
 import importlib
 import io
+import os
+import pty
+import select
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -199,6 +202,16 @@ def test_drive_walks_an_s_without_a_terminal(load: Load, monkeypatch: pytest.Mon
     monkeypatch.setattr("sys.stdin", io.StringIO())
     result = load("drive").main(["--seconds", "4"])
     assert result["upright"] and result["steps"] >= 2 and 0.05 < result["forward_m"] < 0.8
+
+
+def test_drive_takes_every_key_as_soon_as_it_is_pressed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, terminal = pty.openpty()
+    with os.fdopen(ours, "wb", buffering=0) as keyboard, os.fdopen(terminal) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        with load("drive").keys() as pressed:
+            keyboard.write(b"\x1b[Aq")  # arrow up, q
+            assert select.select([terminal], [], [], 10.0)[0]
+            assert [pressed() for _ in range(5)] == ["\x1b", "[", "A", "q", ""]
 
 
 def test_walk_on_stones_feels_them(load: Load) -> None:
