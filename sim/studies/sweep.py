@@ -17,7 +17,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -34,7 +34,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, positive
 from wbc.core.settings import to_json
 from wbc.sim.studies.journal import Entry, Journal, Status, trial_key
-from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.trials import Outcome, Trial, run_trial, trial_from_json
 
 TIMEOUT = 600.0
@@ -124,7 +124,7 @@ def sweep(
     Raises:
         InputError: A number of workers below 1, or a time-out that is not positive.
         JournalError: The journal cannot be written.
-        SweepError: The executor has broken down.
+        SweepError: The executor has broken down, or its processes have other code than this one.
     """
     if workers < 1 or in_flight < 1:
         raise InputError(f"workers and trials in flight must be at least 1, got {workers} and {in_flight}")
@@ -208,7 +208,7 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
         while waiting or running:
             while waiting and idle:
                 worker, number = idle.pop(), waiting.popleft()
-                running[worker.submit(number, pending[number][0], timeout)] = worker, number
+                running[worker.submit(number, pending[number][0], timeout, provenance())] = worker, number
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 worker, number = running.pop(future)
@@ -227,10 +227,16 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
 
 
 def _outcome(future: Future[Outcome]) -> Outcome:
-    """Return the outcome of a trial that has ended, with or without its process."""
+    """Return the outcome of a trial that has ended, with or without its process.
+
+    Raises:
+        SweepError: The trial was not run, as its process has other code.
+    """
     error = _error(future)
     if error is None:
         return future.result()
+    if isinstance(error, SweepError):
+        raise error
     if isinstance(error, BrokenExecutor):
         return Outcome("crashed", error="the process that ran it died")
     return Outcome("crashed", error=f"{type(error).__name__}: {error}")  # such as a spec that cannot be sent
@@ -254,7 +260,7 @@ def _feed(
         while pending or running:
             while pending and len(running) < in_flight and not lost:
                 try:
-                    future = executor.submit(run_trial, pending[0][0], timeout)
+                    future = executor.submit(_run, pending[0][0], timeout, provenance())
                 except BrokenExecutor:
                     lost.append(pending.popleft())
                     break
@@ -282,18 +288,18 @@ class _Worker:
         self._begun = begun
         self._pool: ProcessPoolExecutor | None = None
 
-    def submit(self, number: int, spec: Trial, timeout: float | None) -> Future[Outcome]:
-        """Give the process a trial; `begun[number]` is set as soon as it begins."""
+    def submit(self, number: int, *trial: Any) -> Future[Outcome]:
+        """Give the process the arguments of `_run`; `begun[number]` is set as soon as the trial begins."""
         if self._pool is not None:
             try:
-                return self._pool.submit(_begin, number, spec, timeout)
+                return self._pool.submit(_begin, number, *trial)
             except BrokenExecutor:
                 self.end()
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(
             1, mp_context=context, initializer=_start_worker, initargs=(self._begun,)
         )
-        return self._pool.submit(_begin, number, spec, timeout)
+        return self._pool.submit(_begin, number, *trial)
 
     def end(self, *, wait: bool = True) -> None:
         """End the process after its trial."""
@@ -358,10 +364,26 @@ _begun: Any = None
 a lock would never be released by a process that is killed."""
 
 
-def _begin(number: int, spec: Trial, timeout: float | None) -> Outcome:
+def _begin(number: int, spec: Trial, timeout: float | None, version: Mapping[str, Any]) -> Outcome:
     """Mark a trial as begun and run it, in a local process."""
     _begun[number] = 1
-    return run_trial(spec, timeout, exit_when_stuck=True)
+    return _run(spec, timeout, version, exit_when_stuck=True)
+
+
+def _run(
+    spec: Trial, timeout: float | None, version: Mapping[str, Any], *, exit_when_stuck: bool = False
+) -> Outcome:
+    """Run a trial, by the code that the journal will name alone.
+
+    Raises:
+        SweepError: This process has other code: sources have changed since the sweep began, or a cluster has its own.
+    """
+    if other := differences(version):
+        raise SweepError(
+            f"a process that runs trials has other code than the sweep, which has {', '.join(other)}; run the sweep "
+            "again with one version of the code"
+        )
+    return run_trial(spec, timeout, exit_when_stuck=exit_when_stuck)
 
 
 def _start_worker(begun: Any = None) -> None:

@@ -102,6 +102,20 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
         assert sweep([trial], journal, executor=pool).run == 1
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_processes_with_other_code_end_a_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: bool
+) -> None:
+    """A cluster may have it, or a process that starts again after an edit: the journal would name the wrong code."""
+    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
+    monkeypatch.setattr(sweep_module, "provenance", lambda: {**provenance(), "code": "another"})
+    trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
+    with Journal(path) as journal, ThreadPoolExecutor(1) as pool:
+        with pytest.raises(SweepError, match=f"other code .* code another instead of {provenance()['code']}"):
+            sweep(trials, journal, executor=None if own else pool)
+        assert not journal.entries and not marks.exists()
+
+
 def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     kinds = ["work", "die", "work"]
