@@ -57,9 +57,10 @@ def test_a_log_of_any_loop_is_drawn_and_replayed(tmp_path: Path, how: str) -> No
         pelvis = replay.scene.bodies.index(DESCRIPTION.robot().base_frame)
         np.testing.assert_allclose(snapshot.poses[pelvis, :3, 3], DESCRIPTION.robot().q[:3], atol=2e-3)
         assert len(snapshot.forces) == (2 if tick else len(snapshot.forces))
+    np.testing.assert_allclose(replay.base_places, np.tile(DESCRIPTION.robot().q[:3], (20, 1)), atol=2e-3)
+    assert "<html" in replay_page(replay, rate=30.0)
     if how == "loop":
         draw("torque", [log])
-        assert "<html" in replay_page(replay, rate=30.0)
 
 
 def test_measurements_and_commands_alone_are_a_log_but_no_replay(tmp_path: Path) -> None:

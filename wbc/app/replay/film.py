@@ -129,7 +129,7 @@ def _pictures(
     captions = _Captions(replay, height)
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.com_height, 130.0, -12.0
-    places = replay.log["truth/base/position"]
+    places = replay.base_places
     camera.lookat[:] = (*places[ticks[0], :2], replay.scene.floor + 0.85 * replay.scene.com_height)
     share = 1.0 - np.exp(-1.0 / (rate * FOLLOW_TIME))
     with _drawing_context(width, height):

@@ -50,7 +50,7 @@ def replay_page(
         frames[i] = replay.frame(tick)[:, :3, :].transpose(0, 2, 1)
         if progress is not None:
             progress(i + 1, len(ticks))
-    log, places = replay.log, replay.log["truth/base/position"][ticks]
+    log, places = replay.log, replay.base_places[ticks]
     controls = Template(CONTROLS.read_text("utf-8")).substitute(
         nonce=nonce,
         last=len(ticks) - 1,

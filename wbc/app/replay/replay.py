@@ -36,6 +36,7 @@ class Replay:
         scene: The scene, with the overlays.
         overlays: Footsteps, support region and DCM of a walk.
         sole_paths: Paths of each foot in the colour of its stiffness; empty for a passive foot.
+        base_places: Places of the base as it is shown, shape (ticks, 3), m.
     """
 
     def __init__(self, log: Log) -> None:
@@ -59,7 +60,7 @@ class Replay:
         self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
         self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
         self._zmp = log["zmp/measured"] if "zmp/measured/x" in log else None
-        self.sole_paths = self._stage.sole_paths
+        self.sole_paths, self.base_places = self._stage.sole_paths, self._stage.q[:, :3]
         self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
         self._push: tuple[Array, ...] = ()
         if "truth/push/point/x" in log:
@@ -116,7 +117,11 @@ class Replay:
 
 
 class _PlantStage:
-    """The plant of a log, put into logged states."""
+    """The plant of a log, put into logged states.
+
+    Attributes:
+        q: Positions of the robot in MuJoCo's order, shape (ticks, size).
+    """
 
     def __init__(self, log: Log, plant: Plant) -> None:
         self.source, self._plant = PlantSource(plant), plant
@@ -124,7 +129,7 @@ class _PlantStage:
         self._soles = [model.site(foot.wrench_site).id for foot in plant.feet]
         self.sole_paths = tuple(sole_paths(model, foot) for foot in plant.feet)
         joints = [model.joint(i) for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
-        self._q = _base_in_mujoco(log, 7 + len(joints))
+        self.q = _base_in_mujoco(log, 7 + len(joints))
         for joint in joints:
             name = position_signal(joint.name, plant.robot)
             if name not in log:
@@ -132,12 +137,12 @@ class _PlantStage:
                     f"{log.path} has no '{name}': the plant of {log.header.get('program', 'the log')} had "
                     "other joints than the one that this version builds"
                 )
-            self._q[:, joint.qposadr[0]] = log[name]
+            self.q[:, joint.qposadr[0]] = log[name]
 
     def show(self, tick: int) -> None:
         """Put all bodies into their positions at a tick; furniture stays where it was at the start."""
         plant = self._plant
-        plant.data.qpos[: self._q.shape[1]] = self._q[tick]
+        plant.data.qpos[: self.q.shape[1]] = self.q[tick]
         mujoco.mj_kinematics(plant.model, plant.data)
 
     def poses(self) -> Array:
@@ -151,7 +156,11 @@ class _PlantStage:
 
 
 class _LoopStage:
-    """The robot of any other loop, put into the true states of a log, or into the estimated ones without these."""
+    """The robot of any other loop, put into the true states of a log, or into the estimated ones without these.
+
+    Attributes:
+        q: Configurations, shape (ticks, nq).
+    """
 
     sole_paths: tuple[tuple[str, ...], ...] = ((), ())
 
@@ -170,13 +179,13 @@ class _LoopStage:
         quaternion = log[f"{base}/orientation"]
         quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
         columns = np.column_stack([log[f"{joints}/{name}"] for name in self._robot.joint_names])
-        self._q = np.ascontiguousarray(
+        self.q = np.ascontiguousarray(
             np.hstack([log[f"{base}/position"], quaternion, columns]), dtype=np.float64
         )
 
     def show(self, tick: int) -> None:
         """Put all links into their positions at a tick."""
-        self._robot.update_kinematics(self._q[tick], np.zeros(self._robot.nv))
+        self._robot.update_kinematics(self.q[tick], np.zeros(self._robot.nv))
 
     def poses(self) -> Array:
         """Return the poses of the scene's bodies, shape (number of bodies, 4, 4)."""
