@@ -16,6 +16,7 @@ from typing import Annotated, Any
 from cyclopts import App, Argument, ArgumentCollection, Parameter, Token
 from cyclopts.config import Dict
 
+from wbc.app.files import unique
 from wbc.core.errors import InputError
 from wbc.core.files import read_json, read_text
 from wbc.core.settings import usable_path
@@ -63,7 +64,7 @@ def read_options(path: Path) -> dict[str, Any]:
     if kind not in ("toml", "json"):
         raise InputError(f"the name of a file of options must end in .toml or .json, got '{path.name}'")
     if kind == "json":
-        data = read_json(path, object_pairs_hook=_unique)
+        data = read_json(path, object_pairs_hook=unique)
     else:
         try:
             data = tomllib.loads(read_text(path))
@@ -72,15 +73,6 @@ def read_options(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise InputError(f"{path} must hold options with their values, got {type(data).__name__}")
     return data
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object, and refuse a name that is given twice, as TOML does."""
-    names = [name for name, _ in pairs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"'{name}' is given twice")
-    return dict(pairs)
 
 
 def preset_options(name: str) -> dict[str, Any]:

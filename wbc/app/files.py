@@ -46,6 +46,20 @@ def check_target(
     return target
 
 
+def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object, for `json.loads`.
+
+    Raises:
+        ValueError: A name that is given twice; of two values the first would be lost.
+    """
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ValueError(f"'{name}' is given twice")
+        found[name] = value
+    return found
+
+
 def read_object(what: str, path: Path) -> dict[str, Any]:
     """Return the object in a JSON file.
 
@@ -54,9 +68,9 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
         path: The file.
 
     Raises:
-        InputError: The file cannot be read, is not JSON or holds no object.
+        InputError: The file cannot be read, is not JSON, holds no object, or one with the same name twice.
     """
-    data = read_json(path)
+    data = read_json(path, object_pairs_hook=unique)
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")
     return data
