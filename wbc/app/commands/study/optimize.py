@@ -18,6 +18,7 @@ from wbc.core.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.paper.optimization import (
     BOUNDS,
+    FIRST_DESIGN,
     Bounds,
     OptimisationSpec,
     Walked,
@@ -56,7 +57,7 @@ class OptimizeOptions(RunOptions):
         any_code: Take walks of other versions of the code, too.
     """
 
-    budget: Annotated[Count, Field(le=100_000)] = 400
+    budget: Annotated[int, Field(ge=FIRST_DESIGN, le=100_000)] = 400
     bounds: Literal["wide", "paper"] = "wide"
     k: tuple[float, float] | None = None
     kp: tuple[float, float] | None = None
