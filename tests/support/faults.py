@@ -128,7 +128,8 @@ def faults() -> dict[str, tuple[Fault, bool]]:
     found["measurement None"] = (lambda m, _: None.__class__, True)
     found["measurement a text"] = (lambda m, _: "measurement", True)
     for name in SIGNALS:
-        found[f"{name} None"] = (lambda m, _, name=name: replace(m, **{name: None}), True)
+        # without wrenches a measurement is that of a robot without force sensors, which is no fault
+        found[f"{name} None"] = (lambda m, _, name=name: replace(m, **{name: None}), name != "sole_wrench")
         found[f"{name} too short"] = (_changed(name, lambda a: a[:-1]), True)
     found["joint_position a list"] = (
         lambda m, _: replace(m, joint_position=m.joint_position.tolist()),
