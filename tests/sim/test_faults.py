@@ -67,7 +67,9 @@ def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: st
     report = run(task, mode, name, lasting=True)
     assert report.raised is None and report.wild is None
     if faults()[name][1]:
-        in_the_air = task == "walk" and name == "right force sensor dead"  # until it carries the robot, at 3.0 s
+        in_the_air = (
+            task == "walk" and name == "right force sensor dead"
+        )  # until it carries the robot, at 3.0 s
         assert report.named <= (0.8 if in_the_air else 0.2), f"named after {report.named} s: {report.status}"
     else:
         assert report.upright or math.isfinite(report.named), "fell without a word"

@@ -24,8 +24,8 @@ import threading
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -418,8 +418,17 @@ def _plan() -> Any:
     return FootstepPlan(Footstep("left", 0.0, 0.1), Footstep("right", 0.0, -0.1), (), Gait())
 
 
-def valid(name: str, package: str) -> Any:
-    """Return a usable value for a parameter without default, by its name; `inspect.Parameter.empty` when unknown."""
+def _made(target: Any, name: str) -> Any:
+    """Return a value of the class that a parameter asks for, where the class has defaults for all; None otherwise."""
+    hint = inspect.signature(target, eval_str=True).parameters[name].annotation
+    if get_origin(hint) is Mapping:
+        return {}
+    parameters = inspect.signature(hint).parameters.values() if is_dataclass(hint) else ()
+    return hint() if parameters and all(p.default is not p.empty for p in parameters) else None
+
+
+def valid(target: Any, name: str, package: str) -> Any:
+    """Return a usable value for a parameter without default, by function and name; None when unknown."""
     import wbc  # noqa: PLC0415
     from wbc import feet, sim, walking  # noqa: PLC0415
 
@@ -503,9 +512,14 @@ def valid(name: str, package: str) -> Any:
         "landing": lambda: walking.Footstep("left", 0.2, 0.1),
         "amplitude": lambda: 0.02,
         "parameters": lambda: sim.make_terrain("stones").parameters,
+        "estimate": lambda: _description().robot(),
+        "edges": lambda: (0.1, 0.05),
+        "posture": wbc.PostureTask,
+        "Arm name": lambda: "left_hand",
+        "Arms com": wbc.CoMTask,
     }
-    maker = makers.get(name)
-    return inspect.Parameter.empty if maker is None else maker()
+    maker = makers.get(f"{target.__name__} {name}", makers.get(name))
+    return _made(target, name) if maker is None else maker()
 
 
 SKIP = {
@@ -586,8 +600,7 @@ def run_api(case: ApiCase) -> str | None:
         ):
             continue
         if parameter.default is parameter.empty:
-            value = valid(parameter.name, case.package)
-            arguments[parameter.name] = None if value is parameter.empty else value
+            arguments[parameter.name] = valid(target, parameter.name, case.package)
     arguments[case.parameter] = HOSTILE[case.value]()
     if case.function in ("push_standing", "largest_push", "push_table", "real_time_factor"):
         return None  # long work that legal values ask for

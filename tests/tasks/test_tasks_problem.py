@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import qpsolvers
 from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, right_hand, standing
@@ -15,7 +16,7 @@ from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import Status
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -60,6 +61,16 @@ def by_daqp(problem: Problem) -> Array | None:
     )
     solution = qpsolvers.solve_problem(standard, solver="daqp")
     return solution.x if solution.found else None
+
+
+@robots
+def test_without_tasks_and_contacts_a_robot_falls_freely(name: str) -> None:
+    controller = Controller(make_robot(name), 0.002)
+    controller.add(TorqueLimits())
+    solution = controller.solve()
+    robot = controller.robot
+    com_acceleration = pin.jacobianCenterOfMass(robot.model, robot.data, robot.q) @ solution.accelerations
+    np.testing.assert_allclose(com_acceleration, [0.0, 0.0, -GRAVITY], atol=1e-6)
 
 
 @robots

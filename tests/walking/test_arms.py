@@ -13,7 +13,7 @@ from wbc.core.robot import BASE_DOF
 from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
 from wbc.tasks import CoMTask, PostureTask
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl
-from wbc.walking.hands.reaching import Arms, approach
+from wbc.walking.hands.reaching import Arm, Arms, approach
 from wbc.walking.pattern.swing import FootMotion
 
 DT = 0.005
@@ -134,6 +134,9 @@ def test_bad_targets_are_refused_with_the_choices() -> None:
         arms.place("world", pin.SE3.Identity())
     with pytest.raises(InputError, match="speed"):
         ArmSettings(speed=0.0)
+    controller = Controller(load_robot("hrp4_class").robot(), DT)
+    with pytest.raises(UnknownNameError, match="no hand 'left'; did you mean 'left_hand'"):
+        Arm(controller, "left", DT, ArmSettings(), {}, {})
 
 
 def test_arms_swing_with_the_opposite_foot() -> None:

@@ -342,7 +342,7 @@ class Assembly:
         rows, excess = self._rows, self._excess
         np.abs(rows.error, out=excess)
         excess -= rows.bound
-        if not excess[excess.argmax()] > 0.0:
+        if not self._bounded or not excess[excess.argmax()] > 0.0:
             return rows.error
         errors = rows.error.copy()
         for task, place in self._bounded:

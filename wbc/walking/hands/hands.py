@@ -78,6 +78,7 @@ class Hands:
             estimate, which holds on to the feet.
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,

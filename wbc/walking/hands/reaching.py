@@ -86,6 +86,7 @@ class Arm:
         joints: Joints of the arm, as indices in arrays of shape (na,).
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,
@@ -107,7 +108,7 @@ class Arm:
         """
         self._objects, self._occupied = objects, occupied
         robot = controller.robot
-        self.name, self.frame = name, robot.frames[name]
+        self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]
         trunk = robot.base_frame if settings.waist else robot.torso_frame
         self.joints = robot.joints_between(self.frame, trunk)
         self._spared = np.setdiff1d(np.arange(robot.nv), np.array(self.joints, dtype=int) + BASE_DOF)
@@ -292,6 +293,7 @@ class Arms:
         occupied: Hands that may press or grip, role → hand; one that does is given no target.
     """
 
+    @checked
     def __init__(
         self, controller: Controller, com: CoMTask, posture: PostureTask, dt: float, settings: ArmSettings
     ) -> None:
