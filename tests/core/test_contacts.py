@@ -419,6 +419,19 @@ def test_contacts_that_are_off_weigh_nothing() -> None:
     np.testing.assert_allclose(np.linalg.norm(solution.accelerations[:3]), 9.80665, rtol=1e-6)
 
 
+def test_a_contact_that_is_off_takes_no_force_for_its_velocity() -> None:
+    """Targets may go on while a contact is off, as those of a motion do."""
+    controller = standing("hrp4_class", 0.005)
+    right = controller.contact("right_foot")
+    right.ramp, right.active = 0.0, False
+    alone = controller.solve()
+    right.velocity = (0.0, 0.1, 0.3, 0.0, 0.0, 0.1)
+    moving = controller.solve()
+    assert alone.ok and moving.ok
+    np.testing.assert_allclose(moving.wrenches["right_foot"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(moving.torques, alone.torques, atol=1e-9)
+
+
 def test_bad_values_are_refused() -> None:
     for make in (
         lambda: SoleContact("left_foot", frction=0.5),

@@ -378,7 +378,8 @@ class Assembly:
         if slot.revision != contact.revision:
             slot.revision = contact.revision
             slot.cone[:] = contact.cone
-            slot.stiffness[:], slot.damping[:] = contact.stiffness, contact.damping
+            # Nothing damps a contact that is off: its rows are its forces, and a velocity would ask for one.
+            slot.stiffness[:], slot.damping[:] = contact.stiffness, contact.damping if engaged else 0.0
             slot.wrench_weight[:] = contact.wrench_weight
             low, high = contact.normal_force_range if engaged else (-1.0, 1.0)
             slot.normal_lower[:], slot.normal_upper[:] = low, high
