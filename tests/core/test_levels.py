@@ -167,6 +167,46 @@ def controller(
     return made, com, hand
 
 
+def test_a_level_that_those_above_it_decide_takes_nothing_from_those_below() -> None:
+    """The same task once more, and a foot that its contact holds: their rows are rounding once those above are met."""
+
+    def solved(*more: MotionTask) -> tuple[Array, Array]:
+        robot = load_robot("hrp4_class").robot()
+        made = Controller(robot, 0.005)
+        com = np.array(robot.com) + (0.01, 0.02, 0.0)
+        made.add(SoleContact("left_foot"), SoleContact("right_foot"), JointLimits(), TorqueLimits())
+        made.add(CoMTask(com), PostureTask(robot.half_sitting[7:] + 0.05, level=4))
+        for task in more:
+            made.add(task)
+            if isinstance(task, CoMTask):
+                task.target = com
+        solution = made.solve()
+        assert solution.ok
+        return solution.accelerations, solution.torques
+
+    alone = solved()
+    for more in (
+        (CoMTask(name="again", level=2),),
+        (CoMTask(name="again", level=2), PositionTask("left_foot", (0.0, 0.0, 1.0), level=3)),
+    ):
+        for got, expected in zip(solved(*more), alone, strict=True):
+            np.testing.assert_allclose(got, expected, atol=1e-9)
+
+
+def test_a_level_with_nothing_left_to_decide_has_no_active_limit() -> None:
+    p = problem(3, 1, 3, 1)
+    p.equality[0, 2] = 1.0
+    p.soft[:2, :2], p.soft[2, 0] = np.eye(2), 1.0
+    p.target[1:] = (1.0, 1.0, 5.0)
+    p.inequality[0, 0], p.upper[:] = 1.0, 2.0
+    solver = LevelSolver(p, (2, 1))
+    p.soft_weight[:2] = 0.0
+    assert solver.solve().ok and solver.x[0] == pytest.approx(2.0) and solver.multipliers[0] > 0.0
+    p.soft_weight[:2] = 1.0
+    assert solver.solve().ok and solver.x[0] == pytest.approx(1.0)
+    assert solver.multipliers[0] == 0.0
+
+
 def test_the_centre_of_mass_yields_nothing_to_a_hand_of_a_lower_level() -> None:
     def com_error(*levels: int) -> float:
         made, com, hand = controller(*levels)

@@ -94,6 +94,7 @@ class LevelSolver:
         self.iterations = solver.iterations
         if not status.ok:
             return status
+        self.multipliers[:] = 0.0
         x, basis = solver.x, null_space(p.equality)[1]
         values = p.inequality.dot(x)
         for k, rows in enumerate(self._levels):
@@ -107,7 +108,10 @@ class LevelSolver:
             if last:
                 step = self._last_step(x, values, basis, moved, wanted, weight[acting], self._guesses[k])
             else:
-                step, free = null_space(moved, wanted)
+                lengths = np.linalg.norm(soft, axis=1)
+                step, free = null_space(moved, wanted, float(lengths.max(initial=0.0)))
+                if free.shape[1] == basis.shape[1]:
+                    continue  # the levels above leave it nothing to decide
                 if step is None or not self._holds(values, basis.dot(step)):
                     hessian = moved.T.dot(moved * weight[acting][:, None])
                     gradient = -moved.T.dot(weight[acting] * wanted)
@@ -179,12 +183,14 @@ class LevelSolver:
         return None
 
 
-def null_space(rows: Array, wanted: Array | None = None) -> tuple[Array | None, Array]:
+def null_space(rows: Array, wanted: Array | None = None, length: float = 0.0) -> tuple[Array | None, Array]:
     """Return the least vector that rows take to what is wanted, and an orthonormal basis of those they take to zero.
 
     Args:
         rows: Shape (m, n).
         wanted: Shape (m,); zero when None.
+        length: Length of the longest row before the rows were brought into this space: what is left of one that others
+            imply is rounding, however short all of them are.
 
     Returns:
         The vector, shape (n,), None if the rows are dependent; the basis, shape (n, n − rank).
@@ -194,7 +200,8 @@ def null_space(rows: Array, wanted: Array | None = None) -> tuple[Array | None, 
         return np.zeros(n), np.eye(n)
     factor, order, tau, _, _ = dgeqp3(rows.T)
     diagonal = np.abs(factor.diagonal())
-    rank = int((diagonal > INDEPENDENT * diagonal[0]).sum()) if diagonal[0] > 0.0 else 0
+    least = INDEPENDENT * max(float(diagonal[0]), length)
+    rank = int((diagonal > least).sum())
     columns = np.zeros((n, n - rank + 1), order="F")
     columns.reshape(-1, order="F")[n + rank :: n + 1] = 1.0
     solved = rank == count
