@@ -139,6 +139,33 @@ def test_a_failing_robot_is_held_by_its_servos_and_a_stopped_one_damped(
     assert np.abs(measured.joint_position).max() > 0.0
 
 
+def test_a_first_measurement_that_cannot_be_used_is_answered_with_finite_numbers() -> None:
+    """After a reset, too: the last measurement is that of another configuration."""
+    robot = G1.robot()
+    control = bare(robot)
+    good = plant().measure()
+    unknown = np.full(robot.na, np.nan)
+    for measurement in (
+        replace(good, joint_position=unknown),
+        replace(good, joint_position=unknown, sole_wrench=None),
+        replace(good, joint_position=np.zeros(3)),
+        None,
+    ):
+        control.reset()
+        start = control.q.copy()
+        command = control.command(measurement)  # type: ignore[arg-type]
+        assert control.failing
+        np.testing.assert_array_equal(command.joint_torque, np.zeros(robot.na))
+        np.testing.assert_array_equal(command.joint_position, start)
+    control.reset()
+    assert control.command(good) is not None and not control.failing
+    other = robot.half_sitting.copy()
+    other[7:] += 0.1 * (robot.position_upper - robot.half_sitting[7:])
+    control.reset(other)
+    command = control.command(replace(good, joint_position=unknown))
+    np.testing.assert_array_equal(command.joint_torque, np.zeros(robot.na))
+
+
 def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
     simulated = plant()
     na, hold = simulated.robot.na, simulated.hold()

@@ -140,9 +140,9 @@ class DriveControl:
         return self._failing * self.controller.dt > self.policy.stop_after
 
     def _forget(self) -> None:
-        """Clear failures, the last solution and the last torques."""
+        """Clear failures, the last measurement, the last solution and the last torques."""
         self.controller.reset()
-        self.solution = None
+        self.solution = self.measurement = None
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
         self.reason = ""

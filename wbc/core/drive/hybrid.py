@@ -94,8 +94,9 @@ class HybridControl(TorqueControl):
         """
         robot, gains = self.controller.robot, (self.kp, self.kd)
         good = self._think(measurement)
-        used = measurement if self.measurement is None else self.measurement
-        measured = used.joint_position, self.plausibility.joint_velocity(measurement)
+        last = self.measurement  # None before the first good one
+        position = self.q if last is None else last.joint_position
+        measured = position, self.plausibility.joint_velocity(measurement)
         torques = self._torques
         if good:
             assert self.solution is not None
