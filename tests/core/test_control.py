@@ -116,3 +116,19 @@ def test_functions_of_the_tick_that_cannot_be_called_are_refused_before_it() -> 
     for wrong in ("yes", None, 1):
         with pytest.raises(InputError, match="feedforward must be true, false or a function of the solution"):
             PositionControl(controller, feedforward=wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [None, 0.0, "much", np.zeros(3)])
+def test_torques_of_a_feedforward_that_are_none_fail_the_tick_and_the_last_ones_are_held(
+    wrong: object,
+) -> None:
+    controller = standing("hrp4_class", DT)
+    robot = controller.robot
+    answers = [np.ones(robot.na), wrong, np.ones(robot.na).tolist()]
+    control = PositionControl(controller, feedforward=lambda solution: answers.pop(0))  # type: ignore[arg-type,return-value]
+    failing = []
+    for tick in range(3):
+        command = control.command(sensors(robot, tick * DT, np.zeros(robot.na)))
+        failing.append(control.failing)
+        np.testing.assert_array_equal(command.joint_torque, np.ones(robot.na))
+    assert failing == [False, True, False]

@@ -149,7 +149,12 @@ class PositionControl(DriveControl):
 
     def _use(self, solution: Solution) -> None:
         if callable(self.feedforward):
-            self._torques = self.feedforward(solution)
+            torques = np.asarray(self.feedforward(solution), dtype=float)
+            if torques.shape != self._torques.shape:
+                raise InputError(
+                    f"feedforward must return torques of shape {self._torques.shape}, got {torques.shape}"
+                )
+            self._torques = torques
         elif self.feedforward:
             self._torques = solution.torques
         if self.feedback == "closed":
