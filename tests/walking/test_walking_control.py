@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.core.qp.contact import PointContact
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
@@ -84,6 +85,22 @@ def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wr
         assert (np.abs(generalised[6:]) < robot.torque_limit).all()
         np.testing.assert_allclose(command.joint_torque, generalised[6:], atol=1e-6)
         assert np.abs(generalised[6:] - own[6:]).max() > 1.0  # not those of the QP
+
+
+def test_a_contact_that_is_added_has_its_part_in_the_feed_forward() -> None:
+    """A hand on a wall: the feet get their desired wrenches, the hand the force of the QP."""
+    robot, walking = standing(WalkingControlSettings())
+    walking.command(sensors(robot, 0, robot.half_sitting))
+    hand = walking.controller.add(PointContact("left_hand", normal=(-1.0, 0.0, 0.0), min_force=20.0))
+    command = walking.command(sensors(robot, 1, robot.half_sitting, (0.02, -0.01)))
+    assert walking.control.status() == "ok"
+    solution, output, problem = walking.control.solution, walking.output, walking.controller.problem
+    assert solution is not None and output is not None
+    forces = np.concatenate((output.feet.wrenches.reshape(-1), solution.wrenches[hand.name]))
+    assert forces[-1] > 19.0
+    x = np.concatenate((solution.accelerations, forces))
+    expected = problem.torque_matrix @ x + problem.torque_bias
+    np.testing.assert_allclose(command.joint_torque, expected, atol=1e-9)
 
 
 def test_the_shifted_target_of_the_com_moves_as_its_feed_forwards_say() -> None:

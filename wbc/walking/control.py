@@ -401,7 +401,8 @@ class WalkingControl:
     def _feedforward(self, solution: Solution) -> Array:
         """Joint torques of the commanded motion with the desired foot wrenches in place of the QP's own, Nm."""
         x = solution.variables.copy()
-        x[solution.layout.nv :] = self._wrench_targets.reshape(-1)
+        soles = solution.layout.nv  # their contacts come first; further ones keep the forces of the QP
+        x[soles : soles + self._wrench_targets.size] = self._wrench_targets.reshape(-1)
         problem = self.controller.problem
         torques: Array = np.dot(problem.torque_matrix, x)
         torques += problem.torque_bias
