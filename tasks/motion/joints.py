@@ -59,7 +59,7 @@ class JointTask(Task):
         if self._target is None:
             self._target = self._present(robot)
         if self._pending is not None:
-            self.target, self._pending = self._pending, None
+            self.target = self._pending
 
     def _present(self, robot: Robot) -> Array:
         """Targets of joints for which none were given, shape (dim,); a new array."""
@@ -81,13 +81,15 @@ class JointTask(Task):
     def target(self, value: JointValues) -> None:
         if self._target is None:
             self._pending = value
-        elif isinstance(value, Mapping):
+            return
+        if isinstance(value, Mapping):
             changed = np.array(self._target)
             for joint, target in value.items():
                 changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
             self._target = changed
         else:
             self._target = finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
+        self._pending = None
 
     def saturate(self, error: Array) -> None:
         """Bring the error of each joint into its bound; see `Task.saturate`."""

@@ -64,10 +64,11 @@ class PostureTask(JointTask, SelectionTask):
         self.columns = slice(BASE_DOF, robot.nv) if whole else columns
         self._positions = slice(7, robot.nq) if whole else columns + 1
         if self._factor is None:
-            self._factor = np.ones(self.dim)
+            factor = np.ones(self.dim)
             for joint, value in self._factors.items():
-                self._factor[self._row(joint)] = value
-            self._rows.weight *= self._factor
+                factor[self._row(joint)] = value
+            self._factor = factor
+            self._rows.weight *= factor
 
     def _present(self, robot: Robot) -> Array:
         return np.array(robot.q[self._columns + 1])

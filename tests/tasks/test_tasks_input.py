@@ -212,6 +212,21 @@ def test_posture_refuses_joints_that_are_not_its_own() -> None:
         task.target = {robot.joint_names[5]: 0.0}
 
 
+def test_a_posture_that_was_refused_can_be_mended_and_is_refused_as_long_as_it_is_not() -> None:
+    robot = make_robot("hrp4_class")
+    controller, joint = Controller(robot, 0.005), robot.joint_names[0]
+    posture = PostureTask({"tail": 1.0})
+    with pytest.raises(UnknownNameError, match="no joint 'tail'"):
+        controller.add(posture)
+    posture.target = {joint: 0.1}
+    controller.add(posture)
+    assert posture.target[0] == 0.1
+    weighted = PostureTask(name="weighted", joint_weights={joint: 5.0, "tail": 1.0})
+    for _ in range(2):
+        with pytest.raises(UnknownNameError, match="no joint 'tail'"):
+            controller.add(weighted)
+
+
 def test_a_single_joint_counts_as_a_list_of_one() -> None:
     robot = make_robot("hrp4_class")
     joint = robot.joint_names[3]
