@@ -294,6 +294,24 @@ def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> No
 # The filter
 
 
+def test_a_contact_of_two_frames_at_two_heights_is_found_in_a_clip_of_few_frames(g1: Robot) -> None:
+    """A foot that is down in one frame and rolls over its toe in the next: the median is in neither."""
+    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (12, 1)), 10.0)
+    corners, places = motion.corners.copy(), motion.sole_positions.copy()
+    for part in (corners[:, 0], places[:, 0]):
+        part[..., 2] += 0.2
+        part[5, ..., 2] -= 0.2
+    corners[6, 0, :, 2], places[6, 0, 2] = (0.02, 0.02, 0.042, 0.042), 0.031
+    slow = replace(motion, corners=corners, sole_positions=places)
+    speeds = np.zeros((12, 2))
+    speeds[:, 0] = 1.0
+    speeds[5:7, 0] = 0.1, 0.3
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(BodyMotion, "sole_speed", lambda self: speeds)
+        standing = find_contacts(slow).standing
+    assert standing[:, 0].tolist() == [frame in (5, 6) for frame in range(12)] and standing[:, 1].all()
+
+
 def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(g1: Robot) -> None:
     """A step of 0.6 m becomes one that the walk's planner allows; steps within reach stay."""
     clip = make_motion(g1, "steps", 1)

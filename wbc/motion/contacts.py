@@ -138,9 +138,10 @@ def find_contacts(
                 column[first:last] = True
         for first, last in _runs(column):
             heights = motion.sole_positions[first:last, side, 2]
-            near = np.flatnonzero(abs(heights - np.median(heights)) < s.settle)
+            off = abs(heights - np.median(heights))
+            settled = np.flatnonzero((off < s.settle) | (off == off.min()))  # one at least
             column[first:last] = False
-            column[first + near[0] : first + near[-1] + 1] = True
+            column[first + settled[0] : first + settled[-1] + 1] = True
         for first, last in _runs(column):
             if last - first < s.shortest * motion.rate:
                 column[first:last] = False
