@@ -140,6 +140,20 @@ def test_one_step_is_the_kalman_filters() -> None:
     np.testing.assert_allclose(np.concatenate([estimator.dcm, estimator.bias]), x, atol=1e-12)
 
 
+def test_a_pause_keeps_the_bias_wherever_the_dcm_goes_meanwhile_and_however_the_robot_turns() -> None:
+    estimator, bias, zmp = BiasEstimator(BiasSettings(drift_std=0.002)), np.array([0.01, -0.006]), np.zeros(2)
+    for _ in range(2000):  # the DCM rests over the ZMP
+        estimator.update(bias, zmp, 0.0, OMEGA, 0.005)
+    known = estimator.bias
+    np.testing.assert_allclose(known, bias, atol=1e-3)
+    estimator.pause()
+    there, quarter = np.array([0.2, -0.1]), np.array([[0.0, -1.0], [1.0, 0.0]])
+    for _ in range(20):
+        found = estimator.update(there + quarter @ bias, there, 0.5 * np.pi, OMEGA, 0.005)
+        np.testing.assert_allclose(found, quarter @ known, atol=2e-4)
+    np.testing.assert_allclose(estimator.dcm, there, atol=1e-3)
+
+
 def test_reset_and_bad_settings() -> None:
     estimator = BiasEstimator()
     for _ in range(50):

@@ -349,6 +349,7 @@ class WalkingControl:
         if output is None or reference is None or output.in_air or not math.isfinite(output.measured_zmp[0]):
             return estimator.bias
         if self.load is not None and self.load.changing:
+            estimator.pause()
             return estimator.bias
         if self.driver.capturing:  # the last ticks were those of a push, which is no error of the model
             estimator.reset()

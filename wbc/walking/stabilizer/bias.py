@@ -65,11 +65,11 @@ class BiasEstimator:
     @checked
     def __init__(self, settings: BiasSettings | None = None) -> None:
         self.settings = settings or BiasSettings()
-        self._dcm = self._bias = self._zmp = 0j
+        self._zmp = 0j
         self._heading = 1 + 0j  # cos yaw + i sin yaw
-        self._dcm_variance = self._bias_variance = 0.0
+        self._dcm_variance = 0.0
         self._covariance = 0j  # E[ξ b*], of DCM and bias
-        self._fresh = True
+        self.reset()
 
     @property
     def dcm(self) -> Array:
@@ -84,7 +84,12 @@ class BiasEstimator:
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""
         self._dcm = self._bias = 0j
-        self._fresh = True
+        self._bias_variance = self.settings.initial_std**2
+        self._begins = True
+
+    def pause(self) -> None:
+        """Keep the bias over a time without updates, in which the DCM goes elsewhere: the next one measures it anew."""
+        self._begins = True
 
     def update(self, dcm: Array, zmp: Array, yaw: float, omega: float, dt: float) -> Array:
         """Take in one measurement.
@@ -103,15 +108,12 @@ class BiasEstimator:
         noise = s.dcm_std**2 * (REFERENCE_PERIOD / dt)
         heading = complex(math.cos(yaw), math.sin(yaw))
         measured = complex(dcm[0], dcm[1])
-        if self._fresh:
-            initial = s.initial_std**2
-            self._dcm, self._bias = measured, 0j
-            self._dcm_variance, self._bias_variance, self._covariance = (
-                initial + noise,
-                initial,
-                -initial + 0j,
-            )
-            self._fresh = False
+        if self._begins:
+            self._bias *= heading * self._heading.conjugate()
+            self._dcm = measured - self._bias
+            self._dcm_variance = self._bias_variance + noise
+            self._covariance = -self._bias_variance + 0j
+            self._begins = False
         else:
             self._predict(heading * self._heading.conjugate(), omega, dt)
             # The measurement is the sum of DCM and bias.
