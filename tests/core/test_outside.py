@@ -132,6 +132,19 @@ def test_an_observer_without_the_setting_has_no_outside_wrench() -> None:
     assert Observer(robot, ObserverSettings(outside=OutsideSettings())).outside is not None
 
 
+def test_masses_that_a_moving_model_gets_are_no_force() -> None:
+    """At constant speed: the momentum of the load comes with its mass, and nothing has pushed it."""
+    robot = DESCRIPTION.robot()
+    observer, speed = OutsideWrench(robot, NO_TARE), np.zeros(robot.nv)
+    speed[:2] = 0.4, 0.1
+    robot.update(robot.half_sitting, speed)
+    observer.update(at_rest(robot), 0.0)
+    robot.carry(robot.frames["left_hand"], 5.0)
+    observer.explain((0.0,) * 6)  # the feet bear the load already
+    robot.update(robot.half_sitting, speed)
+    np.testing.assert_allclose(observer.update(at_rest(robot), DT), 0.0, atol=1e-6)
+
+
 @pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.1, 0.05, -0.2)])
 def test_a_load_in_the_model_is_a_mass_at_its_place(point: tuple[float, float, float]) -> None:
     """CoM, mass and weight are those of robot and load, of the robot and of its clone, and go with the load."""

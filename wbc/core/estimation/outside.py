@@ -96,9 +96,13 @@ class OutsideWrench:
     def explain(self, wrench: Vector) -> None:
         """Take a wrench off the estimate that the model of the robot accounts for from now on.
 
+        The momentum that the model gains with its new masses is that of no force.
+
         Args:
             wrench: [force; moment about the CoM] in the world, N and Nm.
         """
+        if self._momentum is not None:
+            self._momentum = self._momentum_now()
         self._residual = tuple(r - known for r, known in zip(self._residual, wrench, strict=True))
         self.wrench = self.wrench - wrench
 
@@ -115,7 +119,7 @@ class OutsideWrench:
         """
         s, robot = self.settings, self._robot
         self._time += dt
-        momentum = pin.computeCentroidalMomentum(robot.model, robot.data).vector.tolist()
+        momentum = self._momentum_now()
         com = robot.com.tolist()
         weight = float(robot.total_mass) * GRAVITY
         force, moment, touched = self._feet(wrenches.tolist(), com, weight)
@@ -150,6 +154,13 @@ class OutsideWrench:
             )
         )
         return self.wrench
+
+    def _momentum_now(self) -> list[float]:
+        """[linear; angular about the CoM] of the model as it is, in the world, kg m/s and kg m²/s."""
+        momentum: list[float] = pin.computeCentroidalMomentum(
+            self._robot.model, self._robot.data
+        ).vector.tolist()
+        return momentum
 
     def _feet(self, wrenches: list[list[float]], com: Vector, weight: float) -> tuple[Vector, Vector, bool]:
         """Force of the feet, their moment about the CoM, and whether a foot has just met the ground."""
