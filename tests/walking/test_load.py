@@ -110,6 +110,18 @@ def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
     assert load.mass == 0.0 and robot.mass == pytest.approx(DESCRIPTION.robot().mass)
 
 
+def test_a_load_that_another_control_has_left_in_the_model_is_none_of_the_next() -> None:
+    robot = DESCRIPTION.robot()
+    own = robot.mass
+    for mass in (3.0, 0.0):
+        load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
+        assert robot.mass == pytest.approx(own) and load.applied == 0.0
+        for _ in range(400):
+            outside.wrench = np.array([0.0, 0.0, (load.applied - mass) * GRAVITY, 0.0, 0.0, 0.0])
+            load.update(outside, DT)
+        assert robot.mass == pytest.approx(own + mass, abs=0.05)
+
+
 def test_small_errors_are_no_load_and_no_load_exceeds_its_bound() -> None:
     robot = DESCRIPTION.robot()
     load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))

@@ -80,8 +80,10 @@ class HeldLoad:
         self.settings = s = settings or LoadSettings()
         self.frames = hand_frames(robot, s.hands)
         self._robot = robot
-        self._own = robot.mass
         self._hands = [robot.frame_id(frame) for frame in self.frames]
+        for hand in self._hands:  # what a control before this one has left in the model
+            robot.carry(hand, 0.0)
+        self._own = robot.mass
         self._places = [robot.placement(hand) for hand in self._hands]
         self.mass = self.applied = 0.0
         # First moments about the middle of the hands, in the heading, kg m: as estimated, and in the models.
