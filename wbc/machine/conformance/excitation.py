@@ -86,7 +86,7 @@ class Excitation:
             seconds: Time of one way, the second half of it at rest.
         """
         n = self.ticks(seconds)
-        shape, _ = self.profile(seconds)
+        shape = self.profile(seconds)
         s = np.clip(2.0 * np.arange(1, n + 1) / n, 0.0, 1.0)
         rate = 2.0 / (n * self.period) * 30.0 * s**2 * (1.0 - s) ** 2
         there = [
@@ -98,12 +98,12 @@ class Excitation:
         ]
         return self._run(there), self._run(back)
 
-    def profile(self, seconds: float) -> tuple[Array, Array]:
-        """Return the motion from 0 to 1 that `move` makes, and its second derivative (1/s²), each of shape (ticks,)."""
+    def profile(self, seconds: float) -> Array:
+        """Return the motion from 0 to 1 that `move` makes, shape (ticks,)."""
         n = self.ticks(seconds)
         s = np.clip(2.0 * np.arange(1, n + 1) / n, 0.0, 1.0)
-        shape = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        return shape, (2.0 / (n * self.period)) ** 2 * (60.0 * s - 180.0 * s**2 + 120.0 * s**3)
+        shape: Array = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        return shape
 
     def base_motion(self, com: tuple[float, float], turn: tuple[float, float, float]) -> tuple[Array, Array]:
         """Return the joint motion that shifts the centre of mass and turns the base, the soles in their places.
