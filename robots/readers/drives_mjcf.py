@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import mujoco
+import numpy as np
 
 from wbc.core.errors import ModelError
 from wbc.robots.frames import FrameDescription, frame_at
@@ -54,6 +55,7 @@ def read_drives(tree: Tree) -> Drives:
             tree.notes.append(
                 f"joint '{name}': a spring of {model.jnt_stiffness[number].max():g} is left out"
             )
+    tree.notes += _passive_tendons(tree)
     if held := [tree.body_name(body) for body in tree.bodies if model.body_gravcomp[body] != 0.0]:
         tree.notes.append(f"gravity compensation of {len(held)} bodies is left out: {listed(held)}")
     sums: dict[str, float] = {}
@@ -94,11 +96,7 @@ def _driven_joint(tree: Tree, actuator: int) -> int:
     if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
         return target
     if kind == kinds.mjTRN_TENDON:
-        start, count = int(model.tendon_adr[target]), int(model.tendon_num[target])
-        wraps = range(start, start + count)
-        joint = mujoco.mjtWrap.mjWRAP_JOINT
-        pulled = [int(model.wrap_objid[w]) for w in wraps if int(model.wrap_type[w]) == joint]
-        if pulled and not set(pulled) & set(tree.joints.values()):
+        if not _pulls(tree, target):
             return -1
         raise ModelError(
             f"actuator '{name}' drives tendon '{model.tendon(target).name}', no joint; joints need drives of their "
@@ -110,6 +108,35 @@ def _driven_joint(tree: Tree, actuator: int) -> int:
     if body in tree.carrier:
         raise ModelError(f"actuator '{name}' drives a {what} of the robot, no joint")
     return -1
+
+
+def _pulls(tree: Tree, tendon: int) -> bool:
+    """Return True if a tendon acts on joints that move or on bodies of the robot."""
+    model, kinds = tree.model, mujoco.mjtWrap
+    start = int(model.tendon_adr[tendon])
+    for wrap in range(start, start + int(model.tendon_num[tendon])):
+        kind, number = int(model.wrap_type[wrap]), int(model.wrap_objid[wrap])
+        if kind == kinds.mjWRAP_JOINT and number in tree.joints.values():
+            return True
+        if kind == kinds.mjWRAP_SITE and int(model.site_bodyid[number]) in tree.carrier:
+            return True
+    return False
+
+
+def _passive_tendons(tree: Tree) -> list[str]:
+    """Return a note for each tendon of the robot that acts without an actuator."""
+    model, notes = tree.model, []
+    for i in range(model.ntendon):
+        parts = {
+            "spring": model.tendon_stiffness[i],
+            "damping": model.tendon_damping[i],
+            "dry friction": model.tendon_frictionloss[i],
+            "limits": model.tendon_limited[i],
+        }
+        acting = [part for part, value in parts.items() if np.any(value)]
+        if acting and _pulls(tree, i):
+            notes.append(f"tendon '{model.tendon(i).name or i}': {', '.join(acting)} left out")
+    return notes
 
 
 def _force_limit(model: mujoco.MjModel, actuator: int) -> float:

@@ -40,6 +40,15 @@ def fields(
     name = name or _model_name(model) or tree.body_name(tree.root)
     writer = tree_mjcf.write(tree, name, drives.torque)
     shapes_mjcf.add_visuals(writer.root, tree, files)
+    site = {
+        str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
+    }
+    bodies = {tree.body_name(body) for body in tree.bodies}
+    hands = set((options.get("hands") or {}).values())
+    for hand in sorted(hands & set(site) - bodies - set(tree.joints)):
+        place = drives_mjcf.site_frame(tree, site[hand])
+        writer.link(hand)
+        writer.joint(f"{hand}_fixed", "fixed", place.link, hand, place.placement)
     tree.notes.append(
         f"velocity limits: an MJCF has none; {tree_mjcf.SPEED:g} rad/s (slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
     )
@@ -65,11 +74,8 @@ def fields(
     where = "MjSpec"
     if isinstance(source, (str, Path)):
         where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
-    site = {
-        str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
-    }
     imu = options.get("imu")
-    if isinstance(imu, str) and imu in site and imu not in {tree.body_name(b) for b in tree.bodies}:
+    if isinstance(imu, str) and imu in site and imu not in bodies:
         imu = drives_mjcf.site_frame(tree, site[imu])
     options["imu"] = found_imu if imu is None else imu
     if imu is None and found_imu is not None:

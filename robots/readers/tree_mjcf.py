@@ -146,12 +146,17 @@ def _root(model: mujoco.MjModel, root: str | None) -> int:
 
 
 def _refuse_loops(tree: Tree) -> None:
-    """Name closed chains, which cannot be simulated here; a joint equality leaves both joints independent."""
+    """Name closed chains, which cannot be simulated here, and note equalities and tendons that are left out.
+
+    An equality that is not active when the simulation begins closes no chain.
+    """
     model = tree.model
     kinds = mujoco.mjtEq
     for i in range(model.neq):
         kind, one, two = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         name = str(model.equality(i).name) or f"equality {i}"
+        if not model.eq_active0[i]:
+            continue
         if kind == kinds.mjEQ_JOINT:
             names = {number: joint for joint, number in tree.joints.items()}
             if one in names:
@@ -166,6 +171,10 @@ def _refuse_loops(tree: Tree) -> None:
                     f"closed chain: '{name}' ties body '{tree.body_name(one)}' to '{tree.body_name(two)}'; give the "
                     "serial model, or lock the joints between them"
                 )
+            if (ends[0] is None) != (ends[1] is None):
+                own, outside = (one, two) if ends[1] is None else (two, one)
+                what = tree.body_name(outside)
+                tree.notes.append(f"'{name}' ties body '{tree.body_name(own)}' to '{what}', left out")
         elif kind == kinds.mjEQ_TENDON:
             tree.notes.append(f"'{name}': equality of tendons, left out")
 

@@ -127,6 +127,18 @@ def key(name: str, bend: float, arm: float = 0.3) -> str:
     return f'<keyframe><key name="{name}" qpos="{qpos}"/></keyframe>'
 
 
+def test_hands_are_bodies_or_sites() -> None:
+    hands = {"left_hand": "left_load_cell", "right_hand": "right_arm"}
+    robot = RobotDescription.from_mjcf(biped(), hands=hands).robot()
+    assert robot.frames == hands
+    ankle, cell = (robot.placement(robot.frame_id(name)) for name in ("left_foot", "left_load_cell"))
+    seen = ankle.inverse() * cell
+    np.testing.assert_allclose(seen.translation, [0.0, 0.0, -0.03], atol=1e-9)
+    np.testing.assert_allclose(seen.rotation, np.eye(3), atol=1e-9)
+    with pytest.raises(UnknownNameError, match="no frame 'left_loadcell'"):
+        RobotDescription.from_mjcf(biped(), hands={"left_hand": "left_loadcell"})
+
+
 def test_half_sitting_is_a_keyframe_in_which_the_robot_stands() -> None:
     stands = RobotDescription.from_mjcf(biped(extra=key("stand", 0.6)))
     assert "half-sitting: keyframe 'stand'" in stands.derived
@@ -246,6 +258,32 @@ def test_bad_files_are_named_in_one_line(what: str) -> None:
         RobotDescription.from_mjcf(xml)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_ties_the_robot_is_noted_and_ties_that_are_not_active_are_none() -> None:
+    stand = '<equality><weld name="stand" body1="chest" body2="world"/></equality>'
+    leash = '<equality><connect name="leash" body1="ball" body2="left_arm" anchor="0 0 0"/></equality>'
+    spring = STRING.replace('name="string"', 'name="string" stiffness="5" damping="1"')
+    for extra, note in (
+        (stand, "'stand' ties body 'chest' to 'world', left out"),
+        (leash, "'leash' ties body 'left_arm' to 'ball', left out"),
+        (spring, "tendon 'string': spring, damping left out"),
+    ):
+        assert note in RobotDescription.from_mjcf(biped(extra=extra)).derived
+    off = CHAIN.replace('name="rod"', 'name="rod" active="false"')
+    for extra in (off, STRING):
+        derived = RobotDescription.from_mjcf(biped(extra=extra)).derived
+        assert not any("rod" in note or "string" in note for note in derived)
+
+
+def test_a_winch_beside_the_robot_is_none_of_its_drives() -> None:
+    crane = '<body name="crane"><joint name="lift" type="slide"/><geom size="0.1"/><site name="hook"/></body>'
+    rope = '<tendon><spatial name="rope"><site site="hook"/><site site="beam"/></spatial></tendon>'
+    xml = biped(extra=rope).replace(END, f'{crane}<site name="beam" pos="0 0 3"/>{END}')
+    xml = xml.replace("</actuator>", '<motor name="winch" tendon="rope"/></actuator>')
+    assert RobotDescription.from_mjcf(xml).joint_names == RobotDescription.from_mjcf(biped()).joint_names
+    with pytest.raises(ModelError, match="actuator 'winch' drives tendon 'rope'"):
+        RobotDescription.from_mjcf(xml.replace('site="beam"', 'site="imu_here"'))
 
 
 def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:
