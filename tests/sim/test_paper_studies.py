@@ -113,6 +113,26 @@ def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> N
         choice(study, {}, ["5"])
 
 
+def test_grounds_that_share_their_layouts_are_judged_by_these() -> None:
+    """Three stiffnesses of the sole on the same layouts of a family: values of one layout go up and down together."""
+    study = damping(seeds=10).narrowed(["boards"])
+    luck = dict(zip(study.seeds, np.random.default_rng(0).normal(size=10), strict=True))
+
+    def together(cell: str, arm: str, seed: int) -> float:
+        del cell
+        return 15.0 + (luck[seed] if arm == "b = 2" else 0.0)
+
+    found = choice(study, made_up(study, together), list(study.arms))
+    assert len(found.grounds) == 3 and found.gain.n == 30 and found.gain.layouts == 10
+    alone = study.narrowed(["boards, k = 5"])
+    once = choice(alone, made_up(alone, together), list(study.arms))
+    for arm in study.arms:
+        assert found.over[arm].mean == pytest.approx(once.over[arm].mean)
+        assert (found.over[arm].low, found.over[arm].high) == pytest.approx(
+            (once.over[arm].low, once.over[arm].high)
+        )
+
+
 def test_layouts_without_a_value_are_left_out_of_a_choice_and_texts_are_no_metric() -> None:
     study = authority(seeds=6).narrowed(["boards", "stones"])
     entries = {}

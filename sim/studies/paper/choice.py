@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from wbc.sim.studies.best_stiffness import Label
 from wbc.sim.studies.intervals import Equivalence, Estimate, equivalence, holm, mean_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import METRICS, Study, study_entries
-from wbc.sim.studies.study_table import value_of
+from wbc.sim.studies.study_table import layout_of, value_of
 
 FOLDS = 5
 """Parts of the layouts of a ground: an arm is chosen on all but one of them and judged on the last."""
@@ -167,7 +167,7 @@ def choice(
     part = study.narrowed(arms=chosen)
     if len(part.arms) < 2:
         raise InputError(f"a choice needs at least two arms, got {', '.join(chosen) or 'none'}")
-    cells, missing = _complete(part, entries, name, any_code)
+    cells, layouts, missing = _complete(part, entries, name, any_code)
     if not cells:
         raise InputError(
             f"no ground of '{study.name}' has two layouts on which all of {', '.join(chosen)} were walked"
@@ -175,8 +175,8 @@ def choice(
     names = tuple(part.arms)
     pooled = np.mean([values.mean(axis=0) for values in cells.values()], axis=0)
     enough = min(len(values) for values in cells.values()) >= FOLDS
-    scores = _judged(cells) if enough else np.empty((0, 2 + len(names)))
-    gain = mean_interval((scores[:, 0] - scores[:, 1]).tolist())
+    scores, judged = _judged(cells, layouts) if enough else (np.empty((0, 2 + len(names))), None)
+    gain = mean_interval((scores[:, 0] - scores[:, 1]).tolist(), judged)
     grounds, p_values = [], []
     for row, values in cells.items():
         best = _best(values, pooled)
@@ -202,31 +202,41 @@ def choice(
         grounds=tuple(rows),
         single=names[int(np.argmax(pooled))],
         gain=gain,
-        over={arm: mean_interval((scores[:, 0] - scores[:, 2 + i]).tolist()) for i, arm in enumerate(names)},
-        equivalence=equivalence((scores[:, 0] - scores[:, 1]).tolist(), margin),
+        over={
+            arm: mean_interval((scores[:, 0] - scores[:, 2 + i]).tolist(), judged)
+            for i, arm in enumerate(names)
+        },
+        equivalence=equivalence((scores[:, 0] - scores[:, 1]).tolist(), margin, judged),
         missing=missing,
     )
 
 
 def _complete(
     study: Study, entries: Mapping[str, Entry], metric: str, any_code: bool
-) -> tuple[dict[str, Array], int]:
-    """Return cell → values (layouts, arms) of the layouts that all arms have walked, and the number of the others."""
+) -> tuple[dict[str, Array], dict[str, list[Hashable]], int]:
+    """Return values of the layouts that all arms have walked, these layouts, and the number of the others.
+
+    Returns:
+        Cell → values, shape (layouts, arms); cell → layouts in the same order; number of layouts that are left out.
+    """
     found: dict[tuple[str, int], dict[str, float]] = {}
+    layout: dict[tuple[str, int], Hashable] = {}
     for trial, entry in study_entries(study, entries, any_code=any_code):
         value = value_of(entry, metric)
         if value is not None:
             found.setdefault((trial.cell, trial.seed), {})[trial.arm] = value
+            layout[trial.cell, trial.seed] = layout_of(trial.plain)
     rows: dict[str, list[list[float]]] = {}
+    layouts: dict[str, list[Hashable]] = {}
     missing = 0
-    for (cell, _), values in found.items():
+    for (cell, seed), values in found.items():
         if len(values) == len(study.arms):
             rows.setdefault(cell, []).append([values[arm] for arm in study.arms])
+            layouts.setdefault(cell, []).append(layout[cell, seed])
         else:
             missing += 1
-    return {
-        cell.name: np.array(rows[cell.name]) for cell in study.cells if len(rows.get(cell.name, ())) > 1
-    }, missing
+    cells = [cell.name for cell in study.cells if len(rows.get(cell.name, ())) > 1]
+    return {cell: np.array(rows[cell]) for cell in cells}, {cell: layouts[cell] for cell in cells}, missing
 
 
 def _best(values: Array, pooled: Array) -> int:
@@ -234,10 +244,19 @@ def _best(values: Array, pooled: Array) -> int:
     return int(np.argmax(values.mean(axis=0) + 1e-6 * pooled))
 
 
-def _judged(cells: Mapping[str, Array]) -> Array:
-    """Return own choice, single choice and every arm on each layout, shape (layouts, 2 + arms)."""
-    folds = {name: np.arange(len(values)) % FOLDS for name, values in cells.items()}
-    rows = []
+def _judged(
+    cells: Mapping[str, Array], layouts: Mapping[str, Sequence[Hashable]]
+) -> tuple[Array, list[Hashable]]:
+    """Return own choice, single choice and every arm on each layout of each cell, shape (n, 2 + arms); the layouts.
+
+    Cells that share a layout, as those that differ in the sole do, have it in the same fold.
+    """
+    fold_of: dict[Hashable, int] = {}
+    for own_layouts in layouts.values():
+        for number, layout in enumerate(own_layouts):
+            fold_of.setdefault(layout, number % FOLDS)
+    folds = {name: np.array([fold_of[layout] for layout in layouts[name]]) for name in cells}
+    rows, judged = [], []
     for fold in range(FOLDS):
         train = {name: values[folds[name] != fold] for name, values in cells.items()}
         pooled = np.mean([values.mean(axis=0) for values in train.values()], axis=0)
@@ -245,4 +264,5 @@ def _judged(cells: Mapping[str, Array]) -> Array:
         for name, values in cells.items():
             own = _best(train[name], pooled)
             rows += [[each[own], each[single], *each] for each in values[folds[name] == fold]]
-    return np.array(rows)
+            judged += [layouts[name][i] for i in np.flatnonzero(folds[name] == fold).tolist()]
+    return np.array(rows), judged
