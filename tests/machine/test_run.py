@@ -143,6 +143,72 @@ def test_a_robot_goes_from_any_posture_to_the_stand_and_sinks_at_the_end() -> No
     assert machine.damped >= 50
 
 
+def commands_by_phase(machine: SimulatedMachine, runner: Runner) -> dict[Phase, list[Command]]:
+    """Commands that a runner sends from now on, by its phase."""
+    sent: dict[Phase, list[Command]] = {phase: [] for phase in Phase}
+    write = machine.write
+
+    def keep(command: Command) -> None:
+        sent[runner.phase].append(command)
+        write(command)
+
+    machine.write = keep  # type: ignore[method-assign]
+    return sent
+
+
+def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall() -> None:
+    machine = SimulatedMachine(SimulatedTime(), bent())
+    runner = make(machine)
+    sent = commands_by_phase(machine, runner)
+    runner.run(0.3)  # on the way to half-sitting
+    stop, kp = sent[Phase.STOP], machine.description.kp
+    assert len(stop) >= 45 and not sent[Phase.WAIT] and not sent[Phase.RUN]
+    held = stop[0].joint_position
+    assert held is not None and np.abs(held - bent()[7:]).max() < 0.1
+    assert np.abs(held - DESCRIPTION.robot().half_sitting[7:]).max() > 0.2
+    shares = []
+    for command in stop:
+        np.testing.assert_array_equal(command.joint_position, held)
+        assert (
+            command.kp is not None and command.joint_velocity is not None and not command.joint_velocity.any()
+        )
+        shares.append(command.kp / kp)
+        np.testing.assert_allclose(shares[-1], shares[-1][0])
+        np.testing.assert_array_equal(command.kd, machine.description.kd)
+    assert (
+        shares[0][0] > 0.95 and shares[-1][0] < 0.05 and (np.diff([share[0] for share in shares]) < 0.0).all()
+    )
+    assert np.abs(stop[-1].joint_torque).max() < 0.1 * np.abs(stop[0].joint_torque).max()
+
+
+def test_a_controller_takes_over_by_and_by() -> None:
+    """From half-sitting held by the servos to the controller's own command, here no torque at all."""
+    machine = SimulatedMachine(SimulatedTime())
+    runner = make(machine, load=0.0)
+    runner.control = types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA)))  # type: ignore[assignment]
+    sent = commands_by_phase(machine, runner)
+    runner.run(lambda: len(sent[Phase.RUN]) == 60)
+    taken = sent[Phase.RUN]
+    blended = [command for command in taken if command.kp is not None]
+    assert len(blended) == 50 and all(command.kp is None for command in taken[50:])  # 0.2 s
+    shares = [
+        float(command.kp[0] / machine.description.kp[0]) for command in blended if command.kp is not None
+    ]
+    np.testing.assert_allclose(shares, 1.0 - np.arange(50) / 50.0, atol=0.03)
+    np.testing.assert_array_equal(blended[0].joint_position, DESCRIPTION.robot().half_sitting[7:])
+
+
+def test_a_controller_that_has_stopped_ends_in_damping() -> None:
+    machine = SimulatedMachine(SimulatedTime())
+    runner = make(machine, load=0.0)
+    drives = types.SimpleNamespace(stopped=True, reason="too many failures")
+    command = Command(np.zeros(NA))
+    runner.control = types.SimpleNamespace(command=lambda measurement: command, control=drives)  # type: ignore[assignment]
+    report = runner.run(5.0)
+    assert report.reason == "the controller has stopped: too many failures"
+    assert report.phases[-1][0] is Phase.DAMPED and machine.damped >= 50
+
+
 def test_a_robot_that_hangs_waits_for_the_ground() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent(0.5), fixed=True)
     runner = make(machine)
