@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, whole_number
 from wbc.core.settings import NonNegative, Positive, Share, settings
 
 
@@ -58,9 +58,12 @@ class RangeSampler:
         Args:
             sensor: Range and errors of the sensor.
             seed: Seed of noise and drop-outs.
+
+        Raises:
+            InputError: A sensor that is none, a seed that is no integer of at least 0.
         """
         self.sensor = sensor
-        self._seed = seed
+        self._seed = whole_number("seed", seed, low=0)
         self.reset()
 
     def reset(self) -> None:

@@ -266,6 +266,7 @@ def _walkable(robot: Robot, standing: float) -> float | None:
     return None
 
 
+@checked
 def arms_forward(robot: Robot, forward: float, share: float = 0.2) -> Array:
     """Return half-sitting with both hands in front of the robot, where a load asks least of the arms.
 

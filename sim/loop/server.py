@@ -9,7 +9,8 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, check_parts, non_negative, positive
 from wbc.core.signals import Command, Measurement
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 
@@ -37,6 +38,7 @@ class RobotServer:
         late: Periods that began late by more than one.
     """
 
+    @checked
     def __init__(
         self, loop: MujocoLoop, wire: RobotWire, *, watchdog: float = 0.015, band: float = 0.0
     ) -> None:
@@ -47,8 +49,14 @@ class RobotServer:
             wire: Its end of the wire.
             watchdog: Longest time for which a command acts, s; a period in which it would end begins damped.
             band: Time for which the robot hangs at an elastic band before it is let down, s.
+
+        Raises:
+            InputError: A loop or a wire that is none, a watchdog that is not positive, a negative time at the band.
         """
-        self.loop, self._wire, self._watchdog, self._band = loop, wire, watchdog, band
+        check_parts("a wire", wire, "receive", "send")
+        self.loop, self._wire = loop, wire
+        self._watchdog = positive("watchdog (s)", watchdog)
+        self._band = non_negative("time at the band (s)", band)
         self.damped, self.silent, self.late = False, 0.0, 0
         self._rack: Command | None = loop.hold()
         self._command: Command | None = None

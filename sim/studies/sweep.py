@@ -31,7 +31,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError, positive
+from wbc.core.errors import InputError, WbcError, check_parts, positive
 from wbc.core.settings import to_json
 from wbc.sim.studies.journal import Entry, Journal, Status, trial_key
 from wbc.sim.studies.provenance import differences, provenance
@@ -132,6 +132,9 @@ def sweep(
         positive("time-out of a trial (s)", timeout)
     begin = time.perf_counter()
     version = provenance()
+    specs = list(specs)
+    for spec in specs:
+        check_parts("a trial", spec, "kind", "to_json")
     trials = {trial_key(plain, version): (spec, plain) for spec in specs for plain in [spec.to_json()]}
     known = by_spec(journal.entries.values()) if any_code else {}
     summary = SweepSummary(len(trials))

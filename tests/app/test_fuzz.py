@@ -41,6 +41,11 @@ def test_a_sample_of_hostile_input_ends_in_a_result_or_a_refusal(kind: str, size
     assert ran == size and not failures, failures
 
 
+def test_every_function_takes_the_valid_arguments_beside_which_one_is_hostile() -> None:
+    ran, failures = fuzzing.fuzz("plain", range(10**6))
+    assert ran >= 250 and not failures, failures
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["commands", "api"])
 def test_all_hostile_input_ends_in_a_result_or_a_refusal(kind: str) -> None:

@@ -76,6 +76,8 @@ def test_even_pressure_holds_the_yaw_moment_of_the_mean_distance(x: float, y: fl
         wrench = np.array([0.0, 0.0, 1.0, 0.0, 0.0, moment * friction * mean_distance(x, y)])
         assert bool((even @ wrench <= 0.0).all()) == inside
         assert (cone @ wrench < 0.0).all()
+    with pytest.raises(InputError, match="even must be"):
+        rectangle_wrench_cone(x, y, friction, even=np.zeros(2))  # type: ignore[arg-type]
 
 
 @robots

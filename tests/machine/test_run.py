@@ -15,6 +15,7 @@ import types
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from wbc.machine import run as run_machine
 from wbc.machine.clock import ask_priority
 from wbc.machine.guard import Guard
 from wbc.machine.udp import pack_command, pack_measurement, unpack
-from wbc.sim import Machine, MujocoLoop, Plant
+from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.004
@@ -537,6 +538,48 @@ def processes() -> Iterator[list[Process]]:
     yield made
     for process in made:
         process.close()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"driver": None}, "a driver must have read, write and damp; 'read' is missing"),
+        ({"control": None}, "a controller must have command; 'command' is missing"),
+        ({"description": Path("/")}, "description must be RobotDescription"),
+        ({"description": np.array(["a"])}, "description must be RobotDescription"),
+        ({"settings": 1}, "settings must be RunSettings"),
+        ({"guard": "no"}, "guard must be"),
+        ({"until": np.nan}, "time of the end"),
+        ({"until": "soon"}, "time of the end"),
+    ],
+)
+def test_a_run_with_an_argument_that_is_none_starts_no_guard(
+    wrong: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Runner, "_make_guard", lambda _: pytest.fail("the guard was started"))
+    good: dict[str, Any] = {
+        "driver": UdpDriver(DESCRIPTION),
+        "control": types.SimpleNamespace(command=lambda _: None),
+    }
+    with pytest.raises(InputError, match=message):
+        run_machine(**(good | wrong))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"loop": None}, "loop must be MujocoLoop"),
+        ({"wire": None}, "a wire must have receive and send"),
+        ({"watchdog": np.nan}, "watchdog"),
+        ({"band": -1.0}, "time at the band"),
+    ],
+)
+def test_a_simulated_robot_without_a_loop_or_a_wire_is_refused(wrong: dict[str, Any], message: str) -> None:
+    loop = MujocoLoop(DESCRIPTION, Plant(DESCRIPTION).model)
+    wire = types.SimpleNamespace(receive=lambda: (False, None), send=lambda _: None)
+    good: dict[str, Any] = {"loop": loop, "wire": wire}
+    with pytest.raises(InputError, match=message):
+        RobotServer(**(good | wrong))
 
 
 def drive(processes: list[Process], watchdog: float, timeout: float) -> tuple[Process, Process]:

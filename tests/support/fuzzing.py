@@ -1,7 +1,8 @@
 """Hostile input for every option of every command and every parameter of the public packages, run in a worker.
 
 A worker is a process of its own with bounded memory: a case that hangs or crashes ends the worker, not the tests, and
-the next worker goes on behind it. `python tests/support/fuzzing.py commands|api [from [to [step]]]` lists the failures.
+the next worker goes on behind it. `python tests/support/fuzzing.py commands|api|plain [from [to [step]]]` lists what
+failed.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args, get_origin
 
 import numpy as np
@@ -93,6 +95,17 @@ STUBS = (
     "wbc.app.commands.balance:StandTrial.run",
     "wbc.app.commands.balance:push_table",
     "wbc.app.commands.walk:WalkTrial.run",
+    "wbc.sim.balance.carrying:CarryTrial.run",
+    "wbc.sim.balance.tracking:TrackTrial.run",
+    "wbc.sim.hands.carts:CartTrial.run",
+    "wbc.sim.hands.doors:DoorTrial.run",
+    "wbc.sim.hands.one_foot:OneFootTrial.run",
+    "wbc.sim.hands.pressing:HandPressTrial.run",
+    "wbc.feet.stiffness.figures:learning_curve",
+    "wbc.feet.stiffness.comparison:cross_validate",
+    "wbc.machine.conformance:_Conformance.run",
+    "wbc.machine.run:Runner._make_guard",
+    "wbc.sim.studies.sweep:_run_locally",
     "wbc.app.commands.bench:bench_tick",
     "wbc.app.commands.bench:bench_solver",
     "wbc.app.commands.bench:bench_physics",
@@ -515,12 +528,184 @@ def valid(target: Any, name: str, package: str) -> Any:
         "estimate": lambda: _description().robot(),
         "edges": lambda: (0.1, 0.05),
         "posture": wbc.PostureTask,
-        "Arm name": lambda: "left_hand",
-        "Arms com": wbc.CoMTask,
     }
-    maker = makers.get(f"{target.__name__} {name}", makers.get(name))
+    maker = makers.get(name)
     return _made(target, name) if maker is None else maker()
 
+
+class SilentDriver:
+    """A machine that says nothing."""
+
+    def read(self, timeout: float) -> None:
+        """Return no measurement."""
+
+    def write(self, command: Any) -> None:
+        """Take a command."""
+
+    def damp(self) -> None:
+        """Take the end."""
+
+
+def own_values(function: str) -> dict[str, Any]:
+    """Return usable values for parameters of one function, where those of `valid` do not fit."""
+    import mujoco  # noqa: PLC0415
+    import pinocchio as pin  # noqa: PLC0415
+
+    import wbc  # noqa: PLC0415
+    from wbc import feet, sim, walking  # noqa: PLC0415
+    from wbc.walking.pattern.height import HeightProfile  # noqa: PLC0415
+
+    plane = pin.SE3.Identity()
+    reach = walking.Reach(0.3, 0.1, 0.4, 0.5, 0.2, 0.2)
+    sizes = ((0.2, 0.1), (0.2, 0.1))
+    standing = walking.Pendulum(*np.zeros((5, 3)), 3.5)
+    x = 0.004 * np.arange(41)
+    makers: dict[str, Callable[[], dict[str, Any]]] = {
+        "Arm": lambda: {"name": "left_hand"},
+        "Arms": lambda: {"com": wbc.CoMTask()},
+        "RobotDescription": lambda: {
+            name: getattr(_description(), name)
+            for name in ("urdf", "soles", "half_sitting", "armature", "imu", "torso")
+        },
+        "Robot": lambda: {
+            name: getattr(_description().robot(), name) for name in ("model", "soles", "half_sitting")
+        },
+        "SelfCollisionLimit": lambda: {"pairs": [("left_ankle_link", "right_ankle_link")]},
+        "CollisionSphere": lambda: {"radius": 0.1},
+        "CollisionCapsule": lambda: {"radius": 0.1, "start": (0.0, 0.0, 0.0), "end": (0.0, 0.0, 0.1)},
+        "damped_bound": lambda: {
+            "distance": np.full(2, 0.1),
+            "velocity": np.zeros(2),
+            "time_constant": 0.1,
+        },
+        "rectangle_wrench_cone": lambda: {"half_length": 0.1, "half_width": 0.05, "friction": 0.7},
+        "velocity_from_mujoco": lambda: {"q": _description().robot().half_sitting, "qvel": np.zeros(40)},
+        "velocity_to_mujoco": lambda: {"q": _description().robot().half_sitting, "v": np.zeros(40)},
+        "FootstepPlan": lambda: {"steps": (walking.Footstep("left", 0.2, 0.1),)},
+        "conformance": lambda: {"loop": sim.Plant(_description())},
+        "run": lambda: {
+            "driver": SilentDriver(),
+            "control": wbc.TorqueControl(wbc.balance_controller(_description().robot(), 0.002)),
+            "description": _description(),
+        },
+        "StiffnessDecision": lambda: {"stiffness": 5.0},
+        "stiffness_policy": lambda: {"name": "fixed"},
+        "SoleDescription": lambda: {"name": "left_foot", "frame": "left_sole", "link": "left_ankle_link"},
+        "SoleGeometry": lambda: {
+            "ankle_link": "left_ankle_link",
+            "translation": (0.0, 0.0, -0.1),
+            "rotation": (0.0, 0.0, 0.0, 1.0),
+        },
+        "ConstraintLaw": lambda: {"time_constant": 0.02},
+        "profile_roughness": lambda: {
+            "profile": feet.Profile(
+                x, np.sin(100.0 * x), 0.0 * x, x >= 0.0, np.array([1.0, 0.0]), float(x[1])
+            )
+        },
+        "Clusters": lambda: {"edges": (0.0, 5.0, 80.0)},
+        "FeatureSet": lambda: {"names": ("Sp", "P")},
+        "select_features": lambda: {"values": np.random.default_rng(0).uniform(0.1, 1.0, (50, 10))},
+        "comparison_table": lambda: {"results": [feet.cross_validate(_stiffness_table(), folds=2)]},
+        "draw_model": lambda: {"path": "model.png"},
+        "CaptureSteps": lambda: {"spacing": 0.2},
+        "GoalSource": lambda: {"goal": (1.0, 0.0, 0.0), "drive": walking.VelocitySource(reach, sizes)},
+        "Reach": lambda: {
+            "max_length": 0.3,
+            "min_spacing": 0.1,
+            "max_spacing": 0.4,
+            "max_yaw": 0.5,
+            "max_height": 0.2,
+            "max_swing_height": 0.2,
+        },
+        "Pattern": lambda: {
+            "times": np.array([0.0, 1.0]),
+            "zmp": np.zeros((2, 2)),
+            "com": np.zeros(2),
+            "com_velocity": np.zeros(2),
+            "profile": HeightProfile(walking.schedule(_plan())),
+        },
+        "analytic_pattern": lambda: {"supports": walking.schedule(_plan()), "start": standing},
+        "SwingFoot": lambda: {"start": plane, "landing": walking.Footstep("left", 0.2, 0.0)},
+        "net_wrench": lambda: {"soles": [plane, plane]},
+        "zmp": lambda: {"plane": plane},
+        "MujocoLoop": lambda: {"model": sim.Plant(_description()).model},
+        "RobotServer": lambda: {
+            "loop": sim.MujocoLoop(_description(), sim.Plant(_description()).model),
+            "wire": SimpleNamespace(receive=_wrong, send=_wrong),
+        },
+        "CarryTrial": lambda: {"spec": sim.CarrySpec()},
+        "arms_forward": lambda: {"forward": 0.3},
+        "StandTrial": lambda: {"spec": sim.StandSpec()},
+        "WalkTrial": lambda: {"spec": sim.WalkSpec()},
+        "TrackTrial": lambda: {"clip": _clip()},
+        "track_motion": lambda: {"clip": _clip()},
+        "WalkPush": lambda: {"time": 1.0},
+        "WalkPushLimitSpec": lambda: {"walk": sim.WalkSpec(pushes=(sim.WalkPush(impulse=0.1, time=1.0),))},
+        "add_to_spec": lambda: {"spec": mujoco.MjSpec()},
+        "bar": lambda: {"yaw": 0.1, "top": 0.01},
+        "dome": lambda: {"radius": 0.05, "top": 0.01},
+        "plate": lambda: {"size": (0.1, 0.1), "top": 0.01},
+        "stone": lambda: {"semi_axes": (0.05, 0.03), "top": 0.01, "yaw": 0.1},
+        "press": lambda: {"support": False},
+        "make_scene": lambda: {"name": "box"},
+        "Cell": lambda: {"values": {"terrain": "flat"}},
+        "Journal": lambda: {"path": _new_journal()},
+        "read_journal": lambda: {"path": sim.Journal(_new_journal()).path},
+        "cluster_executor": lambda: {"address": "local"},
+        "study_by_name": lambda: {"name": "fig5"},
+        "study_rows": lambda: {"study": sim.Study.from_json(STUDY), "entries": {}},
+        "study_table": lambda: {"study": sim.Study.from_json(STUDY), "entries": {}},
+        "sweep": lambda: {"specs": [sim.WalkSpec()], "journal": sim.Journal(_new_journal())},
+    }
+    takes_table = (
+        "amplitude_trends",
+        "principal_components",
+        "compare",
+        "cross_validate",
+        "learning_curve",
+        "draw_model",
+        "labels_figure",
+    )
+    table = {"table": _stiffness_table()} if function in takes_table else {}
+    return table | makers.get(function, dict)()
+
+
+@cache
+def _stiffness_table() -> Any:
+    from wbc.feet import PARAMETERS, StiffnessTable  # noqa: PLC0415
+
+    random, count = np.random.default_rng(0), 60
+    amplitude = np.repeat([0.01, 0.02, 0.03], 20)
+    numbers = {name: random.uniform(0.1, 1.0, count) for name in PARAMETERS}
+    ground = [f"ground {i % 5}" for i in range(count)]
+    return StiffnessTable.from_columns(
+        {
+            **numbers,
+            "ground": ground,
+            "family": ground,
+            "amplitude": amplitude,
+            "seed": np.zeros(count, dtype=int),
+            "window": np.arange(count),
+            "stiffness": 0.2 / amplitude,
+        }
+    )
+
+
+def _new_journal() -> str:
+    return f"{time.time_ns()}.jsonl"
+
+
+def _clip() -> Any:
+    import wbc  # noqa: PLC0415
+    from wbc.motion import MotionClip  # noqa: PLC0415
+
+    robot = wbc.load_robot("g1").robot()
+    q = np.tile(robot.half_sitting, (3, 1))
+    return MotionClip(robot.joint_names, 30.0, q[:, :7], q[:, 7:])
+
+
+LONG_CALLS = {"push_standing", "largest_push", "push_table", "real_time_factor"}
+"""Functions whose legal values begin long work, and which have no part that could be replaced."""
 
 SKIP = {
     # They register: what is registered stays.
@@ -584,40 +769,56 @@ def api_cases() -> list[ApiCase]:
     return cases
 
 
-def run_api(case: ApiCase) -> str | None:
-    """Make a call; return why it failed, None for a result or a `WbcError`."""
-    from wbc.core.errors import WbcError  # noqa: PLC0415
+def plain_calls() -> list[ApiCase]:
+    """Return one call of every public constructor and function, without a hostile argument."""
+    functions = dict.fromkeys((case.package, case.function) for case in api_cases())
+    return [ApiCase(*each, "", "") for each in functions if each[1] not in LONG_CALLS]
 
-    module = importlib.import_module(case.package)
-    target: Any = module
+
+def _call(case: ApiCase) -> None:
+    """Make a call and use its result."""
+    target: Any = importlib.import_module(case.package)
     for part in case.function.split("."):
         target = getattr(target, part)
-    arguments: dict[str, Any] = {}
+    arguments = own_values(case.function)
     for parameter in inspect.signature(target).parameters.values():
-        if (
-            parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-            or parameter.name == case.parameter
-        ):
-            continue
-        if parameter.default is parameter.empty:
+        several = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        if parameter.default is parameter.empty and not several and parameter.name not in arguments:
             arguments[parameter.name] = valid(target, parameter.name, case.package)
-    arguments[case.parameter] = HOSTILE[case.value]()
-    if case.function in ("push_standing", "largest_push", "push_table", "real_time_factor"):
-        return None  # long work that legal values ask for
     if case.function == "RobotDescription.from_urdf":
         arguments = {
             "source": _description().urdf,
             "left_sole": _description().soles[0],
             "right_sole": _description().soles[1],
-        } | arguments
-        arguments[case.parameter] = HOSTILE[case.value]()
+        }
     if case.function == "stand":
-        arguments = {"seconds": 0.02} | arguments
+        arguments = {"seconds": 0.02}
     if case.function == "walk":
-        arguments = {"plan": importlib.import_module("wbc.sim").WalkPlan(distance=0.1)} | arguments
+        arguments = {"plan": importlib.import_module("wbc.sim").WalkPlan(distance=0.1)}
+    if case.parameter:
+        arguments[case.parameter] = HOSTILE[case.value]()
+    _use(target(**arguments))
+
+
+def run_plain(case: ApiCase) -> str | None:
+    """Make a call of valid arguments; return why it failed, None if it ended or began long work."""
     try:
-        result = target(**arguments)
-        _use(result)
+        _call(case)
+    except Accepted:
+        return None
+    except Exception as error:
+        return _trace(error)
+    return None
+
+
+def run_api(case: ApiCase) -> str | None:
+    """Make a call; return why it failed, None for a result or a `WbcError`."""
+    from wbc.core.errors import WbcError  # noqa: PLC0415
+
+    if case.function in LONG_CALLS:
+        return None
+    try:
+        _call(case)
     except (WbcError, Accepted):
         return None
     except TypeError as error:
@@ -663,8 +864,14 @@ def worker(kind: str, indices: Sequence[int]) -> None:
     warnings.simplefilter("ignore")
     folder = Path(os.environ["FUZZ_FOLDER"])
     os.chdir(folder)
-    cases: Sequence[Any] = command_cases(folder / "files") if kind == "commands" else api_cases()
-    run: Any = run_command if kind == "commands" else run_api
+    cases: Sequence[Any] = (
+        command_cases(folder / "files")
+        if kind == "commands"
+        else api_cases()
+        if kind == "api"
+        else plain_calls()
+    )
+    run: Any = {"commands": run_command, "api": run_api, "plain": run_plain}[kind]
     stub_long_work()
     print(json.dumps({"total": len(cases)}), file=channel, flush=True)
     for index in indices:
@@ -673,7 +880,7 @@ def worker(kind: str, indices: Sequence[int]) -> None:
         case = cases[index]
         text = (
             str(case)
-            if kind == "api"
+            if kind != "commands"
             else " ".join(word[:80].encode("unicode_escape").decode() for word in case)
         )
         print(json.dumps({"begin": index, "case": text}), file=channel, flush=True)
@@ -683,7 +890,7 @@ def worker(kind: str, indices: Sequence[int]) -> None:
         except BaseException as error:
             why = _trace(error)
         took = time.monotonic() - start
-        if why is None and took > LIMIT:
+        if why is None and took > LIMIT and kind != "plain":
             why = f"took {took:.1f} s"
         print(json.dumps({"end": index, "why": why, "took": took}), file=channel, flush=True)
 
@@ -694,7 +901,7 @@ def fuzz(
     """Run cases in workers.
 
     Args:
-        kind: "commands" or "api".
+        kind: "commands", "api", or "plain": calls of "api" with valid arguments alone.
         indices: Numbers of the cases.
         report: Called with every failure.
 
@@ -750,7 +957,11 @@ def fuzz(
                     break
                 data = json.loads(line)
                 if "begin" in data:
-                    begun, case, patience = data["begin"], data["case"], 4.0 * LIMIT
+                    begun, case, patience = (
+                        data["begin"],
+                        data["case"],
+                        patience if kind == "plain" else 4.0 * LIMIT,
+                    )
                 elif "end" in data:
                     done += 1
                     if data["why"] is not None:

@@ -168,6 +168,8 @@ def test_arms_reach_forward() -> None:
     places = np.array([robot.placement(frame).translation for frame in robot.frames.values()])
     assert places[:, 0] == pytest.approx([0.35, 0.35], abs=0.003)
     assert places[0] == pytest.approx(places[1] * (1.0, -1.0, 1.0), abs=1e-4)
+    with pytest.raises(InputError, match="forward must be"):
+        arms_forward(robot, np.nan)
 
 
 @pytest.mark.slow

@@ -110,6 +110,24 @@ def names_in(what: str, value: object) -> list[str]:
     return names
 
 
+def check_parts(what: str, value: object, *parts: str) -> None:
+    """Refuse an object that lacks a part of its protocol.
+
+    Args:
+        what: Name of the object in messages, such as "a driver".
+        value: The object.
+        parts: Names of the attributes and methods that it must have.
+
+    Raises:
+        InputError: One of them is missing.
+    """
+    for part in parts:
+        if not hasattr(value, part):
+            *most, last = parts
+            every = f"{', '.join(most)} and {last}" if most else last
+            raise InputError(f"{what} must have {every}; '{part}' is missing in {shown(value)}")
+
+
 def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
     """Refuse options that a task or contact does not take.
 

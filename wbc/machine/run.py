@@ -16,7 +16,8 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import InputError, positive
+from wbc.core.arguments import checked
+from wbc.core.errors import InputError, check_parts, non_negative, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Measurement
@@ -74,6 +75,7 @@ class RunSettings:
 class Runner:
     """The loop of one run, for programs that stop it from elsewhere; `run` is this in one call."""
 
+    @checked
     def __init__(
         self,
         driver: Driver,
@@ -97,8 +99,11 @@ class Runner:
             clock: Clock, for tests.
 
         Raises:
-            InputError: A rate that is not the controller's, or a driver that does not know its robot.
+            InputError: A rate that is not the controller's, a driver that does not know its robot, or an object that
+                is no driver or no controller.
         """
+        check_parts("a driver", driver, "read", "write", "damp")
+        check_parts("a controller", control, "command")
         self.period = 1.0 / positive("rate (1/s)", rate)
         controller: Any = getattr(control, "controller", None)
         if controller is not None and abs(controller.dt - self.period) > 1e-9:
@@ -139,8 +144,10 @@ class Runner:
 
         Raises:
             MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
-            InputError: This runner has run already.
+            InputError: This runner has run already, or `until` is neither a time nor a function.
         """
+        if until is not None and not callable(until):
+            until = non_negative("time of the end (s)", until)
         if self._ran:
             raise InputError("a Runner runs once: make another one")
         self._ran = True
@@ -316,7 +323,7 @@ class Runner:
         self._last = command
         self._send(command)
         if self._until is not None and (
-            now - self._begin >= self._until if isinstance(self._until, (int, float)) else self._until()
+            now - self._begin >= self._until if isinstance(self._until, float) else self._until()
         ):
             self.stop()
         return True
@@ -390,7 +397,7 @@ def run(
         Reason of the end, phases, missed deadlines and the times of all ticks.
 
     Raises:
-        InputError: A rate that is not the controller's.
+        InputError: A rate that is not the controller's, or an argument that is not what it should be.
         MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
     """
     return Runner(driver, control, rate, description=description, settings=settings, guard=guard).run(until)

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
+from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import (
     Array,
     InputError,
@@ -43,6 +43,7 @@ def mean_distance(half_length: float, half_width: float) -> float:
     return float(np.hypot(x, y) / 3 + x**2 / (6 * y) * np.arcsinh(y / x) + y**2 / (6 * x) * np.arcsinh(x / y))
 
 
+@checked_on_failure
 def rectangle_wrench_cone(
     half_length: float, half_width: float, friction: float, *, even: bool = False
 ) -> Array:
@@ -60,7 +61,7 @@ def rectangle_wrench_cone(
         Matrix F with F w ≤ 0 for a wrench w = [force; moment] in the sole frame at its centre, shape (16, 6).
 
     Raises:
-        InputError: A size or friction that is not positive.
+        InputError: A size or friction that is not positive; `even` that is neither true nor false.
 
     Source: Caron, Pham, Nakamura, "Stability of surface contacts for humanoid robots: closed-form formulae of the
     contact wrench cone for rectangular support areas", ICRA 2015, eq. (9)–(14).

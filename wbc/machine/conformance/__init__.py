@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.core.errors import InputError, non_negative
+from wbc.core.errors import check_parts, non_negative
 from wbc.core.signals import Measurement
 from wbc.machine.conformance.body import BodyChecks
 from wbc.machine.conformance.joints import JointChecks
@@ -37,11 +37,7 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
         InputError: Something without the four parts of a loop, or a delay below zero.
     """
     delay = non_negative("delay of the loop (s)", delay)
-    for part in ("description", "control_period", "measure", "step"):
-        if not hasattr(loop, part):
-            raise InputError(
-                f"a loop must have description, control_period, measure and step; '{part}' is missing"
-            )
+    check_parts("a loop", loop, "description", "control_period", "measure", "step")
     return _Conformance(loop, delay).run()
 
 
