@@ -6,13 +6,15 @@ A page marks the place of a table, and this program writes what stands between t
     <!-- end of table -->
 
 The words are the name of a study, its journal (JSON lines, plain or compressed by xz) and options: `--metric`, `--by`,
-`--margin`, `--seeds`, `--cell` and `--arm` of `wbc study table`, and `--as` for another kind of table:
+`--margin`, `--seeds`, `--cell` and `--arm` of `wbc study table`, `--from` for the layouts from a seed on, and `--as`
+for another kind of table:
 
     choice      `wbc study choice`: which arm is best on which ground, and what choosing it there is worth
     short       without how the walks of each ground ended; the completed ones of all grounds stand in a line
     table4      the study 'table4' beside the paper's table
     optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II, with the
                 default law and wide bounds; `--law legacy` for the paper's law and bounds
+    held-out    of the same the walks on held-out layouts alone
     folds       the data set that the walks label: accuracy of the paper's model under every split
 
 A figure is drawn anew by `--figures`; it stands under `<!-- figure fig5 from fig5.jsonl.xz --as steps --to
@@ -26,6 +28,7 @@ FOLDER` writes the studies that walk the optima on held-out layouts, for `wbc st
 
 from __future__ import annotations
 
+import argparse
 import json
 import lzma
 import re
@@ -44,7 +47,7 @@ from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import optimisation, table_four
-from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec, Walked
+from wbc.sim.studies.paper.optimization import OptimisationSpec, Walked
 from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
@@ -55,7 +58,7 @@ DOCS = Path(__file__).parent
 PLACE = re.compile(r"<!-- table (.+?) -->\n(.*?)<!-- end of table -->\n", re.DOTALL)
 FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
-OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--cell", "--arm", "--as", "--to", "--law")
+OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--from", "--cell", "--arm", "--as", "--to", "--law")
 
 
 class Mark:
@@ -88,10 +91,15 @@ class Mark:
     @cached_property
     def study(self) -> Study:
         """The part of the study that the table is about: grounds and layouts with walks."""
-        seeds = self.option("--seeds")
-        part = self.whole.narrowed(seeds=None if seeds is None else int(seeds))
+        return self.walked(self.whole)
+
+    def walked(self, study: Study) -> Study:
+        """Return the grounds and layouts of a study that have walks, of the layouts that the mark asks for."""
+        seeds, first = self.option("--seeds"), int(self.option("--from") or 0)
+        part = study.narrowed(seeds=None if seeds is None else int(seeds))
         walked = [trial for trial, entry in study_entries(part, self.entries, any_code=True) if entry]
-        grounds, layouts = {trial.cell for trial in walked}, {trial.seed for trial in walked}
+        grounds = {trial.cell for trial in walked}
+        layouts = {trial.seed for trial in walked if trial.seed >= first}
         return replace(
             part,
             cells=tuple(cell for cell in part.cells if cell.name in grounds) or part.cells,
@@ -126,7 +134,7 @@ def made(words: str, journals: Path) -> str:
     """Return the table of a mark, with its caption."""
     mark = Mark(words, journals)
     kind = mark.option("--as") or "table"
-    if kind == "optimum":
+    if kind in ("optimum", "held-out"):
         return _optima(mark)
     if kind == "folds":
         return _folds(mark)
@@ -187,13 +195,16 @@ def _optimised(
 
 
 def _optima(mark: Mark) -> str:
-    """Return the optima of some grounds beside the paper's Table II."""
+    """Return the optima of some grounds beside the paper's Table II, and their walks on held-out layouts."""
     found = {spec: best for spec, _, best in mark.optimised()}
     grounds = {spec.ground: each for spec, each in found.items()}
-    judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
+    judged = mark.walked(validation(found, VALIDATIONS).narrowed(arms=mark.options.get("--arm", ())))
+    held_out = [entry for _, entry in study_entries(judged, mark.entries, any_code=True) if entry is not None]
+    judgement = _short(study_table(judged, mark.entries, any_code=True)) if held_out else ""
+    if mark.option("--as") == "held-out":
+        return f"\n{judgement}\n\n*{_count(len(held_out), judged.size)}, {_code(mark.code(held_out))}*\n\n"
     text = table_two(grounds)
-    if judged:
-        judgement = _short(study_table(validation(found, VALIDATIONS), judged, any_code=True))
+    if held_out:
         text += f"\n\nOn held-out layouts, each k with the best gains, {judgement}"
     used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
     walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())
@@ -278,27 +289,39 @@ def held_out(target: Path, folder: Path = DOCS) -> list[Path]:
 
 def main(words: list[str], folder: Path = DOCS) -> int:
     """Rebuild, check, list, draw or pack; return 1 if a page differs from its journals or a table is stale."""
-    bad = 0
-    if words[:1] == ["--pack"]:
-        for path in pack(Path(words[1]), folder):
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    one = parser.add_mutually_exclusive_group()
+    one.add_argument(
+        "--check", action="store_true", help="change nothing; 1 if a page differs from its journals"
+    )
+    one.add_argument("--stale", action="store_true", help="list tables of other code than today's")
+    one.add_argument("--figures", action="store_true", help="draw the figures")
+    one.add_argument("--pack", type=Path, metavar="FOLDER", help="compress the journals of a folder")
+    one.add_argument("--held-out", type=Path, metavar="FOLDER", help="write the studies of the optima there")
+    options = parser.parse_args(words)
+    if options.pack is not None:
+        for path in pack(options.pack, folder):
             print(f"{path.name}: {path.stat().st_size / 1024:.0f} KiB")
         return 0
-    if words[:1] == ["--held-out"]:
-        print("\n".join(str(path) for path in held_out(Path(words[1]), folder)))
+    if options.held_out is not None:
+        print("\n".join(str(path) for path in held_out(options.held_out, folder)))
         return 0
+    bad = 0
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")
-        if "--stale" in words:
+        if options.stale:
             for table in stale(text):
                 print(f"{page.name}: {table} is stale")
                 bad = 1
             continue
-        if "--figures" in words:
+        if options.figures:
             for mark in FIGURE.finditer(text):
                 print(draw(mark[1].replace("\n", " "), folder))
             continue
         new = rebuilt(text, folder / "journals")
-        if new != text and "--check" in words:
+        if new != text and options.check:
             print(f"{page.name} differs from its journals: python docs/tables.py")
             bad = 1
         elif new != text:

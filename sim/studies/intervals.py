@@ -23,7 +23,7 @@ RESAMPLES = 9999
 and the smallest p-value is 2e-4."""
 
 EXACT = 13
-"""Largest number of layouts whose signs are all flipped: 2^13 patterns are fewer than the resamples."""
+"""Largest number of layouts that differ whose signs are all flipped: 2^13 patterns are fewer than the resamples."""
 
 MANY = 2000
 """Number of layouts from which the normal distribution takes the place of resampling: a mean of 2,000 is as good as
@@ -204,12 +204,13 @@ def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None
     Returns:
         p-value; None with fewer than two layouts.
 
-    Source: R. Fisher, "The design of experiments", 1935, section 21; a random part of the patterns from 14 layouts on,
-    their normal limit for many.
+    Source: R. Fisher, "The design of experiments", 1935, section 21; a random part of the patterns where 14 layouts or
+    more differ, their normal limit for many.
     """
     sums, _ = _by_layout(finite_array("differences", list(differences)), layouts)
     if sums.size < 2:
         return None
+    sums = sums[sums != 0.0]  # their signs change nothing
     if sums.size >= MANY:
         spread = math.sqrt(float(sums @ sums))  # of the total, over all patterns of signs
         return 1.0 if spread == 0.0 else math.erfc(abs(float(sums.sum())) / spread / math.sqrt(2.0))

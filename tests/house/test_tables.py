@@ -111,6 +111,21 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
     assert tables.main(["--held-out", str(source)], tmp_path) == 0
     study = Study.from_json(read_json(source / "optimize_held_out.json"))
     assert [cell.name for cell in study.cells] == ["stones"] and len(study.seeds) == tables.VALIDATIONS
+    arms = list(study.arms)
+    walked = [
+        Entry(trial.spec.to_json(), "done", {"J": -float(trial.seed)}, None, None, provenance()).line()
+        for trial in study.narrowed(arms=[arms[0], arms[-1]]).trials()
+    ]
+    (source / "optimize.jsonl").write_bytes(b"".join([*lines, *walked]))
+    assert tables.main(["--pack", str(source)], tmp_path) == 0
+    page.write_text(
+        f"<!-- table authority from authority.jsonl.xz --as short --arm 5 --arm 80 --from 102 -->\n{end}\n"
+        f'<!-- table stones from optimize.jsonl.xz --as held-out --from 110 --arm best --arm "{arms[-1]}" -->\n{end}'
+    )
+    assert tables.main([], tmp_path) == 0
+    text = page.read_text()
+    assert "*Partial: 12 of 1,360 walks of `authority`" in text and "(3) |" in text
+    assert "-114 [" in text and "(10) |" in text and "*20 walks, with the code" in text
     page.write_text(f"<!-- table authority from authority.jsonl.xz --as pie -->\n{end}")
     with pytest.raises(SystemExit, match="no kind of table pie"):
         tables.main([], tmp_path)

@@ -697,6 +697,8 @@ def test_sign_flips_and_equivalence_keep_their_level() -> None:
     exact = [1.0, 1.0, 1.0, 1.0, 1.0]
     assert sign_flip_p(exact) == 2 / 2**5
     assert sign_flip_p([*exact, *exact], [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]) == 2 / 2**5
+    assert sign_flip_p([*exact, *[0.0] * 100]) == 2 / 2**5  # signs of pairs that are equal change nothing
+    assert sign_flip_p([0.0] * 20) == 1.0
     assert sign_flip_p([1.0]) is None and equivalence([1.0], 1.0).p is None
     # Equal pairs alone say little: of nine, three tenths of all may still differ.
     assert equivalence([0.0] * 20, 0.5).p == 0.0 and not equivalence([0.0] * 9, 0.5).equivalent
