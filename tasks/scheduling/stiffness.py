@@ -6,6 +6,7 @@ import math
 import time
 from collections import deque
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -164,7 +165,7 @@ class StiffnessScheduler:
 
     def _look(self, side: int, robot: Robot, measurement: Measurement) -> None:
         """Add the reading of this tick, unless it is an old one that the sensor holds."""
-        reading = float(measurement.sole_range[side])
+        reading = _of_sole(measurement.sole_range, side)
         if self.timing.sensor_rate > 0.0:
             held = reading == self._last_reading or (math.isnan(reading) and math.isnan(self._last_reading))
             if held and measurement.time < self._last_time + 1.0 / self.timing.sensor_rate - 1e-9:
@@ -180,7 +181,7 @@ class StiffnessScheduler:
         """Ask the policy, or fall back, and command the stiffness that can be reached."""
         started = time.perf_counter()
         profile, problem = self._profile()
-        measured = float(measurement.sole_stiffness[side])
+        measured = _of_sole(measurement.sole_stiffness, side)
         actual = float(self._command[side]) if math.isnan(measured) else measured
         actual = min(max(actual, self.actuator.low), self.actuator.high)
         decision = None
@@ -260,10 +261,18 @@ class StiffnessScheduler:
             )
         else:
             record = replace(record, decided_before=measurement.time - self._decided_at)
-        actual = float(measurement.sole_stiffness[self._side])
+        actual = _of_sole(measurement.sole_stiffness, self._side)
         reached = as_good_as(actual, record.commanded, self.timing.tolerance)
         self.steps.append(replace(record, actual=actual, reached=reached))
         self._count += 1
+
+
+def _of_sole(values: Any, side: int) -> float:
+    """Return what a measurement has for one sole; NaN, no reading, where it has no numbers."""
+    try:
+        return float(values[side])
+    except (TypeError, ValueError, LookupError):
+        return math.nan
 
 
 def reachable(

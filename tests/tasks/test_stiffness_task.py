@@ -143,6 +143,25 @@ PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
 """The paper decides at three quarters of the single support, and feet land in time."""
 
 
+@pytest.mark.parametrize("none", [None, np.float64(0.1), np.zeros(0), ["far", "far"], [None, None]])
+def test_sole_sensors_that_give_no_numbers_are_no_reading(none: object) -> None:
+    task = make_task(ModelPolicy(default_model()), scan_from=0.0, fallback=7.0)
+    measurement = Measurement(
+        0.0,
+        np.zeros(1),
+        np.zeros(1),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros((2, 6)),
+        none,
+        none,  # type: ignore[arg-type]
+    )
+    for swing, progress in (("left", 0.1), ("left", 0.9), (None, 0.0)):
+        task.update(swing, progress, 0.8 * (1.0 - progress), ROBOT, measurement)
+    (step,) = task.steps
+    assert "2 readings lost" in str(step.fallback) and step.requested == 7.0
+
+
 @pytest.fixture(scope="module")
 def model() -> StiffnessModel:
     """Stiff on cobbles, soft on cylinders, in between on random ground; lower where it is higher."""
