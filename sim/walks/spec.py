@@ -29,7 +29,7 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.push import WalkPush
 from wbc.sim.walks.settings import TrialSettings, checked_changes, trial_settings
-from wbc.sim.walks.stiffness_policy import checked_policy
+from wbc.sim.walks.stiffness_policy import CONTENT, check_hash, checked_policy, file_hash
 from wbc.walking.planning.gait import Gait
 
 
@@ -45,6 +45,9 @@ NamedValues = Annotated[Changes, PlainValidator(_named_values)]
 
 SEED_LIMIT = 2**63
 """Seeds are below it: they fit into a signed integer of 64 bits, as tables of results have them."""
+
+SOURCE = "source"
+"""Parameter of a ground for the file that it is read from."""
 
 
 @settings(kw_only=True)
@@ -64,7 +67,8 @@ class WalkSpec:
             file ("path"), the hash of its content is added ("sha256").
         terrain: Family of grounds, one of those that `wbc terrains` lists.
         amplitude: Highest minus lowest point of the ground, m; the family's own when None.
-        terrain_params: Parameters of the family, and of the track: length, width, start, strip, rendering.
+        terrain_params: Parameters of the family, and of the track: length, width, start, strip, rendering. With a
+            file ("source" of an image), the hash of its content is added ("sha256").
         scene: What stands on the ground, one of those that `wbc scenes` lists; nothing when None.
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
@@ -171,6 +175,11 @@ class WalkSpec:
         for name in ("name", "amplitude", "seed"):
             if name in params:
                 raise InputError(f"{name} of a terrain is an option of its own, not one of its parameters")
+        content, source = params.pop(CONTENT, None), params.get(SOURCE)
+        if content is not None:
+            if not isinstance(source, str):
+                raise InputError(f"{CONTENT} is the hash of a file, but the ground reads none; leave it out")
+            check_hash(source, content)
         return terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
 
     def things(self) -> Scene | None:
@@ -272,6 +281,14 @@ def _foot_changes(name: str, changes: Changes) -> Changes:
 
 
 def _as_used(ground: Terrain, params: Changes) -> Changes:
-    """Return parameters as the ground has them: 1 and 1.0 are the same length."""
-    pairs = ((name, getattr(ground.parameters, name, getattr(ground, name, value))) for name, value in params)
-    return as_changes(pairs)
+    """Return parameters as the ground has them, 1 and 1.0 are the same length; of a file its name and its hash."""
+    values = {
+        name: value
+        if name in (SOURCE, CONTENT)
+        else getattr(ground.parameters, name, getattr(ground, name, value))
+        for name, value in params
+    }
+    source = values.get(SOURCE)
+    if isinstance(source, str):
+        values[CONTENT] = file_hash(source)
+    return as_changes(values)

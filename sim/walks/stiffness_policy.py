@@ -112,11 +112,7 @@ def make_policy(name: str, parameters: Changes, ground: Terrain) -> StiffnessPol
     values: dict[str, Any] = dict(parameters)
     content, file = values.pop(CONTENT, None), _file(name, values)
     if content is not None and file is not None:
-        actual = file_hash(file)
-        if actual != content:
-            raise InputError(
-                f"{file} has changed: its hash is {actual}, the walk was specified with {content}"
-            )
+        check_hash(file, content)
     if choose("stiffness policy", name, (*stiffness_policy_names(), ORACLE)) == ORACLE:
         return _oracle(values, ground)
     return stiffness_policy(name, **values)
@@ -150,3 +146,14 @@ def file_hash(path: str) -> str:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def check_hash(path: str, content: object) -> None:
+    """Refuse a file whose content is not the one that a spec was made with.
+
+    Raises:
+        InputError: It has changed, or cannot be read.
+    """
+    actual = file_hash(path)
+    if actual != content:
+        raise InputError(f"{path} has changed: its hash is {actual}, the walk was specified with {content}")

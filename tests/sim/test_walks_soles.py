@@ -14,6 +14,7 @@ import pytest
 from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.stiffness.model import DEFAULT_MODEL
+from wbc.sim.terrain import terrain
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.walks import WalkPlan, WalkResult, WalkSpec, WalkTrial, walk
 from wbc.tasks.scheduling.policies import SwingScan
@@ -178,6 +179,22 @@ def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has changed"):
         WalkTrial(spec)
     assert replace(SPEC, policy="model", policy_params=(("path", str(path)),)) != spec
+
+
+def test_a_walk_over_an_image_knows_what_is_in_its_file(tmp_path: Path) -> None:
+    path, params = tmp_path / "map.npy", {"metres_per_pixel": 0.05}
+    heights = np.random.default_rng(0).random((40, 80))
+    np.save(path, heights)
+    spec = WalkSpec(terrain="image", amplitude=0.02, terrain_params={"source": str(path), **params})  # type: ignore[arg-type]
+    assert len(str(dict(spec.terrain_params)["sha256"])) == 16
+    assert WalkSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec == replace(spec, seed=0)
+    ground = WalkTrial(spec).plant.terrain
+    assert ground is not None and ground == terrain("image", 0.02, source=heights, **params)
+    np.save(path, heights[::-1])
+    with pytest.raises(InputError, match="has changed"):
+        WalkTrial(spec)
+    with pytest.raises(InputError, match="the ground reads none"):
+        WalkSpec(terrain="stones", terrain_params={"sha256": "0123"})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
