@@ -47,7 +47,7 @@ from wbc.sim.studies.intervals import share_text
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import optimisation, table_four
-from wbc.sim.studies.paper.optimization import OptimisationSpec, Walked
+from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec, Walked
 from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
@@ -91,20 +91,20 @@ class Mark:
     @cached_property
     def study(self) -> Study:
         """The part of the study that the table is about: grounds and layouts with walks."""
-        return self.walked(self.whole)
-
-    def walked(self, study: Study) -> Study:
-        """Return the grounds and layouts of a study that have walks, of the layouts that the mark asks for."""
-        seeds, first = self.option("--seeds"), int(self.option("--from") or 0)
-        part = study.narrowed(seeds=None if seeds is None else int(seeds))
+        part = self.part(self.whole)
         walked = [trial for trial, entry in study_entries(part, self.entries, any_code=True) if entry]
-        grounds = {trial.cell for trial in walked}
-        layouts = {trial.seed for trial in walked if trial.seed >= first}
+        grounds, layouts = {trial.cell for trial in walked}, {trial.seed for trial in walked}
         return replace(
             part,
             cells=tuple(cell for cell in part.cells if cell.name in grounds) or part.cells,
             seeds=tuple(seed for seed in part.seeds if seed in layouts) or part.seeds,
         )
+
+    def part(self, study: Study) -> Study:
+        """Return the arms and layouts of a study that the mark asks for."""
+        seeds, first = self.option("--seeds"), int(self.option("--from") or 0)
+        part = study.narrowed(arms=self.options.get("--arm", ()), seeds=None if seeds is None else int(seeds))
+        return replace(part, seeds=tuple(seed for seed in part.seeds if seed >= first))
 
     def table(self) -> StudyTable:
         """Return the table of the study."""
@@ -198,14 +198,18 @@ def _optima(mark: Mark) -> str:
     """Return the optima of some grounds beside the paper's Table II, and their walks on held-out layouts."""
     found = {spec: best for spec, _, best in mark.optimised()}
     grounds = {spec.ground: each for spec, each in found.items()}
-    judged = mark.walked(validation(found, VALIDATIONS).narrowed(arms=mark.options.get("--arm", ())))
-    held_out = [entry for _, entry in study_entries(judged, mark.entries, any_code=True) if entry is not None]
-    judgement = _short(study_table(judged, mark.entries, any_code=True)) if held_out else ""
+    judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
+    table = study_table(mark.part(validation(found, VALIDATIONS)), judged, any_code=True) if judged else None
     if mark.option("--as") == "held-out":
-        return f"\n{judgement}\n\n*{_count(len(held_out), judged.size)}, {_code(mark.code(held_out))}*\n\n"
+        if table is None:
+            raise SystemExit(f"table {mark.words}: no walks on held-out layouts")
+        cells = [table.by_name[table.rows[-1], arm] for arm in table.study.arms]
+        walks = sum(sum(cell.outcomes.values()) for cell in cells)
+        caption = f"*{_count(walks, table.study.size)}, {_code(mark.code(list(judged.values())))}*"
+        return f"\n{_short(table)}\n\n{caption}\n\n"
     text = table_two(grounds)
-    if held_out:
-        text += f"\n\nOn held-out layouts, each k with the best gains, {judgement}"
+    if table is not None:
+        text += f"\n\nOn held-out layouts, each k with the best gains, {_short(table)}"
     used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
     walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())
     partial = "Partial: " if any(each.walks < BUDGET for each in found.values()) else ""
