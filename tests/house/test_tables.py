@@ -111,9 +111,11 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
     assert tables.main(["--held-out", str(source)], tmp_path) == 0
     study = Study.from_json(read_json(source / "optimize_held_out.json"))
     assert [cell.name for cell in study.cells] == ["stones"] and len(study.seeds) == tables.VALIDATIONS
-    arms = list(study.arms)
+    arms, result = list(study.arms), {"outcome": "fell"}
     walked = [
-        Entry(trial.spec.to_json(), "done", {"J": -float(trial.seed)}, None, None, provenance()).line()
+        Entry(
+            trial.spec.to_json(), "done", result | {"J": -float(trial.seed)}, None, None, provenance()
+        ).line()
         for trial in study.narrowed(arms=[arms[0], arms[-1]]).trials()
     ]
     (source / "optimize.jsonl").write_bytes(b"".join([*lines, *walked]))
