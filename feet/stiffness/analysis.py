@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, whole_number
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
 from wbc.feet.stiffness.model import ModelSettings
 from wbc.feet.stiffness.validation import Candidate, clipped_cluster, train_and_command
+
+MOST = 1000
+"""Most points and most repetitions of a learning curve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +57,13 @@ def learning_curve(
         seed: Seed of the splits.
 
     Raises:
-        InputError: A single class, or too few grounds.
+        InputError: A single class, too few grounds, a number of points or repetitions outside 1 to 1000, or a seed
+            below 0.
     """
+    for name, number in (("points", points), ("repetitions", repetitions)):
+        if whole_number(name, number, low=1) > MOST:
+            raise InputError(f"{name} of a learning curve must be at most {MOST}, got {number}")
+    whole_number("seed", seed, low=0)
     settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
     labels = table.labels(settings.clusters)

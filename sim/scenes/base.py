@@ -27,6 +27,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 import mujoco
 from pydantic import Field
 
+from wbc.core.arguments import checked
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
 
@@ -145,6 +146,7 @@ def scene_kinds() -> dict[str, type[Scene]]:
     return dict(sorted(_SCENES.items()))
 
 
+@checked
 def make_scene(name: str, **parameters: Any) -> Scene:
     """Return a scene by its name.
 

@@ -31,7 +31,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError, check_parts, positive
+from wbc.core.errors import InputError, WbcError, check_parts, positive, shown
 from wbc.core.settings import to_json
 from wbc.sim.studies.journal import Entry, Journal, Status, trial_key
 from wbc.sim.studies.provenance import differences, provenance
@@ -122,7 +122,8 @@ def sweep(
         progress: Called when the sweep begins and after each trial.
 
     Raises:
-        InputError: A number of workers below 1, or a time-out that is not positive.
+        InputError: A number of workers below 1, a time-out that is not positive, a spec that is no trial, or a
+            `progress` that is no function.
         JournalError: The journal cannot be written.
         SweepError: The executor has broken down, or its processes have other code than this one.
     """
@@ -130,6 +131,8 @@ def sweep(
         raise InputError(f"workers and trials in flight must be at least 1, got {workers} and {in_flight}")
     if timeout is not None:
         positive("time-out of a trial (s)", timeout)
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress must be a function of the summary, or none, got {shown(progress)}")
     begin = time.perf_counter()
     version = provenance()
     specs = list(specs)

@@ -446,6 +446,12 @@ def test_more_grounds_teach_more(table: StiffnessTable) -> None:
     assert curve.accuracy[-1].mean() > curve.accuracy[0].mean()
     with pytest.raises(InputError, match="a learning curve needs more than"):
         learning_curve(table.rows(slice(0, 18)))
+    with pytest.raises(InputError, match="points of a learning curve must be at most 1000"):
+        learning_curve(table, points=10**9)
+    with pytest.raises(InputError, match="repetitions must be an integer of at least 1"):
+        learning_curve(table, repetitions=-1)
+    with pytest.raises(InputError, match="seed must be"):
+        learning_curve(table, seed=-1)
 
 
 def test_a_learning_curve_tests_on_other_grounds(table: StiffnessTable) -> None:

@@ -116,6 +116,7 @@ BROKEN = '<mujoco><worldbody><body><geom type="box" size="0 1 1"/></body></world
     [
         (lambda: Plant(load("g1"), scene="wal"), "no scene 'wal'; did you mean 'wall'"),
         (lambda: make_scene("wall", distence=1.0), "distence"),
+        (lambda: make_scene(["wall"]), "name must be text"),  # type: ignore[arg-type]
         (lambda: make_scene("cart", mass=-1.0), "mass"),
         (lambda: make_scene("door", width=0.01), "width (m) must be a finite number of at least 0.1"),
         (

@@ -315,6 +315,8 @@ def test_refuses_numbers_that_are_none(tmp_path: Path) -> None:
     with Journal(tmp_path / "journal.jsonl") as journal:
         with pytest.raises(InputError, match="a trial must have kind and to_json"):
             sweep([object()], journal)  # type: ignore[list-item]
+        with pytest.raises(InputError, match="progress must be a function"):
+            sweep([], journal, progress=1)  # type: ignore[arg-type]
         with pytest.raises(InputError, match="workers"):
             sweep([], journal, workers=0)
         with pytest.raises(InputError, match="time-out"):
