@@ -101,9 +101,9 @@ class Mark:
         )
 
     def part(self, study: Study) -> Study:
-        """Return the arms and layouts of a study that the mark asks for."""
+        """Return the layouts of a study that the mark asks for."""
         seeds, first = self.option("--seeds"), int(self.option("--from") or 0)
-        part = study.narrowed(arms=self.options.get("--arm", ()), seeds=None if seeds is None else int(seeds))
+        part = study.narrowed(seeds=None if seeds is None else int(seeds))
         return replace(part, seeds=tuple(seed for seed in part.seeds if seed >= first))
 
     def table(self) -> StudyTable:
@@ -199,7 +199,8 @@ def _optima(mark: Mark) -> str:
     found = {spec: best for spec, _, best in mark.optimised()}
     grounds = {spec.ground: each for spec, each in found.items()}
     judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
-    table = study_table(mark.part(validation(found, VALIDATIONS)), judged, any_code=True) if judged else None
+    study = validation(found, VALIDATIONS).narrowed(arms=mark.options.get("--arm", ()))
+    table = study_table(mark.part(study), judged, any_code=True) if judged else None
     if mark.option("--as") == "held-out":
         if table is None:
             raise SystemExit(f"table {mark.words}: no walks on held-out layouts")

@@ -13,6 +13,7 @@ from pydantic import PlainValidator
 from wbc.core.changes import Changes, as_changes, changed, normal_changes
 from wbc.core.control import Mode
 from wbc.core.errors import InputError, choose, shown, whole_number
+from wbc.core.files import check_hash, file_hash
 from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, to_json
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
@@ -29,7 +30,7 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.push import WalkPush
 from wbc.sim.walks.settings import TrialSettings, checked_changes, trial_settings
-from wbc.sim.walks.stiffness_policy import CONTENT, check_hash, checked_policy, file_hash
+from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
 from wbc.walking.planning.gait import Gait
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wbc.core.changes import Changes, as_changes
 from wbc.core.errors import InputError, choose, finite_scalar
+from wbc.core.files import check_hash, file_hash
 from wbc.feet import Foot, VariableStiffnessFoot
 from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain import Terrain, terrain_families
@@ -134,26 +133,3 @@ def _oracle(stiffness: Mapping[str, Any], ground: Terrain) -> GroundPolicy:
         return float(values[max(int(np.searchsorted(begins, x, side="right")) - 1, 0)])
 
     return GroundPolicy(known)
-
-
-def file_hash(path: str) -> str:
-    """Return the hash of a file's content, 16 hex digits.
-
-    Raises:
-        InputError: It cannot be read.
-    """
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-
-
-def check_hash(path: str, content: object) -> None:
-    """Refuse a file whose content is not the one that a spec was made with.
-
-    Raises:
-        InputError: It has changed, or cannot be read.
-    """
-    actual = file_hash(path)
-    if actual != content:
-        raise InputError(f"{path} has changed: its hash is {actual}, the walk was specified with {content}")

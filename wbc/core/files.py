@@ -1,9 +1,10 @@
-"""Files: reading of text, and writing beside the old file, which is replaced when the new one is complete."""
+"""Files: reading, hashes, and writing beside the old file, which is replaced when the new one is complete."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
+import hashlib
 import io
 import json
 import os
@@ -190,3 +191,26 @@ def same_file(one: str | Path, other: str | Path) -> bool:
         return one.resolve() == other.resolve() or os.path.samefile(one, other)
     except (OSError, ValueError):  # one of them does not exist, or is no path
         return False
+
+
+def file_hash(path: str | Path) -> str:
+    """Return the hash of a file's content, 16 hex digits.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def check_hash(path: str | Path, content: object) -> None:
+    """Refuse a file whose content is not the one that a spec was made with.
+
+    Raises:
+        InputError: It has changed, or cannot be read.
+    """
+    actual = file_hash(path)
+    if actual != content:
+        raise InputError(f"{path} has changed: its hash is {actual}, the walk was specified with {content}")
