@@ -313,6 +313,22 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
         contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize("active", [True, False])
+def test_reset_ends_the_force_ramp(active: bool) -> None:
+    robot = make_robot("g1")
+    contact = SoleContact("left_foot", max_force=500.0, active=not active)
+    with pytest.raises(InputError, match="'left_foot' holds no place yet"):
+        contact.reset()
+    controller = Controller(robot, 0.002)
+    controller.add(contact)
+    contact.active = active
+    contact.advance(controller.dt)
+    assert 0.0 < contact.normal_force_range[1] < 500.0
+    controller.reset()
+    assert contact.normal_force_range[1] == (500.0 if active else 0.0)
+    assert contact.engaged is active
+
+
 def test_normal_axis_cannot_be_free() -> None:
     with pytest.raises(InputError, match="cannot leave axis 'z' free; choices: x, y, roll, pitch, yaw"):
         SoleContact("left_foot", free_axes=("z",))

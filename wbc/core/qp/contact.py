@@ -292,10 +292,19 @@ class Contact(ABC):
         self._placement = robot.data.oMf[self._id]
         if self._max_force is None:
             self.max_force = 4.0 * robot.mass * GRAVITY
-        self.reset()
+        self._hold()
 
     def reset(self) -> None:
-        """Take the present placement of the frame as the place of the contact."""
+        """Take the present placement of the frame as the place of the contact, and end the force ramp.
+
+        Raises:
+            InputError: The contact has not been added to a controller yet.
+        """
+        self._check_bound()
+        self._set_load(1.0 if self._active else 0.0)
+        self._hold()
+
+    def _hold(self) -> None:
         self._target = pin.SE3(self._placement)
         self.velocity = np.zeros(self.dim)
 
@@ -383,7 +392,7 @@ class Contact(ABC):
         self._load = load
         self.revision += 1
         if engage and self._robot is not None:
-            self.reset()
+            self._hold()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', frame='{self.frame}', active={self.active})"

@@ -268,7 +268,7 @@ class Controller:
         self._dirty = False
 
     def reset(self) -> None:
-        """Reset solver guesses, torques of the last tick, places of contacts and internal state of tasks."""
+        """Reset solver guesses, torques of the last tick, places and force ramps of contacts, and tasks."""
         self._torques = self._solution = None
         self._dirty = True
         for task in self._tasks:
