@@ -19,7 +19,8 @@ class DescriptionOptions(TypedDict, total=False):
         half_sitting: Joint → position of all or some joints, rad or m.
         torso: Link of the chest.
         imu: Frame of the inertial measurement unit, of the file or a placement in a link.
-        hands: Role → frame, "left_hand" and "right_hand" for arms of walks; a robot has no hands when None.
+        hands: Role → frame, such as {"left_hand": "l_palm"}; only "left_hand" and "right_hand" swing and dance. A robot
+            has no hands when None.
         armature: Rotor inertia seen at the joints, one for all or joint → value, kg m² (kg for prismatic joints), in
             place of the file's.
         servo: Rule for the servo gains.

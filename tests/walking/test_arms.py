@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +14,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
 from wbc.tasks import CoMTask, PostureTask
-from wbc.walking import ArmSettings, FootstepPlan, WalkingControl
+from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.reaching import Arm, Arms, approach
 from wbc.walking.pattern.swing import FootMotion
 
@@ -66,6 +68,21 @@ def _rows(task: CoMTask, nv: int) -> tuple[Array, Array, Array]:
     jacobian, error, drift = np.zeros((3, nv)), np.zeros(3), np.zeros(3)
     task.evaluate(jacobian, error, drift)
     return jacobian, error, drift
+
+
+@pytest.mark.parametrize("waist", [False, True])
+def test_every_hand_of_the_robot_has_an_arm_and_the_balance_counts_each_joint_once(waist: bool) -> None:
+    hands = {"gripper": "left_hand", "right_hand": "right_hand"}
+    robot = replace(load_robot("hrp4_class"), hands=hands).robot()
+    settings = WalkingControlSettings(arms=ArmSettings(waist=waist, swing=0.3))
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), DT, settings)
+    assert [arm.name for arm in walking.arms.hands] == ["gripper", "right_hand"]
+    for arm in walking.arms.hands:
+        arm.reach([0.3, 0.0, 1.0])
+    walking.arms.update((walking.walk._feet[0], walking.walk._feet[1]), 0.0)
+    spared = walking.tasks.com.spared - BASE_DOF
+    assert np.unique(spared).size == spared.size
+    assert set(spared) == {joint for arm in walking.arms.hands for joint in arm.joints}
 
 
 def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothing() -> None:

@@ -28,7 +28,7 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import PoseTask, pose
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
-from wbc.walking.hands.arm_swing import HANDS, ArmSwing
+from wbc.walking.hands.arm_swing import ArmSwing
 from wbc.walking.pattern.swing import FootMotion
 
 WORLD, PELVIS = "world", "pelvis"
@@ -81,7 +81,7 @@ class Arm:
     """Arm of one hand: a target, and the reference on its way to it.
 
     Attributes:
-        name: Role, "left_hand" or "right_hand".
+        name: Role, such as "left_hand".
         frame: Frame of the robot.
         joints: Joints of the arm, as indices in arrays of shape (na,).
     """
@@ -281,7 +281,7 @@ class Arm:
 
 
 class Arms:
-    """Both arms of a robot that walks.
+    """Arms of a robot that walks, one for each of its hands.
 
         walking.arms["left_hand"].reach([0.4, 0.3, 1.0])              # a point in the world
         walking.arms["right_hand"].reach(pose, "pelvis")
@@ -297,7 +297,7 @@ class Arms:
     def __init__(
         self, controller: Controller, com: CoMTask, posture: PostureTask, dt: float, settings: ArmSettings
     ) -> None:
-        """Leave both arms to the posture; no task is added before a hand is given a target.
+        """Leave the arms to the posture; no task is added before a hand is given a target.
 
         Args:
             controller: Controller of the walk.
@@ -312,9 +312,7 @@ class Arms:
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
         self.occupied: dict[str, Occupied] = {}
         self._hands = {
-            name: Arm(controller, name, dt, settings, self._objects, self.occupied)
-            for name in HANDS
-            if name in robot.frames
+            name: Arm(controller, name, dt, settings, self._objects, self.occupied) for name in robot.frames
         }
         arms = {name: (hand.frame, hand.joints) for name, hand in self._hands.items()}
         self._swing = ArmSwing(robot, arms, posture) if settings.swing > 0.0 else None
@@ -371,8 +369,10 @@ class Arms:
         """Keep the balance from using the arms of active hands."""
         if active != self._spared:
             self._spared = active
-            joints = [joint for name in active for joint in self._hands[name].joints]
-            self._com.spared = np.array(joints, dtype=np.intp) + BASE_DOF
+            joints = dict.fromkeys(
+                joint for name in active for joint in self._hands[name].joints
+            )  # each once
+            self._com.spared = np.array([*joints], dtype=np.intp) + BASE_DOF
         solution = self._controller.solution
         if solution is not None and self._spared:
             self._com.spared_acceleration = solution.accelerations[self._com.spared]
