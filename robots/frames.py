@@ -7,12 +7,16 @@ from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from wbc.core.errors import InputError, choose
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import settings
 
 Triple: TypeAlias = tuple[float, float, float]
 SoleName: TypeAlias = Literal["left_foot", "right_foot"]
+
+SoleSide: TypeAlias = Annotated[float, Field(gt=0.0, le=2.0)]
+"""Length or width of a sole, m; what is longer was given in another unit."""
 
 SOLE_NAMES: tuple[SoleName, SoleName] = ("left_foot", "right_foot")
 """Names of the soles, always in this order."""
@@ -51,8 +55,8 @@ class SoleDescription(FrameDescription):
     """
 
     name: SoleName = field(kw_only=True)
-    length: Annotated[Positive, "m"] = field(kw_only=True)
-    width: Annotated[Positive, "m"] = field(kw_only=True)
+    length: Annotated[SoleSide, "m"] = field(kw_only=True)
+    width: Annotated[SoleSide, "m"] = field(kw_only=True)
 
 
 def frame_at(name: str, link: str, placement: pin.SE3) -> FrameDescription:

@@ -556,6 +556,11 @@ REFUSED: dict[str, tuple[Callable[[], object], type[Exception], str]] = {
     ),
     "placement NaN": (lambda: FrameDescription("f", "l", (0.0, 0.0, np.nan)), InputError, "finite"),
     "sole size": (lambda: make(biped(), sole_size=(0.2, -0.1)), InputError, "width"),
+    "sole size in mm": (
+        lambda: make(biped(), sole_size=(200, 100)),
+        InputError,
+        r"length \(m\) must .*2.*, got 200",
+    ),
     "posture of an unknown joint": (
         lambda: make(biped(), half_sitting={"l_kne": 0.1}),
         UnknownNameError,
