@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -224,7 +224,9 @@ def study_table(
     reference = study.reference or next(iter(study.arms))
     columns: dict[tuple[str, str], _Column] = {}
     members: dict[str, set[str]] = {}  # row → its cells
-    for trial, entry in study_entries(study, entries, any_code=any_code):
+    trials = list(study_entries(study, entries, any_code=any_code))
+    reach = reach_of((entry for _, entry in trials), name)
+    for trial, entry in trials:
         row = _row(trial, by) if by else trial.cell
         value = value_of(entry, name, completed_only=completed_only)
         layout = layout_of(trial.plain)
@@ -259,7 +261,7 @@ def study_table(
                     difference=None if arm == reference else paired_difference(values, base, layouts=layouts),
                     p=sign_flip_p(*compared) if differences else None,
                     p_corrected=None,
-                    equivalence=equivalence(compared[0], margin, compared[1])
+                    equivalence=equivalence(compared[0], margin, compared[1], reach=reach)
                     if differences and margin is not None
                     else None,
                     statuses=dict(column.statuses),
@@ -320,6 +322,22 @@ def value_of(entry: Entry | None, name: str, *, completed_only: bool = False) ->
     if isinstance(value, (bool, int, float)):
         return float(value)
     raise InputError(f"'{name}' of a result is no number but {value!r}")
+
+
+def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
+    """Return the greatest difference that two results can have; None where there is no limit to it.
+
+    Args:
+        entries: Entries of the trials; None for those that have not been run.
+        name: Part of the results: the steps done differ by those planned, answers of yes or no by 1.
+    """
+    results = [each.result for each in entries if each is not None and each.status == "done" and each.result]
+    if name == "steps_done":
+        planned = [result.get("steps_planned") for result in results]
+        return max(map(float, planned), default=None) if all(planned) else None
+    values = [part_of(result, name, "part of a result") for result in results]
+    answers = [value for value in values if value is not None]
+    return 1.0 if answers and all(isinstance(value, bool) for value in answers) else None
 
 
 @checked

@@ -712,6 +712,29 @@ def test_sign_flips_and_equivalence_keep_their_level() -> None:
         equivalence([1.0, 2.0], 0.0)
 
 
+def test_equivalence_of_steps_counts_falls_that_are_rare() -> None:
+    """One walk in 44 loses all 22 steps: half a step, which a t-test of twenty pairs misses in most samples."""
+    rng = np.random.default_rng(5)
+    for n in (20, 200):
+        draws = -22.0 * (rng.random((400, n)) < 1 / 44)
+        found = [equivalence(row.tolist(), 0.5, reach=22.0).equivalent for row in draws]
+        assert np.mean(found) <= 0.05
+        if n == 20:
+            assert np.mean([equivalence(row.tolist(), 0.5).equivalent for row in draws]) > 0.5
+    draws = rng.integers(-1, 2, (100, 300)).astype(np.float64)  # a step more, or less
+    assert np.mean([equivalence(row.tolist(), 0.5, reach=22.0).equivalent for row in draws]) > 0.9
+    assert not equivalence([0.0] * 153, 0.5, reach=22.0).equivalent
+    assert equivalence([0.0] * 154, 0.5, reach=22.0).equivalent
+    twice = equivalence(
+        [0.0] * 308, 0.5, [i // 2 for i in range(308)], reach=22.0
+    )  # layouts count, not walks
+    assert twice.p == pytest.approx(equivalence([0.0] * 154, 0.5, reach=22.0).p)
+    assert equivalence([0.4, -0.4], 0.5, reach=0.5).p == 0.0
+    assert equivalence([1.0] * 154, 0.5, reach=22.0).p == 1.0
+    with pytest.raises(InputError, match="must not exceed 22, got one of 23"):
+        equivalence([0.0, -23.0], 0.5, reach=22.0)
+
+
 def test_corrected_p_values_and_exact_shares() -> None:
     assert holm([0.01, None, 0.04, 0.03]) == [
         pytest.approx(0.03),

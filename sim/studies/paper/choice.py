@@ -16,7 +16,7 @@ from wbc.sim.studies.best_stiffness import Label
 from wbc.sim.studies.intervals import Equivalence, Estimate, equivalence, holm, mean_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import METRICS, Study, study_entries
-from wbc.sim.studies.study_table import layout_of, value_of
+from wbc.sim.studies.study_table import layout_of, reach_of, value_of
 
 FOLDS = 5
 """Parts of the layouts of a ground: an arm is chosen on all but one of them and judged on the last."""
@@ -172,6 +172,7 @@ def choice(
         raise InputError(
             f"no ground of '{study.name}' has two layouts on which all of {', '.join(chosen)} were walked"
         )
+    reach = reach_of((entry for _, entry in study_entries(part, entries, any_code=any_code)), name)
     names = tuple(part.arms)
     pooled = np.mean([values.mean(axis=0) for values in cells.values()], axis=0)
     enough = min(len(values) for values in cells.values()) >= FOLDS
@@ -206,7 +207,7 @@ def choice(
             arm: mean_interval((scores[:, 0] - scores[:, 2 + i]).tolist(), judged)
             for i, arm in enumerate(names)
         },
-        equivalence=equivalence((scores[:, 0] - scores[:, 1]).tolist(), margin, judged),
+        equivalence=equivalence((scores[:, 0] - scores[:, 1]).tolist(), margin, judged, reach=reach),
         missing=missing,
     )
 
