@@ -40,7 +40,7 @@ def steps_figure(table: StudyTable) -> Figure:
 
 
 def differences_figure(table: StudyTable) -> Figure:
-    """Draw the difference of each arm to the reference in every row with its interval, an arm beside the other.
+    """Draw the difference of each arm to the reference in every row with its interval; all arms on one scale.
 
     What is established after Holm's correction is filled; the band is the margin within which a difference counts as
     none.
@@ -51,7 +51,7 @@ def differences_figure(table: StudyTable) -> Figure:
     arms = [arm for arm in table.study.arms if arm != table.reference]
     rows, cells = list(table.rows), table.by_name
     figure = new_figure(2.6 + 1.7 * max(len(arms), 1), 1.1 + 0.17 * len(rows))
-    for i, axes in enumerate(grid(figure, 1, max(len(arms), 1), sharey=True)[0]):
+    for i, axes in enumerate(grid(figure, 1, max(len(arms), 1), sharex=True, sharey=True)[0]):
         if table.margin is not None:
             axes.axvspan(-table.margin, table.margin, color="0.93", lw=0)
         axes.axvline(0.0, color="0.3", linewidth=0.8)
