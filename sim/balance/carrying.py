@@ -219,9 +219,10 @@ class CarryTrial:
         end = plant.time + seconds
         while plant.time < end - 0.5 * PERIOD:
             plant.step(walking.command(plant.measure()))
+            plant.raise_if_diverged()
             if self._after_tick is not None:
                 self._after_tick()
-            if plant.diverged is not None or walking.fallen or self._falls.fallen(plant.truth().q):
+            if walking.fallen or self._falls.fallen(plant.truth().q):
                 return False
         return True
 

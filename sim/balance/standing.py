@@ -105,7 +105,7 @@ class StandTrial:
         plant: The plant.
         control: The controller and its observer.
         tick_times: Wall time of each tick so far, from measurement to command, s.
-        fallen: True once the robot has fallen or the simulation has diverged.
+        fallen: True once the robot has fallen.
     """
 
     @checked
@@ -146,6 +146,9 @@ class StandTrial:
 
         Yields:
             The true state after each control period.
+
+        Raises:
+            DivergedError: The simulation has diverged: no fall, and no result.
         """
         plant = self.plant
         while plant.time < until - 0.5 * plant.control_period and not self.fallen:
@@ -154,8 +157,9 @@ class StandTrial:
             command = self._command(measurement)
             self.tick_times.append(time.perf_counter() - start)
             plant.step(command)
+            plant.raise_if_diverged()
             truth = plant.truth()
-            self.fallen = plant.diverged is not None or self._falls.fallen(truth.q)
+            self.fallen = self._falls.fallen(truth.q)
             yield truth
 
     def run(self, after_tick: Callable[[], None] | None = None) -> StandResult:

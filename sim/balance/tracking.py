@@ -133,6 +133,7 @@ class TrackTrial:
             command = control.command(measurement)
             times.append(time.perf_counter() - start)
             plant.step(command)
+            plant.raise_if_diverged()
             truth, i = plant.truth(), min(control.tick + 1, len(motion) - 1)
             joints.append(truth.q[7:] - motion.q[i, 7:])
             com.append(truth.com[:2] - motion.pendulum[i].com[:2])
@@ -147,8 +148,8 @@ class TrackTrial:
             reason = control.fallen or self._falls.reason(
                 truth.q, motion.q[i, 2], _vertical(motion.q[i, 3:7])
             )
-            if plant.diverged is not None or reason is not None:
-                fall = plant.diverged or (reason.value if reason is not None else "")
+            if reason is not None:
+                fall = reason.value
             if after_tick is not None:
                 after_tick()
         errors = np.degrees(np.array(joints))

@@ -114,7 +114,7 @@ class HandTrial:
         walking: The controller.
         hands: Its hands.
         stage: Stage in which the trial is; "done" when it has come to its end.
-        fallen: True once the robot has fallen or the simulation has diverged.
+        fallen: True once the robot has fallen.
     """
 
     def __init__(
@@ -159,20 +159,20 @@ class HandTrial:
         Args:
             seconds: Simulated time, s.
             look: Called after each control period.
+
+        Raises:
+            DivergedError: The simulation has diverged: no fall, and no result.
         """
         plant, walking = self.plant, self.walking
         end = plant.time + seconds
         while plant.time < end - 0.5 * walking.dt and not self.fallen:
             plant.step(walking.command(plant.measure()))
+            plant.raise_if_diverged()
             if look is not None:
                 look()
             if self._after_tick is not None:
                 self._after_tick()
-            self.fallen = (
-                plant.diverged is not None
-                or walking.fallen is not None
-                or self._falls.fallen(plant.truth().q)
-            )
+            self.fallen = walking.fallen is not None or self._falls.fallen(plant.truth().q)
         return not self.fallen
 
     def until(self, what: Callable[[], bool], most: float, look: Callable[[], None] | None = None) -> bool:

@@ -336,6 +336,15 @@ class Plant:
             )
         return self._measurement
 
+    def raise_if_diverged(self) -> None:
+        """Refuse to go on with a state that has no meaning: what a robot does in it is no fall.
+
+        Raises:
+            DivergedError: The simulation has diverged; `diverged` says why.
+        """
+        if self.diverged is not None:
+            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
+
     def step(self, command: Command) -> None:
         """Advance by one control period under a command.
 
@@ -349,8 +358,7 @@ class Plant:
                 has not moved.
             DivergedError: The simulation has diverged before; `diverged` says why.
         """
-        if self.diverged is not None:
-            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
+        self.raise_if_diverged()
         devices = self._devices
         target = self._drives.read(command)
         devices.check(command.sole_stiffness)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,11 @@ import pytest
 from wbc.core.errors import InputError, MeasurementError, UnknownNameError
 from wbc.core.signals import Command
 from wbc.feet import ContactSpheres, FlatFoot
+from wbc.motion.generator import make_motion
 from wbc.robots import load
 from wbc.sim import DivergedError, PhysicsSettings, Plant, SensorNoise, SignalNoise, real_time_factor
+from wbc.sim.balance import CarrySpec, CarryTrial, StandSpec, StandTrial, TrackSpec, TrackTrial
+from wbc.sim.hands import HandPressSpec, HandPressTrial
 from wbc.sim.plant.settings import steps_per_tick
 
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
@@ -148,6 +152,28 @@ def test_pushes_any_link_or_frame(plant: Plant) -> None:
     plant.step(plant.hold())
     assert plant.diverged is None
     plant.reset()
+
+
+@pytest.mark.parametrize(
+    "trial",
+    [
+        lambda: StandTrial(StandSpec(noise="none")),
+        lambda: CarryTrial(CarrySpec(noise="none")),
+        lambda: HandPressTrial(HandPressSpec(noise="none")),
+        lambda: TrackTrial(make_motion(load("g1").robot(), "squat"), TrackSpec(robot="g1", noise="none")),
+    ],
+)
+def test_a_simulation_that_diverges_is_no_fall(
+    trial: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log
+    run = trial()
+
+    def poison() -> None:
+        run.plant.data.qvel[7] = float("nan")
+
+    with pytest.raises(DivergedError, match=r"cannot go on: simulation diverged before 0\.01"):
+        run.run(poison)
 
 
 def test_divergence_is_recorded_refused_and_undone(
