@@ -334,7 +334,8 @@ def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
     results = [each.result for each in entries if each is not None and each.status == "done" and each.result]
     if name == "steps_done":
         planned = [float(result.get("steps_planned") or 0.0) for result in results]
-        return max(planned, default=None) if all(planned) else None
+        done = [float(result["steps_done"]) for result in results]  # more than planned where steps were added
+        return max((*planned, *done), default=None) if all(planned) else None
     values = [part_of(result, name, "part of a result") for result in results]
     answers = [value for value in values if value is not None]
     return 1.0 if answers and all(isinstance(value, bool) for value in answers) else None

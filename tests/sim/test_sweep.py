@@ -37,7 +37,7 @@ from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.speed import SpeedLimitSpec
 from wbc.sim.studies.study import Cell, Study, merged
-from wbc.sim.studies.study_table import study_table
+from wbc.sim.studies.study_table import reach_of, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json, with_seed
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
@@ -733,6 +733,19 @@ def test_equivalence_of_steps_counts_falls_that_are_rare() -> None:
     assert equivalence([1.0] * 154, 0.5, reach=22.0).p == 1.0
     with pytest.raises(InputError, match="must not exceed 22, got one of 23"):
         equivalence([0.0, -23.0], 0.5, reach=22.0)
+
+
+def test_results_have_a_reach_where_they_are_steps_or_answers() -> None:
+    def entries(*results: dict[str, Any] | None) -> list[Entry | None]:
+        return [None, *(Entry({}, "done" if r else "crashed", r, None, None, {}) for r in results)]
+
+    walk = {"steps_done": 3, "steps_planned": 22, "fell": True, "J": -1.5, "fall": None}
+    assert reach_of(entries(walk, None), "steps_done") == 22.0
+    assert reach_of(entries(walk, {**walk, "steps_done": 24}), "steps_done") == 24.0  # steps were added
+    assert reach_of(entries({"steps_done": 3}), "steps_done") is None
+    assert reach_of(entries(walk), "fell") == 1.0
+    assert reach_of(entries(walk), "J") is None and reach_of(entries(walk), "fall") is None
+    assert reach_of(entries(), "steps_done") is None
 
 
 def test_corrected_p_values_and_exact_shares() -> None:
