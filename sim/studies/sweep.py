@@ -125,7 +125,7 @@ def sweep(
         InputError: A number of workers below 1, a time-out that is not positive, a spec that is no trial, or a
             `progress` that is no function.
         JournalError: The journal cannot be written.
-        SweepError: The executor has broken down, or its processes have other code than this one.
+        SweepError: The executor has broken down or cancelled trials, or its processes have other code than this one.
     """
     if workers < 1 or in_flight < 1:
         raise InputError(f"workers and trials in flight must be at least 1, got {workers} and {in_flight}")
@@ -168,8 +168,8 @@ def sweep(
         lost = _feed(executor, pending, timeout, in_flight, record)
         if lost:
             raise SweepError(
-                f"the executor has broken down; {summary.run} trials are written down, {len(lost)} were lost and "
-                f"{len(pending)} not begun: run the sweep again"
+                f"the executor has broken down or cancelled trials; {summary.run} trials are written down, {len(lost)} "
+                f"were lost and {len(pending)} not begun: run the sweep again"
             )
     elif pending:
         _run_locally(pending, workers, timeout, record)
@@ -255,10 +255,11 @@ def _error(future: Future[Outcome]) -> BaseException | None:
 def _feed(
     executor: Executor, pending: Pending, timeout: float | None, in_flight: int, record: Record
 ) -> Pending:
-    """Keep a given executor busy until nothing is pending, or until it breaks.
+    """Keep a given executor busy until nothing is pending, or until it breaks or cancels a trial.
 
     Returns:
-        Trials that were lost with an executor that broke; none if all went well.
+        Trials that were not run to their end, such as those of a cluster whose scheduler was restarted; none if all
+        went well.
     """
     running: dict[Future[Outcome], tuple[Trial, dict[str, Any]]] = {}
     lost: Pending = deque()
@@ -274,7 +275,7 @@ def _feed(
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 trial = running.pop(future)
-                if isinstance(_error(future), BrokenExecutor):
+                if isinstance(_error(future), (BrokenExecutor, CancelledError)):
                     lost.append(trial)
                 else:
                     record(trial[1], _outcome(future))

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -217,6 +217,26 @@ def test_a_trial_that_does_not_listen_is_ended(tmp_path: Path) -> None:
         sweep([MadeUpTrial(0, does="hang"), MadeUpTrial(1)], journal, workers=1, timeout=0.2)
     entries = by_number(path)
     assert entries[0].status == "crashed" and entries[1].status == "done"
+
+
+def test_a_trial_that_its_executor_cancels_has_not_crashed(tmp_path: Path) -> None:
+    """A cluster whose scheduler is restarted cancels what it had; the next sweep runs it."""
+    path, trials = tmp_path / "journal.jsonl", [MadeUpTrial(number) for number in range(3)]
+
+    class Restarted(ThreadPoolExecutor):
+        def submit(self, run: Any, trial: Any, /, *arguments: Any) -> Any:  # type: ignore[override]
+            future: Any = Future() if trial.number == 1 else super().submit(run, trial, *arguments)
+            if trial.number == 1:
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            return future
+
+    with Restarted(1) as pool, Journal(path) as journal, pytest.raises(SweepError, match="1 were lost"):
+        sweep(trials, journal, executor=pool, in_flight=2)
+    assert 1 not in by_number(path)
+    with ThreadPoolExecutor(1) as pool, Journal(path) as journal:
+        sweep(trials, journal, executor=pool)
+    assert {entry.status for entry in by_number(path).values()} == {"done"} and len(by_number(path)) == 3
 
 
 def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_path: Path) -> None:
