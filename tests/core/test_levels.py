@@ -6,7 +6,9 @@ import time
 
 import daqp
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.linalg import null_space
 
 from wbc import (
     CoMTask,
@@ -139,6 +141,26 @@ def test_levels_without_conflict_are_the_weighted_problem() -> None:
     np.testing.assert_allclose(levels.x, weighted.x, atol=1e-4)
 
 
+@pytest.mark.parametrize("rank", [4, 10])
+def test_a_level_may_have_more_rows_than_freedom_is_left(rank: int) -> None:
+    """Thirty rows where ten directions are left, of which they decide some: least squares level by level."""
+    dims, rng = (6, 30, 5), np.random.default_rng(rank)
+    p = random_problem(rng, 20, 4, dims, 1)
+    p.lower[:], p.upper[:], p.diagonal[:] = -1e3, 1e3, 1e-10
+    p.soft[6:36] = rng.normal(size=(30, rank)) @ rng.normal(size=(rank, 20))
+    solver = LevelSolver(p, dims)
+    assert solver.solve().ok
+    x, basis = np.zeros(20), np.eye(20)
+    for rows, target in zip(
+        np.split(p.rows[:45], np.cumsum((4, *dims))[:-1]),
+        np.split(p.target, np.cumsum((4, *dims))[:-1]),
+        strict=True,
+    ):
+        x = x + basis @ np.linalg.lstsq(rows @ basis, target - rows @ x)[0]
+        basis = basis @ null_space(rows @ basis) if basis.size else basis
+    np.testing.assert_allclose(costs(p, dims, solver.x), costs(p, dims, x), atol=1e-5)
+
+
 def test_rows_that_imply_each_other_are_no_harm() -> None:
     """Twice the same wish in level 1, contradicting, and a wish that the constraints fix already."""
     p = problem(4, 1, 4, 1)
@@ -236,6 +258,33 @@ def test_a_task_without_weight_binds_no_lower_level() -> None:
     com.weight = 1.0
     bound = made.solve().residuals[hand.name]
     assert solution.status.ok and abs(free).max() < abs(bound).max()
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "talos"])
+def test_levels_are_solved_within_limits_where_many_of_them_act(name: str) -> None:
+    """More bounds are tight than freedom is left, in nearly half of these ticks; one level alone never fails here."""
+    robot = load_robot(name).robot()
+    made = Controller(robot, 0.005)
+    com, hand = made.add(CoMTask(level=1)), made.add(PositionTask(robot.frames["right_hand"], level=2))
+    made.add(PostureTask(level=3), SoleContact("left_foot"), SoleContact("right_foot"), TorqueLimits())
+    rng = np.random.default_rng(3)
+    for _ in range(150):
+        joints = rng.uniform(-0.1, 0.1, robot.na)
+        q = pin.integrate(robot.model, robot.half_sitting, np.concatenate([np.zeros(6), joints]))
+        robot.update(q, rng.uniform(-0.1, 0.1, robot.nv))
+        for contact in made.contacts:
+            contact.reset()
+        com.feedforward_acceleration, hand.feedforward_acceleration = (
+            5.0 * rng.normal(size=3),
+            20.0 * rng.normal(size=3),
+        )
+        solution = made.solve()
+        assert solution.ok
+        p, values = made.problem, made.problem.rows @ solution.variables
+        bounded = values[p.n_eq + p.n_soft :]
+        assert (bounded <= p.upper + 1e-5).all() and (bounded >= p.lower - 1e-5).all()
+        np.testing.assert_allclose(values[: p.n_eq], p.target[: p.n_eq], atol=1e-5)
+    assert made.solver_counts["levels given up"] == 0
 
 
 def test_levels_that_contradict_are_refused() -> None:

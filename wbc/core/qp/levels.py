@@ -4,8 +4,10 @@
     level k   minimise ½ Σ_k weight · (row · x − target)²   with x = x_{k−1} + N u, u subject to the bounds → x_k
 
 The columns of N span the null space of the equalities and of the rows of all levels above, so that nothing of theirs
-can change. u = 0 satisfies the bounds: a level always has a solution. Regularisation, wrench costs and selections on
-the diagonal belong to the last level; in the others they would leak into tasks.
+can change. u = 0 satisfies the bounds: a level always has a solution. Often it is the only one, as more bounds are
+tight than freedom is left; DAQP gives up at such a vertex, and a non-negative least-squares problem proves it optimal.
+Regularisation, wrench costs and selections on the diagonal belong to the last level; in the others they would leak into
+tasks.
 
 Sources: O. Kanoun, F. Lamiraux, P.-B. Wieber, IEEE T-RO 27(4), 2011 (levels with inequalities); M. de Lasa,
 I. Mordatch, A. Hertzmann, ACM TOG 29(4), 2010 (null spaces).
@@ -19,6 +21,7 @@ from collections.abc import Sequence
 import daqp
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dormqr, dposv, dtrtrs
+from scipy.optimize import nnls
 
 from wbc.core.errors import Array
 from wbc.core.qp.other_solvers import AT_LOWER, AT_UPPER, MAX_ITERATIONS
@@ -29,15 +32,21 @@ from wbc.core.vectors import largest
 TRACE = 1e-6
 """Cost of every variable at the start."""
 
-PROXIMAL = (1e-8, 1e-6, 1e-4, 1e-2)
+PROXIMAL = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 """Proximal terms that are tried in levels whose cost leaves directions free: without one DAQP calls some of them
 infeasible. They do not change the solution."""
 
-LAST_PROXIMAL = (0.0, 1e-4)
+LAST_PROXIMAL = (0.0, 1e-4, 1e-2, 1.0)
 """Proximal terms that are tried in the last level."""
 
 ROOM = 1e-8
 """Violation of a bound that is let pass."""
+
+ACCEPTED = 1e-6
+"""Violation of a bound that is let pass in a solution of DAQP, and distance at which a bound is tight."""
+
+OPTIMAL = 1e-6
+"""Largest part of a gradient that no tight bound has to balance where staying counts as optimal."""
 
 INDEPENDENT = 1e-9
 """Least part of a row, against the largest, that others do not imply."""
@@ -51,7 +60,8 @@ class LevelSolver:
         values: All rows of the problem times x.
         multipliers: Multipliers of the inequalities in the last level, shape (n_in,), positive at the upper bound.
         iterations: Iterations of all levels together.
-        counts: Number of ticks that each step of the ladder has solved, of the first level.
+        counts: Number of ticks that each step of the ladder has solved, of the first level; and of lower levels that
+            changed nothing as DAQP gave up.
     """
 
     def __init__(self, problem: Problem, dims: Sequence[int], settings: SolverSettings | None = None) -> None:
@@ -74,12 +84,12 @@ class LevelSolver:
         self._guesses = [np.zeros(n_in) for _ in dims]
         self._sense = np.zeros(n_in, dtype=np.intc)
         self.x, self.values, self.multipliers = np.zeros(n), np.zeros(p.rows.shape[0]), np.zeros(n_in)
-        self.iterations = 0
+        self.iterations = self._given_up = 0
 
     @property
     def counts(self) -> dict[str, int]:
         """Number of ticks that each step of the ladder has solved, of the first level."""
-        return self._solver.counts
+        return self._solver.counts | {"levels given up": self._given_up}
 
     def solve(self) -> Status:
         """Solve level after level, and store the results; the status is that of the start unless a level fails."""
@@ -109,15 +119,15 @@ class LevelSolver:
                 step = self._last_step(x, values, basis, moved, wanted, weight[acting], self._guesses[k])
             else:
                 lengths = np.linalg.norm(soft, axis=1)
-                step, free = null_space(moved, wanted, float(lengths.max(initial=0.0)))
+                least, free = null_space(moved, wanted, float(lengths.max(initial=0.0)))
                 if free.shape[1] == basis.shape[1]:
                     continue  # the levels above leave it nothing to decide
-                if step is None or not self._holds(values, basis.dot(step)):
+                if least is not None and self._holds(values, basis.dot(least)):
+                    step = least
+                else:
                     hessian = moved.T.dot(moved * weight[acting][:, None])
                     gradient = -moved.T.dot(weight[acting] * wanted)
                     step = self._by_daqp(hessian, gradient, values, basis, self._guesses[k], PROXIMAL)
-            if step is None:
-                return Status.INFEASIBLE
             x = x + basis.dot(step)
             if not last:
                 values, basis = p.inequality.dot(x), basis.dot(free)
@@ -138,8 +148,8 @@ class LevelSolver:
 
     def _last_step(
         self, x: Array, values: Array, basis: Array, moved: Array, wanted: Array, weight: Array, guess: Array
-    ) -> Array | None:
-        """Return the step of the last level along the columns of a basis, shape (columns,); None if DAQP gives up."""
+    ) -> Array:
+        """Return the step of the last level along the columns of a basis, shape (columns,)."""
         p = self.problem
         hessian = moved.T.dot(moved * weight[:, None])
         hessian += basis.T.dot(basis * p.diagonal[:, None])
@@ -162,8 +172,8 @@ class LevelSolver:
         basis: Array,
         guess: Array,
         proximal: Sequence[float],
-    ) -> Array | None:
-        """Return the step that minimises a cost inside the bounds, shape (columns,); None if DAQP gives up."""
+    ) -> Array:
+        """Return the step that minimises a cost inside the bounds, shape (columns,); zero if DAQP gives up."""
         p = self.problem
         self._sense[:] = 0
         active = guess.nonzero()[0]
@@ -176,11 +186,41 @@ class LevelSolver:
             )
             self.iterations += int(info["iterations"])
             if flag >= 1:
-                guess[:] = info["lam"]
-                return np.asarray(step)
+                after = matrix.dot(step)
+                if largest(after - upper) <= ACCEPTED and largest(lower - after) <= ACCEPTED:
+                    guess[:] = info["lam"]
+                    return np.asarray(step)
+            if term == proximal[0] and _is_optimal(gradient, matrix, upper, lower, guess):
+                return np.zeros(gradient.size)
             self._sense[:] = 0
+        self._given_up += 1
         guess[:] = 0.0
-        return None
+        return np.zeros(gradient.size)
+
+
+def _is_optimal(gradient: Array, matrix: Array, upper: Array, lower: Array, multipliers: Array) -> bool:
+    """Return True, and write the multipliers, if tight bounds leave no step from zero that lowers a cost.
+
+    Args:
+        gradient: Gradient of the cost at zero, shape (n,).
+        matrix: Rows of the bounds, shape (m, n).
+        upper: Upper bounds, not below zero, shape (m,).
+        lower: Lower bounds, not above zero, shape (m,).
+        multipliers: Where the multipliers are written, shape (m,), positive at upper bounds.
+    """
+    above, below = np.flatnonzero(upper <= ACCEPTED), np.flatnonzero(lower >= -ACCEPTED)
+    if not above.size + below.size:
+        return False
+    try:
+        pushes, rest = nnls(np.vstack([matrix[above], -matrix[below]]).T, -gradient)
+    except (RuntimeError, ValueError):  # too many iterations; NaN
+        return False
+    if rest > OPTIMAL * math.sqrt(gradient.dot(gradient)):
+        return False
+    multipliers[:] = 0.0
+    multipliers[above] += pushes[: above.size]
+    multipliers[below] -= pushes[above.size :]
+    return True
 
 
 def null_space(rows: Array, wanted: Array | None = None, length: float = 0.0) -> tuple[Array | None, Array]:
@@ -207,5 +247,5 @@ def null_space(rows: Array, wanted: Array | None = None, length: float = 0.0) ->
     solved = rank == count
     if solved and wanted is not None:
         columns[:rank, 0] = dtrtrs(factor[:rank], wanted[order - 1], trans=1)[0]
-    found, _, _ = dormqr("L", "N", factor, tau, columns, 64 * n)
+    found, _, _ = dormqr("L", "N", factor[:, : tau.size], tau, columns, 64 * n)
     return (found[:, 0] if solved else None), found[:, 1:]
