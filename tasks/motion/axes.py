@@ -38,7 +38,7 @@ class AxesTask(MotionTask):
 
         Raises:
             UnknownNameError: An unknown option or axis.
-            InputError: An axis twice, or a gain out of range.
+            InputError: An axis twice or out of order, or a gain out of range.
         """
         check_options(self, MotionOptions, options)
         gains: dict[str, Any] = {**options}
@@ -107,14 +107,14 @@ def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray
 
     Args:
         task: Name of the task, for the message.
-        axes: Names of axes, each at most once.
+        axes: Names of axes, each at most once, in the order of the choices.
         choices: Names allowed, in order.
 
     Returns:
         Mask of shape (len(choices),).
 
     Raises:
-        InputError: No axis at all, or one twice.
+        InputError: No axis at all, one twice, or in another order.
         UnknownNameError: An axis that is not among the choices.
     """
     chosen = names_in(f"axes of task '{task}'", axes)
@@ -123,6 +123,12 @@ def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray
     for axis in chosen:
         if axis not in choices:
             unknown_name(f"axis for task '{task}'", axis, choices)
+    in_order = [axis for axis in choices if axis in chosen]
+    if list(chosen) != in_order:
+        raise InputError(
+            f"task '{task}' has its rows in the order {', '.join(choices)}; give the axes so, as {tuple(in_order)}, "
+            f"not {tuple(chosen)}"
+        )
     return np.array([axis in chosen for axis in choices])
 
 

@@ -230,7 +230,7 @@ class PoseTask(FrameTask):
 
     @property
     def target(self) -> pin.SE3:
-        """Pose in the world."""
+        """Pose in the world; a copy, assign it to change it."""
         if self._orientation is None:
             return self.robot.placement(self.frame).copy()
         return pin.SE3(self._orientation, self._position)

@@ -58,7 +58,7 @@ class MomentumTask(AxesTask):
     @property
     def damping(self) -> Array:
         """Zero: there is no velocity of a momentum to damp."""
-        return self._rows.damping
+        return super().damping
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:

@@ -76,7 +76,7 @@ class PostureTask(JointTask, SelectionTask):
     @property
     def weight(self) -> Array:
         """Cost per squared residual with the factors of the joints in it, shape (dim,); assign one without them."""
-        return self._rows.weight
+        return super().weight
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:

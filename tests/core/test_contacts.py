@@ -355,7 +355,8 @@ def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple
     # The base is held by the soles and the hand together: Newton's law in the world.
     axis = np.array(normal) / np.linalg.norm(normal)
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
-    total = turn @ force
+    np.testing.assert_allclose(hand.rotation, turn, atol=1e-12)
+    total = hand.rotation @ force
     for sole in robot.soles:
         total = total + robot.placement(sole.frame).rotation @ solution.wrenches[sole.name][:3]
     pin.centerOfMass(robot.model, data, robot.q, robot.v, solution.accelerations)
@@ -399,10 +400,39 @@ def test_options_that_are_assigned_act_in_the_next_tick_as_those_given_at_the_st
         "stiffness": float("nan"),
         "damping": -1.0,
         "wrench_weight": 0.0,
+        "friction": 0.0,
+        "margin": 1.0,
     }.items():
         with pytest.raises(InputError, match="contact 'left_foot'"):
             setattr(contact, name, wrong)
     assert (contact.min_force, contact.max_force, contact.ramp, contact.stiffness) == (30.0, 120.0, 0.1, 9.0)
+    assert (contact.friction, contact.margin) == (0.7, 0.005)
+    with pytest.raises(InputError, match="even"):
+        contact.even = "yes"  # type: ignore[assignment]
+    assert contact.even is False
+    for name in ("free_axes", "free_force"):
+        with pytest.raises(AttributeError):
+            setattr(contact, name, ())
+
+
+def test_friction_and_margin_that_are_assigned_bound_the_next_wrench() -> None:
+    controller = standing("hrp4_class")
+    com = controller.add(CoMTask(weight=100.0))
+    com.feedforward_acceleration = [5.0, 0.0, 0.0]
+    soles = [contact for contact in controller.contacts if isinstance(contact, SoleContact)]
+    before = controller.solve().wrenches
+    for sole in soles:
+        sole.friction, sole.margin = 0.1, 0.03
+    after = controller.solve()
+    assert after.ok and len(soles) == 2
+    for sole in soles:
+        x, y = (0.5 * size - 0.03 for size in sole._size or ())
+        np.testing.assert_array_equal(sole.cone, rectangle_wrench_cone(x, y, 0.1))
+        assert abs(before[sole.name][0]) > 0.11 * before[sole.name][2]
+        assert abs(after.wrenches[sole.name][0]) <= 0.1 * after.wrenches[sole.name][2] + 1e-5
+    point = PointContact("left_hand", friction=0.4)
+    point.friction = 0.3
+    np.testing.assert_array_equal(point.cone, friction_pyramid(0.3))
 
 
 def test_a_rectangle_given_before_the_contact_is_added_is_kept_and_a_place_is_not_taken() -> None:

@@ -106,6 +106,22 @@ def test_in_closed_loop_references_are_drawn_to_the_estimate_of_a_moving_robot(t
         np.testing.assert_allclose(pin.difference(robot.model, control.q, q), 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("period", [0.001, 0.005, 0.01])
+def test_measurements_of_another_period_than_the_controllers_are_named(period: float) -> None:
+    controller = standing("hrp4_class", DT)
+    control, rng = PositionControl(controller), np.random.default_rng(0)
+    for tick in range(60):
+        m = sensors(controller.robot, tick * period, np.zeros(controller.robot.na))
+        control.command(
+            replace(m, joint_position=m.joint_position + rng.normal(scale=1e-6, size=controller.robot.na))
+        )
+    expected = f"measurements come every {1e3 * period:g} ms, the controller is made for 5 ms"
+    assert (control.plausibility.pace == "") == (period == DT) and control.failures == 0
+    assert (expected in control.status()) == (period != DT)
+    control.reset(controller.robot.half_sitting)
+    assert control.plausibility.pace == ""
+
+
 def test_functions_of_the_tick_that_cannot_be_called_are_refused_before_it() -> None:
     controller = standing("hrp4_class", DT)
     for kind in (PositionControl, TorqueControl):

@@ -244,7 +244,7 @@ def test_mask_takes_rows_in_frame_axes() -> None:
     robot, rng = make_robot("g1"), np.random.default_rng(7)
     hand = left_hand(robot)
     full = DampingTask(hand, admittance=(1e-3, 1e-1), name="full")
-    some = DampingTask(hand, admittance=(1e-3, 1e-1), axes=("yaw", "x"), name="some")
+    some = DampingTask(hand, admittance=(1e-3, 1e-1), axes=("x", "yaw"), name="some")
     robot.update(*random_state(robot, rng))
     for task in (full, some):
         task.bind(robot)

@@ -54,6 +54,8 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "com: axes in axes": lambda: CoMTask(axes=[["x"]]),  # type: ignore[list-item]
     "com: joints by number": lambda: CoMTask(joints=3),  # type: ignore[arg-type]
     "com: axis twice": lambda: CoMTask(axes=("x", "x")),
+    "position: axes out of order": lambda: PositionTask("left_hand", axes=("z", "x")),
+    "wrench: axes out of order": lambda: WrenchTask("left_foot", axes=("roll", "z")),
     "position: nan": lambda: PositionTask("left_hand", [NAN, 0.0, 0.0]),
     "orientation: shape": lambda: OrientationTask("left_hand", np.zeros(3)),
     "orientation: not a rotation": lambda: OrientationTask("left_hand", 2.0 * np.eye(3)),
@@ -150,7 +152,7 @@ def test_unknown_option_is_refused_with_the_nearest_ones(what: str) -> None:
 
 
 def test_an_option_replaces_the_default_of_its_task() -> None:
-    task = CoPTask("left_foot", weight=2.0, name="ankles", axes=("roll", "z"), hard=True)
+    task = CoPTask("left_foot", weight=2.0, name="ankles", axes=("z", "roll"), hard=True)
     assert (task.name, task.dim, task.hard) == ("ankles", 2, True)
     assert (task.weight == 2.0).all() and (task.stiffness == 1.0).all() and (task.damping == 300.0).all()
     assert PoseTask("left_hand", name=None).name == "left_hand pose"
@@ -277,13 +279,41 @@ def test_several_items_are_added_or_removed_together_or_not_at_all() -> None:
     with pytest.raises(UnknownNameError, match="left_hant"):
         controller.add(hand, PositionTask("left_hant"))
     assert controller.tasks == (com,) and list(controller.solve().residuals) == ["com"]
+    robot = controller.robot
+    robot.update(np.concatenate([robot.q[:2], robot.q[2:3] + 0.3, robot.q[3:]]), robot.v)
     controller.add(hand)
+    np.testing.assert_array_equal(hand.target, robot.placement("left_hand").translation)  # where it is now
     controller.solve()
     with pytest.raises(InputError, match="not part of this controller"):
         controller.remove(hand, SoleContact("left_foot"))
     assert controller.tasks == (com, hand) and hand.name in controller.solve().residuals
     controller.remove(hand, hand)
     assert controller.tasks == (com,) and list(controller.solve().residuals) == ["com"]
+
+
+def test_a_task_is_hard_or_not_as_long_as_a_controller_has_it() -> None:
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    com, low = controller.add(CoMTask()), CoMTask(name="low", level=2)
+    with pytest.raises(InputError, match="remove it, assign hard, and add it again"):
+        com.hard = True
+    with pytest.raises(InputError, match="above all levels"):
+        low.hard = True
+    controller.remove(com)
+    com.hard = True
+    controller.add(com, SoleContact("left_foot"))
+    assert com.hard and not low.hard and controller.solve().ok and "hard" in controller.status_table()
+
+
+def test_gains_are_assigned_as_a_whole_and_the_period_is_fixed() -> None:
+    """An element that is written would pass every check, and leave critical damping and `idle` as they were."""
+    controller = Controller(make_robot("hrp4_class"), 0.002)
+    for task in (CoMTask(), PostureTask(), MomentumTask()):
+        controller.add(task)
+        for name in ("weight", "stiffness", "damping", "error_bound"):
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(task, name)[:] = 1.0
+    with pytest.raises(AttributeError):
+        controller.dt = 0.001  # type: ignore[misc]
 
 
 def test_task_before_its_controller_says_so() -> None:

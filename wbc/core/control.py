@@ -161,6 +161,8 @@ class DriveControl:
             parts.append(f"failing: {self.reason}")
         if self.plausibility.faults:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
+        if self.plausibility.pace:
+            parts.append(self.plausibility.pace)
         if self.monitor.doubts:
             parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
         if self.solution is not None and self.solution.status is Status.RELAXED and not self._failing:

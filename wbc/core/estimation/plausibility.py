@@ -64,6 +64,13 @@ class PlausibilitySettings:
     resync: Annotated[Positive, "s"] = 0.03
 
 
+PACE_TICKS = 50
+"""Number of ticks in which a control looks how often measurements come."""
+
+PACE_RATIO = 1.2
+"""Ratio of the period of measurements to that of the controller from which, either way, they do not fit together."""
+
+
 class Plausibility:
     """Checks every measurement of a control and repairs what it can.
 
@@ -72,6 +79,7 @@ class Plausibility:
         faults: Descriptions of what is refused at present, such as "encoder of left_knee"; empty when all is well.
         refused: Number of ticks in which something was refused.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
+        pace: Sentence that measurements do not come at the period of the controller; empty while they do.
     """
 
     def __init__(self, robot: Robot, dt: float, settings: PlausibilitySettings | None = None) -> None:
@@ -128,6 +136,8 @@ class Plausibility:
         self._values: Array | None = None
         self._time, self._other_time = math.nan, math.nan
         self._consistent = 0.0
+        self.pace = ""
+        self._ticks, self._begin = 0, math.nan
         self._identical, self._changes, self._changed_at = 0, 0, math.nan
         self._lasting = np.zeros(len(self._channels))
 
@@ -229,6 +239,8 @@ class Plausibility:
         largest = self.settings.max_gap * self._dt
         if self._values is None or 0.0 <= time - self._time <= largest:
             self._time, self._consistent, self._other_time = time, 0.0, math.nan
+            if self._ticks <= PACE_TICKS:
+                self._check_pace(time)
             return False
         step = time - self._other_time  # NaN for the first stamp of another clock
         self._consistent = self._consistent + step if 0.0 < step <= largest else 0.0
@@ -236,10 +248,25 @@ class Plausibility:
         if self._consistent >= self.settings.resync:
             logger.warning("the clock of measurements has jumped by %+.3f s; adopted", time - self._time)
             self._time, self._consistent, self._other_time = time, 0.0, math.nan
+            self._ticks = 0
             return True
         raise MeasurementError(
             f"time stamp {time:.4f} s does not follow {self._time:.4f} s: steps must lie in [0, {largest:g}] s"
         )
+
+    def _check_pace(self, time: float) -> None:
+        """Compare the mean step of the first stamps with the control period."""
+        if self._ticks == 0:
+            self._begin = time
+        self._ticks += 1
+        if self._ticks > PACE_TICKS:
+            period = (time - self._begin) / PACE_TICKS
+            if not self._dt / PACE_RATIO <= period <= self._dt * PACE_RATIO:
+                own = 1e3 * self._dt
+                self.pace = (
+                    f"measurements come every {1e3 * period:.3g} ms, the controller is made for {own:.3g} ms"
+                )
+                logger.warning("%s", self.pace)
 
     def _check_frozen(self, values: Array, last: Array, time: float) -> None:
         if not np.array_equal(values, last):

@@ -25,6 +25,7 @@ from wbc.core.errors import (
     names_in,
     non_negative,
     positive,
+    shown,
 )
 from wbc.core.robot import GRAVITY, Robot
 
@@ -141,7 +142,8 @@ class Contact(ABC):
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         revision: Number that changes with the cone, the range of the normal force, gains and wrench weight.
 
-    The options of `ContactOptions` are attributes as well; those but `free_force` can be assigned at any time.
+    The options of `ContactOptions` are attributes as well; all but `free_axes` and `free_force` can be assigned at any
+    time.
     """
 
     dim: int
@@ -183,11 +185,31 @@ class Contact(ABC):
                 choices = ", ".join(a for i, a in enumerate(AXES[: self.dim]) if i != self.force_axis)
                 raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
             self.free[AXES.index(axis)] = True
-        self.free_force = bool(free_force)
+        self._free_force = bool(free_force)
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
         self._active = bool(active)
         self._robot: Robot | None = None
         self._velocity = np.zeros(self.dim)
+
+    @property
+    def free_axes(self) -> tuple[str, ...]:
+        """Axes of the contact frame that are not held."""
+        return tuple(axis for axis, free in zip(AXES, self.free, strict=False) if free)
+
+    @property
+    def free_force(self) -> bool:
+        """True if the force along a free axis may be anything within the cone; False if it is zero."""
+        return self._free_force
+
+    @property
+    def friction(self) -> float:
+        """Coulomb coefficient."""
+        return self._friction
+
+    @friction.setter
+    def friction(self, value: float) -> None:
+        self._friction = positive(f"friction of contact '{self.name}'", value)
+        self._make_cone()
 
     @property
     def min_force(self) -> float:
@@ -376,6 +398,10 @@ class Contact(ABC):
             drift: To fill: acceleration at zero generalised acceleration, shape (dim,).
         """
 
+    @abstractmethod
+    def _make_cone(self) -> None:
+        """Write the cone anew, as after a change of friction."""
+
     def _check_bound(self) -> None:
         if self._robot is None:
             raise InputError(f"contact '{self.name}' holds no place yet; add it to a controller first")
@@ -434,6 +460,7 @@ class SoleContact(Contact):
         self._margin = non_negative(f"CoP margin of contact '{sole}' (m)", margin)
         self._even = even
         self._rectangle: tuple[float, float] | None = None  # as given
+        self._size: tuple[float, float] | None = None  # of the robot's sole
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
         chosen: ContactOptions = {"min_force": 10.0, "wrench_weight": weight, **options}
@@ -448,14 +475,37 @@ class SoleContact(Contact):
         """
         sole = robot.sole(self.name)
         self.name, self.frame = sole.name, sole.frame
-        if 2.0 * self._margin >= min(sole.length, sole.width):
-            raise InputError(
-                f"CoP margin of contact '{self.name}' must be below half of its sole, "
-                f"{sole.length} × {sole.width} m; got {self._margin} m"
-            )
-        self._bound_cop(*(self._rectangle or (sole.length, sole.width)))
+        self._size = sole.length, sole.width
+        self._make_cone()
         super().bind(robot)
         self._local = pin.LOCAL
+
+    @property
+    def margin(self) -> float:
+        """Distance that the CoP keeps from the edge of the rectangle, m."""
+        return self._margin
+
+    @margin.setter
+    def margin(self, value: float) -> None:
+        before = self._margin
+        self._margin = non_negative(f"CoP margin of contact '{self.name}' (m)", value)
+        try:
+            self._make_cone()
+        except InputError:
+            self._margin = before
+            raise
+
+    @property
+    def even(self) -> bool:
+        """True if the yaw moment is bounded as under even pressure."""
+        return self._even
+
+    @even.setter
+    def even(self, value: bool) -> None:
+        if not isinstance(value, (bool, np.bool_)):
+            raise InputError(f"even of contact '{self.name}' must be true or false, got {shown(value)}")
+        self._even = bool(value)
+        self._make_cone()
 
     def set_rectangle(self, length: float, width: float) -> None:
         """Bound the CoP to a rectangle of the given full size around the sole centre, less the margin, m.
@@ -468,9 +518,18 @@ class SoleContact(Contact):
             finite_scalar(f"length of contact '{self.name}' (m)", length, low=least, open_low=True),
             finite_scalar(f"width of contact '{self.name}' (m)", width, low=least, open_low=True),
         )
-        self._bound_cop(length, width)
+        self._make_cone()
 
-    def _bound_cop(self, length: float, width: float) -> None:
+    def _make_cone(self) -> None:
+        size = self._rectangle or self._size
+        if size is None:
+            return  # the rectangle is that of a robot's sole
+        length, width = size
+        if 2.0 * self._margin >= min(size):
+            raise InputError(
+                f"CoP margin of contact '{self.name}' must be below half of its sole, {length} × {width} m; got "
+                f"{self._margin} m"
+            )
         self.cone[:] = rectangle_wrench_cone(
             length / 2 - self._margin, width / 2 - self._margin, self._friction, even=self._even
         )
@@ -520,7 +579,17 @@ class PointContact(Contact):
             raise InputError(f"normal of contact '{frame}' must not be zero")
         world_to_contact = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
         self._world_to_contact = np.ascontiguousarray(world_to_contact)
-        super().__init__(frame, frame, friction_pyramid(friction), **options)
+        self._friction = positive(f"friction of contact '{frame}'", friction)
+        super().__init__(frame, frame, friction_pyramid(self._friction), **options)
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation from the contact frame, in which forces and velocities are given, to the world, shape (3, 3)."""
+        return self._world_to_contact.T.copy()
+
+    def _make_cone(self) -> None:
+        self.cone[:] = friction_pyramid(self._friction)
+        self.revision += 1
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the contact frame; see `Contact.evaluate`."""

@@ -35,7 +35,6 @@ class Controller:
 
     Attributes:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
-        dt: Control period, s.
         model_time: Wall time of the last model update, s; reported in the timings of the next solution.
         outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: what a hand presses
             on. They enter the dynamics of every tick; None for none.
@@ -63,7 +62,7 @@ class Controller:
             InputError: A period or regularisation that is not positive.
         """
         self.robot = robot
-        self.dt = positive("control period (s)", dt)
+        self._dt = positive("control period (s)", dt)
         self._regularisation = positive("regularisation", regularisation)
         self._settings = settings or SolverSettings()
         self._tasks: list[Task] = []
@@ -76,6 +75,11 @@ class Controller:
         self._assembly = self._assemble()
         self._solver = self._solver_of(self._assembly)
         self._dirty = False
+
+    @property
+    def dt(self) -> float:
+        """Control period, s; limits, force ramps and the control that runs the controller are made for it."""
+        return self._dt
 
     @property
     def problem(self) -> Problem:
@@ -130,9 +134,18 @@ class Controller:
                 a task, contact or limit. None of the items is added then.
         """
         new, present = (item, *items), [*self._tasks, *self._contacts, *self._limits]
-        for each in new:
-            self._bind(each, present)
-            present.append(each)
+        before: list[tuple[Item, dict[str, Any]]] = []
+        try:
+            for each in new:
+                before.append((each, dict(getattr(each, "__dict__", {}))))
+                self._bind(each, present)
+                present.append(each)
+        except BaseException:
+            for each, values in before:  # what is bound has taken a place as its target
+                if values:
+                    vars(each).clear()
+                    vars(each).update(values)
+            raise
         for each in new:
             self._list_of(each).append(each)
             vars(each)["_owner"] = weakref.ref(self)
@@ -228,8 +241,8 @@ class Controller:
         assembly, solver = self._assembly, self._solver
         if measurement is not None:
             for task in assembly.listening:
-                task.observe(measurement, self.dt)
-        assembly.write(self.dt, self._torques, self.outside)
+                task.observe(measurement, self._dt)
+        assembly.write(self._dt, self._torques, self.outside)
         assembled = perf_counter()
         status = solver.solve()
         solved = perf_counter()
@@ -288,7 +301,7 @@ class Controller:
         """
         if self._dirty:
             self._rebuild()
-            self._assembly.write(self.dt, self._torques, self.outside)
+            self._assembly.write(self._dt, self._torques, self.outside)
         problem, places = self.problem, self._assembly.layout.tasks
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 

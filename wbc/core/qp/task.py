@@ -67,7 +67,6 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         name: Name in status tables and solutions, unique within a controller.
         dim: Number of rows; fixed once the task has been added to a controller.
         unit: Unit of the error; the residual is in `unit`/s² for motion tasks.
-        hard: True if the rows are constraints instead of costs.
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
     """
 
@@ -105,16 +104,10 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
         self._dim = whole_number(f"number of rows of task '{name}'", dim, low=1)
-        if not isinstance(hard, (bool, np.bool_)):
-            raise InputError(f"hard of task '{name}' must be true or false, got {shown(hard)}")
         self.name = name
-        self.hard = bool(hard)
         self._level = whole_number(f"level of task '{name}'", level, low=1)
-        if self.hard and level != 1:
-            raise InputError(
-                f"task '{name}' is hard, above all levels, so that its level must be 1, got {level}"
-            )
         self._rows = Rows.zeros(self._dim)
+        self.hard = hard
         self._critical = True
         self._robot: Robot | None = None
         self.weight = weight
@@ -127,6 +120,32 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     def dim(self) -> int:
         """Number of rows."""
         return self._dim
+
+    @property
+    def hard(self) -> bool:
+        """True if the rows are constraints instead of costs.
+
+        Raises:
+            InputError: Assigned while a controller has the task, to a task of another level than the first, or not true
+                or false.
+        """
+        return self._hard
+
+    @hard.setter
+    def hard(self, value: bool) -> None:
+        owner = vars(self).get("_owner")
+        if owner is not None and owner() is not None:
+            raise InputError(
+                f"task '{self.name}' is in a controller, where hard is fixed: remove it, assign hard, and add it again"
+            )
+        if not isinstance(value, (bool, np.bool_)):
+            raise InputError(f"hard of task '{self.name}' must be true or false, got {shown(value)}")
+        if value and self._level != 1:
+            raise InputError(
+                f"task '{self.name}' is hard, above all levels, so that its level must be 1, got {self._level}"
+            )
+        self._hard = bool(value)
+        self.idle = not (self._hard or self._rows.weight.any())
 
     @property
     def level(self) -> int:
@@ -149,18 +168,18 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @property
     def weight(self) -> Array:
-        """Cost per squared residual unit, shape (dim,); assign a scalar or an array."""
-        return self._rows.weight
+        """Cost per squared residual unit, shape (dim,), read-only; assign a scalar or an array."""
+        return _read_only(self._rows.weight)
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
         self._rows.weight[:] = self._gain("weight", value)
-        self.idle = not (self.hard or self._rows.weight.any())
+        self.idle = not (self._hard or self._rows.weight.any())
 
     @property
     def stiffness(self) -> Array:
-        """Acceleration per error, 1/s², shape (dim,); assigning it makes the damping critical unless that was set."""
-        return self._rows.stiffness
+        """Acceleration per error, 1/s², shape (dim,), read-only; assigning one makes an unset damping critical."""
+        return _read_only(self._rows.stiffness)
 
     @stiffness.setter
     def stiffness(self, value: ArrayLike) -> None:
@@ -171,8 +190,8 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @property
     def damping(self) -> Array:
-        """Acceleration per velocity error, 1/s, shape (dim,); assign None to make it critical again."""
-        return self._rows.damping
+        """Acceleration per velocity error, 1/s, shape (dim,), read-only; assign None to make it critical again."""
+        return _read_only(self._rows.damping)
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
@@ -188,8 +207,8 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @property
     def error_bound(self) -> Array:
-        """Greatest component of the error that acts, `unit`, shape (dim,); assign one, or inf for none."""
-        return self._rows.bound
+        """Greatest component of the error that acts, `unit`, shape (dim,), read-only; assign one, or inf for none."""
+        return _read_only(self._rows.bound)
 
     @error_bound.setter
     def error_bound(self, value: ArrayLike) -> None:
@@ -282,9 +301,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     def detach(self) -> None:
         """Move the row values back into separate arrays."""
-        rows = Rows.zeros(self._dim)
-        rows.copy_from(self._rows)
-        self._rows = rows
+        self.attach(Rows.zeros(self._dim))
 
     def _resize(self, dim: int) -> None:
         """Change the number of rows before the task is attached, keeping uniform gains."""
@@ -310,6 +327,13 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
+
+
+def _read_only(values: Array) -> Array:
+    """Return a view that cannot be written: what is assigned is checked, an element that is written is not."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 class MotionTask(Task):
