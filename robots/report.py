@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.robot import GRAVITY
+from wbc.robots.urdf import CONTINUOUS_RANGE
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -47,6 +48,7 @@ def facts(robot: Any) -> dict[str, Any]:
         "sensors": dict(robot.sensors),
         "joints": {
             name: {
+                "unit": "m" if model.model.joints[i + 2].shortname().startswith("JointModelP") else "rad",
                 "position": [float(model.position_lower[i]), float(model.position_upper[i])],
                 "velocity": float(model.velocity_limit[i]),
                 "torque": float(model.torque_limit[i]),
@@ -86,13 +88,17 @@ def report(facts: Mapping[str, Any]) -> str:
         f"  {'joint':<28}{'range deg':>16}{'rad/s':>8}{'Nm':>8}{'half-sitting deg':>18}{'kg m²':>9}{'kp':>9}{'kd':>8}"
         "  gains"
     )
+    sliding = [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]
     for name, joint in facts["joints"].items():
-        low, high = np.degrees(joint["position"])
+        shown = 1e3 if name in sliding else np.degrees(1.0)
+        low, high = shown * np.array(joint["position"])
         lines.append(
             f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>8.2f}{joint['torque']:>8.1f}"
-            f"{np.degrees(joint['half_sitting']):>18.2f}{joint['armature']:>9.4f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
+            f"{shown * joint['half_sitting']:>18.2f}{joint['armature']:>9.4f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
             f"  {joint['gains']}"
         )
+    if sliding:
+        lines.append(f"  sliding joints, in mm, m/s, N and kg: {', '.join(sliding)}")
     if facts["derived"]:
         lines.append("  derived from the model:")
         lines += [f"    {line}" for line in facts["derived"]]
@@ -111,7 +117,11 @@ def doubts(robot: Any) -> tuple[str, ...]:
         found.append(
             "torque limits that the file does not give are guessed from mass and size; see the list above"
         )
-    wide = [name for name in robot.joint_names if _range(robot, name) > 2.0 * np.pi - 1e-3]
+    wide = [
+        name
+        for name, limits in zip(robot.joint_names, zip(*robot.position_limits, strict=True), strict=True)
+        if _is_taken(*limits)
+    ]
     if wide:
         found.append(f"no position limits (±π taken): {_listed(wide)}")
     return tuple(found)
@@ -189,9 +199,9 @@ def _legs(robot: Any) -> list[str]:
     return found
 
 
-def _range(robot: Any, name: str) -> float:
-    low, high = (limits[robot.joint_names.index(name)] for limits in robot.position_limits)
-    return float(high - low)
+def _is_taken(low: float, high: float) -> bool:
+    """Return True for the range of a joint that was given none."""
+    return bool(abs(low + CONTINUOUS_RANGE) < 1e-6 and abs(high - CONTINUOUS_RANGE) < 1e-6)
 
 
 def _listed(names: list[str]) -> str:

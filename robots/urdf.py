@@ -29,6 +29,9 @@ DEFAULT_VELOCITY = {"revolute": 6.0, "prismatic": 0.5}
 LARGEST_COORDINATE = 1e4
 """Largest coordinate of a placement or an axis, m."""
 
+SHORTEST_AXIS = 1e-9
+"""Length of an axis below which it is zero."""
+
 MOVING = ("revolute", "prismatic")
 """Joint types that a robot may have after tidying; all others but "fixed" are refused."""
 
@@ -290,7 +293,9 @@ def _check_tree(root: Element) -> None:
         for key in ("xyz", "rpy"):
             triple(f"joint '{name}': {key} of its origin", placement.get(key, "0 0 0"))
         if axis is not None:
-            triple(f"joint '{name}': its axis", axis.get("xyz", "1 0 0"))
+            direction = triple(f"joint '{name}': its axis", axis.get("xyz", "1 0 0"))
+            if joint.get("type") != "fixed" and math.hypot(*direction) < SHORTEST_AXIS:
+                raise ModelError(f"joint '{name}': its axis must not be zero, got '{axis.get('xyz')}'")
     for link in parents:
         above, seen = link, set[str]()
         while above in parents:
@@ -373,9 +378,10 @@ def _drop_world(root: Element) -> list[str]:
     """Remove a root link that stands for the world: the robot's root link gets the free-flyer."""
     notes: list[str] = []
     while True:
-        names = [str(link.get("name")) for link in root.findall("link")]
-        if len(set(names)) != len(names):
-            raise ModelError(f"two links are called '{next(n for n in names if names.count(n) > 1)}'")
+        for kind in ("joint", "link"):
+            names = [str(each.get("name")) for each in root.findall(kind)]
+            if len(set(names)) != len(names):
+                raise ModelError(f"two {kind}s are called '{next(n for n in names if names.count(n) > 1)}'")
         pairs = {name: parent_and_child(joint) for name, joint in joints(root).items()}
         for name, ends in pairs.items():
             for end in ends:

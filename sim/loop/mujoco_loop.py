@@ -312,6 +312,12 @@ class MujocoLoop:
             notes.append(
                 f"the robot has {mass:.2f} kg in the model and {self.robot.mass:.2f} kg in the description"
             )
+        displaced = self.places.displaced_mass(model, self.robot)
+        if displaced is not None:
+            notes.append(
+                f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
+                "off in the model: the joint counts from another zero, or the mass is elsewhere"
+            )
         weightless = int(np.count_nonzero(model.body_gravcomp[model.body_rootid == self.places.root]))
         if weightless:
             notes.append(

@@ -22,6 +22,13 @@ SAME_AXIS = 1e-2
 """Largest distance between the axes of such joints, unit vectors."""
 
 
+OTHER_COM = 5e-3
+"""Distance between the centres of mass of a link in the model and in the description from which it is noted, m."""
+
+HEAVY = 0.01
+"""Least share of the robot's mass of a link whose centre of mass is compared."""
+
+
 @dataclass(frozen=True, eq=False)
 class RobotPlaces:
     """Places of a robot in a MuJoCo model.
@@ -57,6 +64,37 @@ class RobotPlaces:
         mujoco.mj_kinematics(model, data)
         robot.update(robot.half_sitting, np.zeros(robot.nv))
         return _carrier(model, data, robot, self.joints, self.root, frame)
+
+    def displaced_mass(self, model: mujoco.MjModel, robot: Robot) -> tuple[str, float] | None:
+        """Return the link whose centre of mass is farthest off the description's at half-sitting, and how far, m.
+
+        A joint that counts from another zero has its link there; the link is named by its joint. None if no heavy link
+        is off. A link has the bodies of the model that hang on it by no joint of the description.
+        """
+        data = mujoco.MjData(model)
+        self.set_configuration(robot.half_sitting, data.qpos)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        robot.update(robot.half_sitting, np.zeros(robot.nv))
+        owner = {self.root: 1} | {int(model.jnt_bodyid[joint]): i + 2 for i, joint in enumerate(self.joints)}
+        mass, moment = np.zeros(robot.model.njoints), np.zeros((robot.model.njoints, 3))
+        for body in range(model.nbody):
+            if model.body_rootid[body] != self.root:
+                continue
+            above = body
+            while above not in owner:
+                above = int(model.body_parentid[above])
+            mass[owner[above]] += model.body_mass[body]
+            moment[owner[above]] += model.body_mass[body] * data.xipos[body]
+        worst = ("", OTHER_COM)
+        for link in range(1, robot.model.njoints):
+            inertia = robot.model.inertias[link]
+            if min(mass[link], inertia.mass) >= HEAVY * robot.mass:
+                there = robot.data.oMi[link].act(inertia.lever)
+                distance = float(np.linalg.norm(moment[link] / mass[link] - there))
+                if distance > worst[1]:
+                    worst = ("base" if link == 1 else robot.joint_names[link - 2], distance)
+        return worst if worst[0] else None
 
     def set_configuration(self, q: Array, qpos: Array) -> None:
         """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""

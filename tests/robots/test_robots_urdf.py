@@ -242,6 +242,13 @@ CIRCLE = "".join(
 def test_what_hung_or_lost_the_mass_is_named() -> None:
     with pytest.raises(ModelError, match="link 'two' hangs on itself"):
         RobotDescription.from_urdf(biped(after=CIRCLE), **FEET)
+    with pytest.raises(ModelError, match="two joints are called 'l_knee'"):
+        RobotDescription.from_urdf(biped().replace('"r_knee"', '"l_knee"'), **FEET)
+    with pytest.raises(ModelError, match="joint 'l_knee': its axis must not be zero, got '0 0 0'"):
+        RobotDescription.from_urdf(
+            re.sub(r'(name="l_knee".*?<axis xyz=)"[^"]*"', r'\1"0 0 0"', biped(), count=1, flags=re.DOTALL),
+            **FEET,
+        )
     lost = biped().replace('<origin xyz="0.01 0 0.2"/>', '<origin xyz="nan 0 0.2"/>')
     with pytest.raises(ModelError, match="link 'trunk': xyz of the inertial origin must be three numbers"):
         RobotDescription.from_urdf(lost, **FEET)
@@ -670,3 +677,23 @@ def test_a_description_built_by_hand_is_checked_too() -> None:
         RobotDescription(**{**parts, "urdf": biped(shin=FLAT)})
     with pytest.raises(UnknownNameError, match="no frame 'nose'"):
         RobotDescription(**{**parts, "torso": "nose"})
+
+
+def test_a_sliding_joint_is_reported_in_millimetres_and_a_wide_range_is_no_missing_one() -> None:
+    """Two joints more: a lift of 0.2 m, and one that turns by ±3.3 rad."""
+    more = "".join(
+        f'<link name="{name}">{MASS}</link><joint name="{name}_joint" type="{kind}"><parent link="trunk"/>'
+        f'<child link="{name}"/><axis xyz="0 0 1"/>'
+        f'<limit lower="{low}" upper="{high}" effort="50" velocity="1"/></joint>'
+        for name, kind, low, high in (("lift", "prismatic", 0.0, 0.2), ("turn", "revolute", -3.3, 3.3))
+    )
+    description = RobotDescription.from_urdf(biped(after=more), **FEET)
+    lines = description.report().splitlines()
+    assert any("lift_joint" in line and "0 .. 200" in line for line in lines)
+    assert any("turn_joint" in line and "-189 .. 189" in line for line in lines)
+    assert "  sliding joints, in mm, m/s, N and kg: lift_joint" in lines
+    assert not any("no position limits" in doubt for doubt in description.doubts())
+    assert description.summary()["joints"]["lift_joint"]["unit"] == "m"
+
+
+MASS = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'

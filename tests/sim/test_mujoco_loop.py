@@ -254,6 +254,20 @@ def test_a_robot_without_its_weight_is_noted() -> None:
     assert any(note.startswith("gravity of 1 bodies is compensated in the model") for note in notes)
 
 
+def test_a_link_whose_mass_is_elsewhere_is_noted() -> None:
+    """As where a joint counts from another zero, which neither its axis nor its anchor shows."""
+    model = foreign_model(DESCRIPTION, "motor")
+    joint = model.joint(PREFIX + "left_ankle_roll").id
+    assert not MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+    model.qpos0[model.jnt_qposadr[joint]] += 0.3
+    (note,) = MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+    assert "centre of mass of the link of 'left_ankle_roll'" in note and "another zero" in note
+    model = foreign_model(DESCRIPTION, "motor")
+    model.body_ipos[model.jnt_bodyid[model.joint(PREFIX + "left_knee_pitch").id], 0] += 0.05
+    (note,) = MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+    assert "'left_knee_pitch' is 50 mm off in the model" in note
+
+
 @pytest.mark.parametrize("kind", ["motor", "position"])
 def test_controls_that_end_before_the_torque_limits_are_noted(kind: str) -> None:
     """Of a motor its greatest control, of a servo how far its reference may be from where the joint is."""
