@@ -135,10 +135,11 @@ class TrackTrial:
             plant.step(command)
             plant.raise_if_diverged()
             truth, i = plant.truth(), min(control.tick + 1, len(motion) - 1)
+            felt = truth.sole_wrench if measurement.sole_wrench is None else measurement.sole_wrench
             joints.append(truth.q[7:] - motion.q[i, 7:])
             com.append(truth.com[:2] - motion.pendulum[i].com[:2])
             for side, place in enumerate(plant.data.site_xpos[sites]):
-                if measurement.wrenches[side, 2] < LOADED * self._weight:
+                if felt[side, 2] < LOADED * self._weight:
                     anchors[side] = None
                     continue
                 anchor = anchors[side]

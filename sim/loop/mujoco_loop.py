@@ -188,6 +188,7 @@ class MujocoLoop:
 
     def _begin(self) -> None:
         mujoco.mj_forward(self.model, self.data)
+        self._touching = self._contacts.of_robot(self.data)
         self._signals.begin(self.data)
         self._chain.reset(self._signals.values, self.seed)
         self._pushes.clear(self.data)
@@ -244,6 +245,8 @@ class MujocoLoop:
             if self._pushes:
                 self._pushes.apply(data, model.opt.timestep)
             self._stepper(model, data)
+            if left == 0:  # what follows finds contacts anew, and leaves their forces as they were
+                self._touching = self._contacts.of_robot(data)
             signals.record(data)
             read = chain.oldest > 0 and chain.newest <= left <= chain.oldest
             if read or left == 0:
@@ -278,7 +281,7 @@ class MujocoLoop:
         q = configuration_from_mujoco(data.qpos[places.base_qpos :], places.joint_qpos - places.base_qpos)
         v = velocity_from_mujoco(q, data.qvel[places.base_dof :], places.joint_dof - places.base_dof)
         mujoco.mj_subtreeVel(self.model, data)
-        position, force, sole = self._contacts.of_robot(data)
+        position, force, sole = self._touching
         return GroundTruth(
             time=self.time,
             q=q,

@@ -57,11 +57,11 @@ class PushSchedule:
             pushes: The pushes.
             plant: Plant that is pushed.
             walking: Controller, for the lift-offs.
-            gait: Gait of the plan, for the duration of a step.
+            gait: Gait of the plan, for the duration of a step; a robot that is steered has its own.
         """
         self._pending, self._plant, self._walking = list(pushes), plant, walking
         self._cycle = gait.single_support + gait.double_support
-        self._lift_off: dict[int, float] = {}  # step, from 1 → time, s
+        self._lift_off: dict[int, tuple[float, float]] = {}  # step, from 1 → time and duration of the step, s
 
     def update(self) -> None:
         """Begin the pushes that are due; to be called in each tick, before the plant moves on."""
@@ -69,7 +69,11 @@ class PushSchedule:
             return
         reference, now = self._walking.reference, self._plant.time
         if reference is not None and any(event in LIFT_OFFS for event in reference.events):
-            self._lift_off.setdefault(self._walking.steps_done + 1, now)
+            cycle = self._cycle
+            if self._walking.driver.source is not None:
+                gait = self._walking.walk.phases.plan.gait
+                cycle = gait.single_support + gait.double_support
+            self._lift_off.setdefault(self._walking.steps_done + 1, (now, cycle))
         for push in [push for push in self._pending if now >= self._due(push) - 1e-9]:
             self._pending.remove(push)
             force = push.impulse * self._plant.robot.mass / push.duration
@@ -81,4 +85,5 @@ class PushSchedule:
         if push.time is not None:
             return push.time
         assert push.step is not None, "a push has a time or a step"
-        return self._lift_off.get(push.step, math.inf) + push.phase * self._cycle
+        begin, cycle = self._lift_off.get(push.step, (math.inf, 0.0))
+        return begin + push.phase * cycle

@@ -27,7 +27,7 @@ from wbc.motion import (
 )
 from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
 from wbc.motion.reference import ClipReference, placed
-from wbc.sim import TrackSpec, track_motion
+from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import FootstepPlan
 
 DT = 0.005
@@ -164,6 +164,13 @@ def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
     result = track_motion(short, TrackSpec(after=0.0))
     assert result.fall is None and result.failures == 0
     assert result.joint_rms_deg < 1.0 and result.com_rms_mm < 5.0 and result.foot_slide_mm < 1.0
+
+
+def test_a_robot_without_force_sensors_tracks_a_clip(g1: Robot) -> None:
+    clip = make_feasible(g1, make_motion(g1, "dance", 1)).clip
+    short = clip.sampled(clip.times[:50], clip.rate)
+    result = track_motion(short, TrackSpec(after=0.0, machine=Machine(force_sensors=False)))
+    assert result.fall is None and result.failures == 0 and result.foot_slide_mm < 1.0
 
 
 def bow(robot: Robot, angle: float) -> MotionClip:

@@ -245,6 +245,21 @@ def test_a_model_of_another_robot_is_refused() -> None:
         MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
 
 
+def test_true_contact_forces_are_those_of_the_last_step() -> None:
+    """MuJoCo finds contacts anew for the sensors, and leaves the forces of those before in their places."""
+    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX, control_period=0.001)
+    control = wbc.TorqueControl(wbc.balance_controller(loop.robot, loop.control_period))
+    loop.push("torso", [60.0, 30.0, 0.0], 0.1)
+    sizes = set()
+    for _ in range(200):
+        loop.step(control.command(loop.measure()))
+        truth = loop.truth()
+        sizes.add(len(truth.contact_sole))
+        feet = truth.contact_force[truth.contact_sole >= 0, 2].sum()
+        assert feet == pytest.approx(truth.sole_wrench[:, 2].sum(), abs=20.0)
+    assert len(sizes) > 1, "contacts came and went"
+
+
 def test_a_robot_without_its_weight_is_noted() -> None:
     model = foreign_model(DESCRIPTION, "motor")
     model.body_gravcomp[model.body("ball").id] = 1.0

@@ -231,6 +231,27 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     assert result.fall.step == 1 and result.fall.phase == "single support"
 
 
+class LiftOffs(WalkHook):
+    """Keeps the times of all lift-offs, s."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+
+    def tick(self, tick: WalkTick) -> None:
+        assert tick.walking.reference is not None
+        if Event.LIFT_OFF in tick.walking.reference.events:
+            self.times.append(tick.plant.time)
+
+
+def test_a_push_on_a_robot_that_is_steered_comes_at_its_phase_of_the_quicker_step() -> None:
+    hook, lift_offs = Impulse(), LiftOffs()
+    plan = WalkPlan(drive=((0.0, 0.4, 0.0, 0.0), (4.5, 0.0, 0.0, 0.0)))
+    push = WalkPush(impulse=0.01, step=4, phase=0.5)
+    WalkTrial(WalkSpec(plan=plan, noise="none", pushes=(push,))).run([hook, lift_offs])
+    begin, end = lift_offs.times[3:5]
+    assert end - begin < 0.8 and hook.first == pytest.approx(0.5 * (begin + end), abs=0.02)
+
+
 def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
     trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none"))
     plant, look = trial.plant, trial.true_fall

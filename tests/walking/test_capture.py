@@ -213,6 +213,32 @@ def test_a_long_push_ahead_and_back_is_stepped_out_of(robot: str, degrees: float
     assert push_standing(spec).recovered
 
 
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_a_push_before_the_first_lift_off_is_stepped_out_of(robot: str) -> None:
+    plant = wbc.Plant(load(robot))
+    walking = WalkingControl(model := load(robot).robot(), FootstepPlan.standing(model), plant.control_period)
+    pushed = False
+    while plant.time < 2.6 and walking.fallen is None:
+        if plant.time >= 0.3:
+            walking.velocity = (0.2, 0.0, 0.0)
+        if plant.time >= 0.5 and not pushed:
+            pushed = True
+            assert walking.walk.phases.sets_off and not walking.driver.capturing
+            plant.push("torso", [0.36 * model.mass / 0.1, 0.0, 0.0], 0.1)
+        plant.step(walking.command(plant.measure()))
+    assert pushed and walking.fallen is None and walking.steps_done >= 2
+
+
+@pytest.mark.parametrize("period", [0.005, 0.02])
+def test_steps_out_of_a_push_have_phases_of_two_periods_at_least(period: float) -> None:
+    robot = load("hrp4_class").robot()
+    driver = WalkingControl(robot, FootstepPlan.standing(robot), period).driver
+    for steps in (driver._capture, driver._straight):
+        assert steps is not None
+        gait, _ = steps.settings.gait.on_grid(period)
+        assert gait.initial_double_support >= 2.0 * period
+
+
 @pytest.mark.slow
 def test_no_step_without_a_push() -> None:
     """Noisy sensors and a small push move no foot."""

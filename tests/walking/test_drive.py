@@ -166,6 +166,21 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
         assert np.linalg.norm(b.pendulum.com - a.pendulum.com - DT * a.pendulum.com_velocity) < 1e-4
 
 
+def test_a_quick_walk_whose_source_is_exchanged_closes_up_quickly() -> None:
+    stage = Stage()
+    stage.driver.follow(GoalSource((20.0, 0.0, 0.0), stage.driver.velocity_source()))
+    stage.run(6.15)
+    quick = stage.walk.phases.plan.gait
+    assert quick.single_support < 0.6
+    source = stage.driver.velocity_source()
+    source.target = (0.0, 0.0, 0.0)
+    stage.driver.follow(source)
+    stage.run(0.02)
+    assert stage.walk.phases.plan.gait.single_support == quick.single_support
+    stage.run(4.0)
+    assert stage.walk.finished and stage.driver.velocity_source().pace == 0.0
+
+
 def test_velocity_and_turn_are_those_commanded() -> None:
     stage = Stage()
     stage.steer((0.1, 0.05, 0.1))
@@ -180,7 +195,19 @@ def test_velocity_and_turn_are_those_commanded() -> None:
 
 
 @pytest.mark.parametrize(
-    "goal", [(0.3, 0.1, 0.3), (-0.2, 0.0, 0.0), (0.0, 0.15, -0.5), (1.0, -1.0, 1.0), (-0.8, 0.5, 0.0)]
+    "goal",
+    [
+        (0.3, 0.1, 0.3),
+        (-0.2, 0.0, 0.0),
+        (0.0, 0.15, -0.5),
+        (1.0, -1.0, 1.0),
+        (-0.8, 0.5, 0.0),
+        (
+            0.029,
+            -0.219,
+            -0.603,
+        ),  # one foot stays 0.02 rad off the other: the mean of both is beyond the tolerance
+    ],
 )
 def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -> None:
     stage = Stage()
@@ -337,6 +364,20 @@ def test_velocities_that_are_refused() -> None:
     walking.go_to(0.5, 0.0, 0.0)
     walking.velocity = (0.1, 0.0, 0.0)
     assert walking.velocity == (0.1, 0.0, 0.0) and walking.granted_velocity == AT_REST
+
+
+def test_a_height_that_is_given_bounds_steps_as_the_same_height_by_default() -> None:
+    """The ankles of g1 bind to the side: quick steps alone may be wide."""
+    robot = load("g1").robot()
+    plan = FootstepPlan.standing(robot)
+    height = bent_height(robot, wbc.walking.WalkingControlSettings().drive.stretch)
+    walks = [
+        WalkingControl(robot, plan, DT, wbc.walking.WalkingControlSettings(com_height=given)).walk
+        for given in (None, height)
+    ]
+    assert walks[0].reach == walks[1].reach
+    assert walks[0].reach.quick_spacing is not None
+    assert walks[0].reach.max_spacing < walks[0].reach.quick_spacing
 
 
 def test_gait_for_a_speed() -> None:

@@ -70,6 +70,14 @@ def test_plans_mirror_and_follow_the_world(vx: float, vy: float, turn: float, st
     same(plan.moved(world), walk_velocity(START.moved(world), (vx, vy, turn), steps, first=first))
 
 
+def test_sideways_and_in_a_turn_each_the_foot_on_its_side_opens() -> None:
+    for turn in (0.15, -0.15):
+        plan = walk_velocity(START, (0.05, 0.04, turn), 6)
+        check_plan(plan, ROBOT)
+        assert plan.steps[0].side == "left"
+    assert walk_velocity(START, (0.05, 0.0, -0.15), 6).steps[0].side == "right"
+
+
 def test_a_velocity_is_reached() -> None:
     gait = START.gait
     duration = gait.single_support + gait.double_support

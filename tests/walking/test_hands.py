@@ -229,6 +229,23 @@ def test_a_hand_that_was_let_go_keeps_nothing_of_its_last_force() -> None:
     assert not hand.excess.any()
 
 
+@pytest.mark.parametrize("offset", [1.0, 5.0, 12.0])
+def test_any_offset_of_a_wrist_is_tared_on_the_way_to_a_surface(offset: float) -> None:
+    """Also one that is more than a touch; a touch on the way counts to the tare no more than before."""
+    robot = load("hrp4_class").robot()
+    settings = WalkingControlSettings(hands=HandSettings())
+    hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings).hands
+    assert hands is not None
+    hand, middle = hands.all["left_hand"], MovingFrame(0.25)
+    place = robot.placement(hand.task.frame)
+    hand.press(np.array(AHEAD), 20.0, place.translation + 0.3 * np.array(AHEAD))
+    for tick in range(20):
+        reading = np.array([0.0, 0.0, offset + (50.0 if tick == 10 else 0.0), 0.0, 0.0, 0.0])
+        hand.update(reading - hand.tare, place.rotation, 100.0, middle, 0.005)
+    assert hand.state is HandState.REACH
+    np.testing.assert_allclose(hand.tare, [0.0, 0.0, offset, 0.0, 0.0, 0.0], atol=1e-9)
+
+
 def test_a_hand_that_finds_no_surface_stops() -> None:
     stand = Stand(make_scene("table", distance=3.0), approach=0.2)
     stand.hands.press("left_hand", 10.0, DOWN, firm=True)

@@ -115,8 +115,9 @@ class WalkingControl:
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
         reach = None
-        if s.com_height is None and not len(plan):
-            height = min(height, bent_height(robot, s.drive.stretch))
+        if not len(plan):
+            if s.com_height is None:
+                height = min(height, bent_height(robot, s.drive.stretch))
             # Bent knees reach further ahead; to the side ankles must roll by what the robot sways, less in quick steps.
             reach = Reach.of(robot, height)
             narrow = Reach.of(robot).max_spacing

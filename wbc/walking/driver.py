@@ -21,7 +21,7 @@ from wbc.core.robot import Robot
 from wbc.walking.pattern.swing import shortest_swing
 from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
 from wbc.walking.planning.footsteps import SIDES, FootstepPlan
-from wbc.walking.planning.gait import reaction
+from wbc.walking.planning.gait import TIMINGS, reaction
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import check_plan
 from wbc.walking.planning.sources import (
@@ -83,6 +83,7 @@ class Driver:
         self._walk, self._robot, self._extent = walk, robot, extent
         plan = walk.phases.plan
         self._gait = replace(plan.gait, feet_spacing=plan.spacing)
+        self._pace = 0.0  # of the last plan, m/s
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, Velocity] = (None, AT_REST)
         self._landed = False
@@ -90,9 +91,9 @@ class Driver:
         self._capture = self._straight = None
         if capture is not None:
             figures = walk.omega, walk.reach, walk.sole_sizes, plan.spacing
-            self._capture = CaptureSteps(*figures, capture)
+            self._capture = CaptureSteps(*figures, _on_ticks(capture, walk.period))
             if drawn:
-                self._straight = CaptureSteps(*figures, capture.for_straight())
+                self._straight = CaptureSteps(*figures, _on_ticks(capture.for_straight(), walk.period))
         self.straight = 0
         self.steered = not len(plan)  # a plan from the start is walked as it is
         self._outside = 0.0  # time that the DCM has been outside the feet, s
@@ -119,7 +120,9 @@ class Driver:
 
     def velocity_source(self) -> VelocitySource:
         """Return a source of velocities that goes on from the velocity granted now."""
-        return VelocitySource(self._walk.reach, self._walk.sole_sizes, self.settings, self.granted)
+        source = VelocitySource(self._walk.reach, self._walk.sole_sizes, self.settings, self.granted)
+        source.pace = 0.0 if self._walk.finished else self._pace
+        return source
 
     @property
     def granted(self) -> Velocity:
@@ -225,6 +228,7 @@ class Driver:
             plan = source.footsteps(now)
             self._check(plan, now)
             self._steer(plan)
+            self._pace = source.pace if isinstance(source, (VelocitySource, GoalSource)) else 0.0
         except Exception as error:  # of a source of the user's own, too: the robot comes to a stand
             self._drop(error, now)
 
@@ -240,9 +244,13 @@ class Driver:
         walk, phases, s = self._walk, self._walk.phases, capture.settings
         rests = phases.step >= len(phases.plan)
         if not self.capturing:
-            self._outside = self._outside + walk.period if rests and beyond > s.trigger else 0.0
+            pushed = (rests or phases.sets_off) and beyond > s.trigger
+            self._outside = self._outside + walk.period if pushed else 0.0
             if self._outside < s.debounce - 1e-9:
                 return False
+            if not rests:  # the steps that it was to take are void
+                walk.steer((), s.gait.on_grid(walk.period)[0])
+                rests = True
             phases.settings = replace(self._waits, max_wait=s.wait, early_credit=0.0)
             walk.adjusts, walk.reaction = False, 0.0
             self._next = time
@@ -369,6 +377,12 @@ class Driver:
         except InputError:
             side = now.first
             self._walk.steer(() if side is None else close_up(now.start, side).steps)
+
+
+def _on_ticks(settings: CaptureSettings, period: float) -> CaptureSettings:
+    """Return settings whose gait has no phase shorter than two control periods (s)."""
+    short = {name: 2.0 * period for name in TIMINGS if getattr(settings.gait, name) < 2.0 * period}
+    return replace(settings, gait=replace(settings.gait, **short)) if short else settings
 
 
 def _target(source: FootstepSource) -> Velocity:

@@ -108,7 +108,7 @@ class Hand:
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force that is asked for now, N.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
-            its way before the surface. Zero where it has none.
+            its last way to a surface; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the arm has less force than is asked for.
@@ -235,7 +235,8 @@ class Hand:
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
         if self.state in (HandState.REACH, HandState.APPROACH):
             if self.state is HandState.REACH:
-                if float(np.linalg.norm(wrench[:3])) < self._settings.touch:
+                first = self._elapsed == 0.0  # an offset may be more than a touch
+                if first or float(np.linalg.norm(wrench[:3])) < self._settings.touch:
                     self.tare += dt / (self._elapsed + dt) * wrench
                 if self._reach(dt):
                     self.state = HandState.GRIP if self._grips else HandState.APPROACH

@@ -67,10 +67,9 @@ def walk_velocity(
             f"velocity turns a foot by {2.0 * turn * duration:.2f} rad in a step of {duration:g} s; half a turn "
             f"is {math.pi / 2.0 / duration:.2f} rad/s, and the robot's reach is less"
         )
-    leader = "right" if (vy or turn) < 0.0 else "left"
-    return walk_path(
-        start, [(vx * duration, vy * duration, turn * duration)] * steps, first=first or leader, leader=leader
-    )
+    move = vx * duration, vy * duration, turn * duration
+    leaders = tuple("right" if value < 0.0 else "left" for value in (vy, turn))
+    return _path(start, [move] * steps, first or leaders[0 if vy else 1], leaders, close=True)
 
 
 @checked
@@ -118,14 +117,26 @@ def walk_path(
         close: Add a step that brings the other foot beside the last one.
     """
     choose("side", first, SIDES)
+    return _path(start, moves, first, None if leader is None else (leader, leader), close=close)
+
+
+def _path(
+    start: FootstepPlan,
+    moves: Iterable[tuple[float, float, float]],
+    first: str,
+    leaders: tuple[str, ...] | None,
+    *,
+    close: bool,
+) -> FootstepPlan:
+    """Place the feet beside a middle that moves; one side leads sideways, one turns, each foot itself when None."""
     half = 0.5 * start.spacing
     middle = _middle(start.left, start.right)
     steps = []
     side = first
     for move in moves:
         dx, dy, turn = finite_array("a move (m, m, rad)", move, (3,)).tolist()
-        share = 1.0 if leader is None else (2.0 if side == leader else 0.0)
-        middle = middle * _planar(dx, share * dy, share * turn)
+        aside, turned = (1.0, 1.0) if leaders is None else (2.0 * (side == leader) for leader in leaders)
+        middle = middle * _planar(dx, aside * dy, turned * turn)
         steps.append(_beside(middle, side, half))
         side = other(side)
     if close and steps:

@@ -303,6 +303,7 @@ class GoalSource:
         self.goal = (x, y, yaw)
         self.reached = False
         self._drive = drive
+        self._stops = False  # the goal has been reached by feet that stride
 
     @property
     def granted(self) -> Velocity:
@@ -335,7 +336,10 @@ class GoalSource:
             px, py, heading = _middle(stance, start.spacing)
         away = math.hypot(x - px, y - py)
         turn = math.remainder(yaw - heading, 2.0 * math.pi)
-        if away < s.goal[0] and abs(turn) < s.goal[1]:
+        # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
+        more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
+        self._stops = away < s.goal[0] + more[0] and abs(turn) < s.goal[1] + more[1]
+        if self._stops:
             return AT_REST
         gait = Gait.for_speed(self._drive.granted, start.gait)
         two = 2.0 * (gait.single_support + gait.double_support)
