@@ -90,7 +90,7 @@ def report(facts: Mapping[str, Any]) -> str:
     )
     sliding = [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]
     for name, joint in facts["joints"].items():
-        shown = 1e3 if name in sliding else np.degrees(1.0)
+        shown = 1e3 if joint["unit"] == "m" else np.degrees(1.0)
         low, high = shown * np.array(joint["position"])
         lines.append(
             f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>8.2f}{joint['torque']:>8.1f}"

@@ -59,11 +59,16 @@ class RobotPlaces:
 
     def carrier(self, model: mujoco.MjModel, robot: Robot, frame: str) -> tuple[int, pin.SE3]:
         """Return the body that carries a frame of the robot, and the placement of the frame in it."""
+        data = self._at_half_sitting(model, robot)
+        return _carrier(model, data, robot, self.joints, self.root, frame)
+
+    def _at_half_sitting(self, model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
+        """Return data with the robot in half-sitting, and update the robot so."""
         data = mujoco.MjData(model)
         self.set_configuration(robot.half_sitting, data.qpos)
         mujoco.mj_kinematics(model, data)
         robot.update(robot.half_sitting, np.zeros(robot.nv))
-        return _carrier(model, data, robot, self.joints, self.root, frame)
+        return data
 
     def displaced_mass(self, model: mujoco.MjModel, robot: Robot) -> tuple[str, float] | None:
         """Return the link whose centre of mass is farthest off the description's at half-sitting, and how far, m.
@@ -71,11 +76,7 @@ class RobotPlaces:
         A joint that counts from another zero has its link there; the link is named by its joint. None if no heavy link
         is off. A link has the bodies of the model that hang on it by no joint of the description.
         """
-        data = mujoco.MjData(model)
-        self.set_configuration(robot.half_sitting, data.qpos)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        robot.update(robot.half_sitting, np.zeros(robot.nv))
+        data = self._at_half_sitting(model, robot)
         owner = {self.root: 1} | {int(model.jnt_bodyid[joint]): i + 2 for i, joint in enumerate(self.joints)}
         mass, moment = np.zeros(robot.model.njoints), np.zeros((robot.model.njoints, 3))
         for body in range(model.nbody):

@@ -279,6 +279,11 @@ def test_several_items_are_added_or_removed_together_or_not_at_all() -> None:
     with pytest.raises(UnknownNameError, match="left_hant"):
         controller.add(hand, PositionTask("left_hant"))
     assert controller.tasks == (com,) and list(controller.solve().residuals) == ["com"]
+    for refused, message in ((hand, "added already"), (CoMTask, "tasks, contacts and limits, not <class")):
+        with pytest.raises(InputError, match=message):
+            controller.add(hand, refused)
+        with pytest.raises(InputError, match="belongs to no controller"):
+            _ = hand.robot
     robot = controller.robot
     robot.update(np.concatenate([robot.q[:2], robot.q[2:3] + 0.3, robot.q[3:]]), robot.v)
     controller.add(hand)

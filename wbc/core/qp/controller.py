@@ -134,17 +134,18 @@ class Controller:
                 a task, contact or limit. None of the items is added then.
         """
         new, present = (item, *items), [*self._tasks, *self._contacts, *self._limits]
-        before: list[tuple[Item, dict[str, Any]]] = []
+        for each in new:
+            if not isinstance(each, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
+                raise InputError(f"a controller takes tasks, contacts and limits, not {each!r}")
+        before = {id(each): (each, dict(vars(each))) for each in new}
         try:
             for each in new:
-                before.append((each, dict(getattr(each, "__dict__", {}))))
                 self._bind(each, present)
                 present.append(each)
         except BaseException:
-            for each, values in before:  # what is bound has taken a place as its target
-                if values:
-                    vars(each).clear()
-                    vars(each).update(values)
+            for each, values in before.values():  # what is bound has taken a place as its target
+                vars(each).clear()
+                vars(each).update(values)
             raise
         for each in new:
             self._list_of(each).append(each)
@@ -154,8 +155,6 @@ class Controller:
 
     def _bind(self, item: Item, others: Sequence[Item]) -> None:
         """Bind an item to the robot, if it may stand beside the others."""
-        if not isinstance(item, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
-            raise InputError(f"a controller takes tasks, contacts and limits, not {item!r}")
         if any(item is other for other in others):
             raise InputError(f"{item!r} has been added already")
         for kind in (JointLimits, TorqueLimits):

@@ -92,7 +92,7 @@ class LevelSolver:
         return self._solver.counts | {"levels given up": self._given_up}
 
     def solve(self) -> Status:
-        """Solve level after level, and store the results; the status is that of the start unless a row is not finite."""
+        """Solve level after level; the status is that of the first one unless a row is not finite."""
         p, first, solver = self.problem, self._first, self._solver
         hopeless = without_solution(p)  # the first level sees the targets of its own rows alone
         if hopeless is not None:
