@@ -223,7 +223,7 @@ def test_a_push_before_the_first_lift_off_is_stepped_out_of(robot: str) -> None:
             walking.velocity = (0.2, 0.0, 0.0)
         if plant.time >= 0.5 and not pushed:
             pushed = True
-            assert walking.walk.phases.sets_off and not walking.driver.capturing
+            assert walking.walk.phases.sets_off and not walking.driver.recovery.active
             plant.push("torso", [0.36 * model.mass / 0.1, 0.0, 0.0], 0.1)
         plant.step(walking.command(plant.measure()))
     assert pushed and walking.fallen is None and walking.steps_done >= 2
@@ -232,11 +232,11 @@ def test_a_push_before_the_first_lift_off_is_stepped_out_of(robot: str) -> None:
 @pytest.mark.parametrize("period", [0.005, 0.02])
 def test_steps_out_of_a_push_have_phases_of_two_periods_at_least(period: float) -> None:
     robot = load("hrp4_class").robot()
-    driver = WalkingControl(robot, FootstepPlan.standing(robot), period).driver
-    for steps in (driver._capture, driver._straight):
+    recovery = WalkingControl(robot, FootstepPlan.standing(robot), period).driver.recovery
+    for steps in (recovery._any_way, recovery._straight_on):
         assert steps is not None
-        gait, _ = steps.settings.gait.on_grid(period)
-        assert gait.initial_double_support >= 2.0 * period
+        gait = steps.settings.gait
+        assert gait.initial_double_support >= 2.0 * period and gait.on_grid(period) == (gait, ())
 
 
 @pytest.mark.slow

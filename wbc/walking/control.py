@@ -288,7 +288,11 @@ class WalkingControl:
         if self.load is not None:
             self._hold(self.load)
         capture = self.driver.settings.capture
-        if self.driver.straight and capture is not None and isinstance(self.control, PositionControl):
+        if (
+            self.driver.recovery.straight
+            and capture is not None
+            and isinstance(self.control, PositionControl)
+        ):
             self.control.draw_base(lag_gain(self.dt, capture.base_time))
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
         self._com = com
@@ -316,7 +320,7 @@ class WalkingControl:
             reference.heading,
             self.dt,
             bias=bias,
-            max_force=self.driver.most_force,
+            max_force=self.driver.recovery.most_force,
             outside=outside,
         )
         self._wrench_targets = output.feet.wrenches
@@ -352,7 +356,7 @@ class WalkingControl:
         if self.load is not None and self.load.changing:
             estimator.pause()
             return estimator.bias
-        if self.driver.capturing:  # the last ticks were those of a push, which is no error of the model
+        if self.driver.recovery.active:  # the last ticks were those of a push, which is no error of the model
             estimator.reset()
             return estimator.bias
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
@@ -376,12 +380,12 @@ class WalkingControl:
         else:
             trunk = Trunk(math.hypot(*self.lean.angle), self.lean.sway(self.walk.omega))
             reference = self.walk.update(load, self._soles, told, trunk)
-        free = self.driver.capturing or (catch is not None and catch.active)
+        free = self.driver.recovery.active or (catch is not None and catch.active)
         if free is not self._freed:
             self._freed = free
             self.tasks.free(free)
             capture = self.driver.settings.capture
-            firm = self.driver.straight > 0 and capture is not None
+            firm = self.driver.recovery.straight > 0 and capture is not None
             self.tasks.hold_height(capture.height_weight if firm and capture is not None else None)
         return reference
 

@@ -4,7 +4,8 @@
 
 On both feet the steps are planned anew every tenth of a second; with a foot in the air only when the source or its
 command has changed, and not while the last foot is about to land. A source that fails, or asks for a step that the
-robot cannot take, is dropped: the robot comes to a stand, and the reason is logged.
+robot cannot take, is dropped: the robot comes to a stand, and the reason is logged. While the robot steps out of a
+push (`wbc.walking.recovery`), no source is asked.
 """
 
 from __future__ import annotations
@@ -14,14 +15,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from wbc.core.errors import Array, InputError, shown
 from wbc.core.robot import Robot
-from wbc.walking.pattern.swing import shortest_swing
-from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
-from wbc.walking.planning.footsteps import SIDES, FootstepPlan
-from wbc.walking.planning.gait import TIMINGS, reaction
+from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.gait import reaction
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import check_plan
 from wbc.walking.planning.sources import (
@@ -36,16 +33,13 @@ from wbc.walking.planning.sources import (
     checked_velocity,
     close_up,
 )
+from wbc.walking.recovery import PushRecovery
 from wbc.walking.walk import Walk
 
 logger = logging.getLogger(__name__)
 
 Extent = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y of the ground, m."""
-
-
-UNLIMITED = (math.inf, math.inf)
-"""Greatest normal force of both feet, N, where nothing limits it."""
 
 
 class Driver:
@@ -56,7 +50,7 @@ class Driver:
         source: Source of the footsteps; None for the plan that the walk began with.
         reason: Reason for which the last source was dropped; empty if none was.
         steered: True if footsteps come, or may come, from a source; False for a walk along its first plan.
-        straight: 1 while the robot steps out of a push straight ahead, -1 straight back, 0 otherwise.
+        recovery: Steps out of pushes, before those of the source.
     """
 
     def __init__(
@@ -75,7 +69,7 @@ class Driver:
             robot: Its robot, for the soles.
             settings: Settings; the defaults when None.
             extent: The ground; endless when None.
-            drawn: True if the base of a commanded robot is drawn to the estimated one while `straight` is not zero.
+            drawn: True if the base of a commanded robot is drawn to the estimated one in a push straight ahead or back.
         """
         self.settings = settings or DriveSettings()
         self.source: FootstepSource | None = None
@@ -87,36 +81,8 @@ class Driver:
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, Velocity] = (None, AT_REST)
         self._landed = False
-        capture = self.settings.capture
-        self._capture = self._straight = None
-        if capture is not None:
-            figures = walk.omega, walk.reach, walk.sole_sizes, plan.spacing
-            self._capture = CaptureSteps(*figures, _on_ticks(capture, walk.period))
-            if drawn:
-                self._straight = CaptureSteps(*figures, _on_ticks(capture.for_straight(), walk.period))
-        self.straight = 0
+        self.recovery = PushRecovery(walk, self.settings.capture, self._gait, drawn=drawn)
         self.steered = not len(plan)  # a plan from the start is walked as it is
-        self._outside = 0.0  # time that the DCM has been outside the feet, s
-        self._dcm = self._com = np.zeros(3)  # as measured in this tick
-        self._waits = walk.phases.settings
-
-    @property
-    def capturing(self) -> bool:
-        """True while the robot steps out of a push."""
-        return self._walk.phases.settings is not self._waits
-
-    @property
-    def most_force(self) -> tuple[float, float]:
-        """Greatest normal force of left and right foot, N: a foot that is to step out of a push gives up its load."""
-        if not self.capturing:
-            return UNLIMITED
-        phases = self._walk.phases
-        if phases.phase is not Phase.DOUBLE or phases.step >= len(phases.plan):
-            return UNLIMITED
-        most = phases.weight * max(
-            0.0, 1.0 - (phases.elapsed + self._walk.period) / max(phases.duration, 1e-3)
-        )
-        return (most, math.inf) if phases.plan.steps[phases.step].side == "left" else (math.inf, most)
 
     def velocity_source(self) -> VelocitySource:
         """Return a source of velocities that goes on from the velocity granted now."""
@@ -205,11 +171,9 @@ class Driver:
             com: Measured CoM, shape (3,), m; the DCM when None.
         """
         source, phases = self.source, self._walk.phases
-        capture = self._capture if self.steered and dcm is not None else None
-        if capture is not None and dcm is not None:
-            self._dcm, self._com = dcm, dcm if com is None else com
-            if self._step_out(time, beyond, self._straight if self.straight and self._straight else capture):
-                return
+        if self.steered and dcm is not None and self.recovery.update(time, beyond, dcm, com):
+            self._next = time
+            return
         if source is None:
             return
         swings = phases.phase is Phase.SINGLE
@@ -223,7 +187,7 @@ class Driver:
         self._landed = False
         self._next = time + self.settings.replan
         self._planned = (source, _target(source))
-        now = self._standing(time)
+        now = Standing.of(phases, self._gait, time)
         try:
             plan = source.footsteps(now)
             self._check(plan, now)
@@ -238,100 +202,6 @@ class Driver:
         phases = self._walk.phases
         last = phases.step + 1 >= len(phases.plan)
         return last and phases.duration - phases.elapsed < self.settings.replan
-
-    def _step_out(self, time: float, beyond: float, capture: CaptureSteps) -> bool:
-        """Step out of a push; True while the robot does."""
-        walk, phases, s = self._walk, self._walk.phases, capture.settings
-        rests = phases.step >= len(phases.plan)
-        if not self.capturing:
-            pushed = (rests or phases.sets_off) and beyond > s.trigger
-            self._outside = self._outside + walk.period if pushed else 0.0
-            if self._outside < s.debounce - 1e-9:
-                return False
-            if not rests:  # the steps that it was to take are void
-                walk.steer((), s.gait.on_grid(walk.period)[0])
-                rests = True
-            phases.settings = replace(self._waits, max_wait=s.wait, early_credit=0.0)
-            walk.adjusts, walk.reaction = False, 0.0
-            self._next = time
-            if self._straight is not None:
-                ahead = self._straight.pushed_straight(self._dcm, self._standing(time).start)
-                self.straight = (ahead > 0.0) - (ahead < 0.0)
-                if self.straight:
-                    capture, s = self._straight, self._straight.settings
-        if phases.phase is Phase.SINGLE:
-            self._aim(capture)
-            self._next = time
-            return True
-        if phases.phase is Phase.STANDING and beyond < -s.inside:
-            phases.settings, self._outside, self._next = self._waits, 0.0, time
-            walk.adjusts, self.straight = True, 0
-            return False
-        if time < self._next:
-            return True
-        self._next = time + s.again
-        now = self._standing(time)
-        if beyond < -s.inside:
-            if rests:
-                return True
-            # What is left of the push is for the feet on the ground: close up, quietly.
-            plan = close_up(replace(now.start, gait=s.gait), now.first or "left")
-            if len(phases.plan) - phases.step != len(plan):
-                walk.steer(plan.steps, s.gait.on_grid(walk.period)[0])
-            return True
-        wait = s.gait.initial_double_support if rests else max(phases.duration - phases.elapsed, 0.0)
-        plan = capture.footsteps(self._dcm, now.start, now.first, wait)
-        walk.steer(plan.steps, s.gait.on_grid(walk.period)[0], self._dcm, self._with_it)
-        return True
-
-    def _aim(self, capture: CaptureSteps) -> None:
-        """Move the landing of the foot in the air under the DCM."""
-        phases, s = self._walk.phases, capture.settings
-        remaining = phases.duration - phases.elapsed
-        begins = phases.elapsed < 1.5 * self._walk.period
-        if begins:
-            remaining = self._swing_time(s) - phases.elapsed
-        if remaining <= s.aim_until:
-            return
-        planned = phases.plan.steps[phases.step]
-        landing = capture.landing(self._dcm, phases.plan.stance(phases.step), planned, remaining)
-        moved = math.hypot(landing.x - planned.x, landing.y - planned.y)
-        if begins or moved > s.least_change:
-            self._walk.aim(landing, remaining, self._dcm, self._with_it, s.sink)
-
-    @property
-    def _with_it(self) -> Array | None:
-        """CoM from which the pattern goes on with the measured DCM; None for its own."""
-        return self._com if self.straight else None
-
-    def _swing_time(self, settings: CaptureSettings) -> float:
-        """Time of the swing that begins, s: short steps take less."""
-        phases = self._walk.phases
-        plan, step = phases.plan, phases.step
-        lift, landing = plan.lift_off(step), plan.steps[step]
-        length = math.hypot(landing.x - lift.x, landing.y - lift.y)
-        gait = settings.gait
-        return min(
-            gait.single_support, max(shortest_swing(gait), settings.quickest + length / settings.step_speed)
-        )
-
-    def _standing(self, time: float) -> Standing:
-        """Feet on the ground, and the one in the air where it will land."""
-        phases = self._walk.phases
-        plan, step = phases.plan, phases.step
-        feet = {"left": plan.left, "right": plan.right}
-        swings = phases.phase is Phase.SINGLE
-        for taken in plan.steps[: step + swings]:
-            feet[taken.side] = taken
-        first: str | None = None
-        if swings:
-            first = "right" if plan.steps[step].side == "left" else "left"
-        elif phases.phase is Phase.DOUBLE and step < len(plan):
-            first = plan.steps[step].side
-        left, right = (replace(feet[side], pitch=0.0, roll=0.0) for side in SIDES)
-        return Standing(
-            FootstepPlan(left, right, (), self._gait), first, phases.completed + swings, swings, time
-        )
 
     def _check(self, plan: FootstepPlan, now: Standing) -> None:
         """Check the steps of a plan from where the feet are.
@@ -377,12 +247,6 @@ class Driver:
         except InputError:
             side = now.first
             self._walk.steer(() if side is None else close_up(now.start, side).steps)
-
-
-def _on_ticks(settings: CaptureSettings, period: float) -> CaptureSettings:
-    """Return settings whose gait has no phase shorter than two control periods (s)."""
-    short = {name: 2.0 * period for name in TIMINGS if getattr(settings.gait, name) < 2.0 * period}
-    return replace(settings, gait=replace(settings.gait, **short)) if short else settings
 
 
 def _target(source: FootstepSource) -> Velocity:

@@ -24,6 +24,7 @@ from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.capture import CaptureSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
 from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
+from wbc.walking.planning.phases import Phase, WalkPhases
 from wbc.walking.planning.reach import Reach, soles_overlap
 from wbc.walking.planning.schedule import SoleSizes
 
@@ -101,6 +102,28 @@ class Standing(NamedTuple):
     begun: int
     swings: bool
     time: float
+
+    @classmethod
+    def of(cls, phases: WalkPhases, gait: Gait, time: float) -> Standing:
+        """Return the feet of a walk as they stand now.
+
+        Args:
+            phases: Phases of the walk.
+            gait: Gait of the plans that begin there.
+            time: Time since the start of the walk, s.
+        """
+        plan, step = phases.plan, phases.step
+        feet = {"left": plan.left, "right": plan.right}
+        swings = phases.phase is Phase.SINGLE
+        for taken in plan.steps[: step + swings]:
+            feet[taken.side] = taken
+        first: str | None = None
+        if swings:
+            first = other(plan.steps[step].side)
+        elif phases.phase is Phase.DOUBLE and step < len(plan):
+            first = plan.steps[step].side
+        left, right = (replace(feet[side], pitch=0.0, roll=0.0) for side in SIDES)
+        return cls(FootstepPlan(left, right, (), gait), first, phases.completed + swings, swings, time)
 
 
 class FootstepSource(Protocol):
