@@ -29,6 +29,7 @@ from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.ground import GroundEstimate
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
@@ -223,10 +224,8 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._pattern_status = self._preview.status
         self._time = 0.0  # since the pattern was planned, s
-        self._ground = 0.0  # height of the ground over the plan, as landings have found it, m
-        self._rise = 0.0  # growth of that height from step to step, m
+        self._ground = GroundEstimate(s.ground_memory, s.rise_memory)
         self._sink = 0.0  # depth under its landing at which the foot in the air arrives, m
-        self._surprise = 0.0  # unexpected height of the last landing, m
 
     @property
     def finished(self) -> bool:
@@ -260,7 +259,9 @@ class Walk:
         if len(plan) > last + 1:
             # The step that closes up is at the height of the last landing, which contains that of the ground.
             closing = plan.steps[-1]
-            self.phases.plan = plan.with_step(len(plan) - 1, replace(closing, z=closing.z - self._ground))
+            self.phases.plan = plan.with_step(
+                len(plan) - 1, replace(closing, z=closing.z - self._ground.height)
+            )
         self._replan(None)
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
@@ -288,13 +289,9 @@ class Walk:
             raise InputError(
                 f"single_support must be at least {shortest_swing(gait):g} s, got {gait.single_support:g} s"
             )
-        if self._swing is None and self._surprise:
-            # The ground is expected where the last landings have found it, not at the height of the last one.
-            down = (1.0 - self.settings.ground_memory) * self._surprise
-            steps = [replace(step, z=step.z - down) for step in steps]
-        phases.steer(steps, gait)
+        phases.steer(self._ground.settled(steps, swings=self._swing is not None), gait)
+        self._ground.height = 0.0
         self._swing_gait = self._swing_gait if gait is None else gait
-        self._ground = 0.0
         if phases.phase is Phase.STANDING and steps:
             self._events = (phases.start(),)
             if self._rest is not None:
@@ -409,8 +406,7 @@ class Walk:
         """Start a swing from the foot's placement."""
         plan = self.phases.plan
         step = plan.steps[self.phases.step]
-        self._ground += self._rise
-        landing = replace(step, z=step.z + self._ground)
+        landing = self._ground.expect(step)
         self.phases.land(landing, carry=False)
         side = SIDES.index(step.side)
         self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait)
@@ -426,10 +422,8 @@ class Walk:
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
         self._yaws[side] = heading(motion.placement.rotation)
         landed = Footstep.of(planned.side, placements[side])
-        self._surprise = surprise = landed.z - planned.z - self._sink
+        self._ground.land(landed.z - planned.z - self._sink)
         self._sink = 0.0
-        self._ground += self.settings.ground_memory * surprise
-        self._rise += self.settings.rise_memory * surprise
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
         self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
