@@ -21,6 +21,7 @@ product with v, one chain of vector operations.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -35,6 +36,17 @@ from wbc.core.qp.task import MotionTask, Rows, SelectionTask, Task, VariableTask
 from wbc.core.robot import BASE_DOF, Robot
 
 Limit = JointLimits | TorqueLimits | RowLimit
+
+
+def _dim(tasks: Sequence[Task]) -> int:
+    """Number of rows of some tasks."""
+    return sum(task.dim for task in tasks)
+
+
+def _consecutive(*counts: int) -> tuple[slice, ...]:
+    """Return places one after the other, from 0 on."""
+    ends = [0, *itertools.accumulate(counts)]
+    return tuple(slice(start, stop) for start, stop in itertools.pairwise(ends))
 
 
 @dataclass(slots=True)
@@ -99,33 +111,39 @@ class Assembly:
         above = [t for t in selection if not t.hard and t.level < levels[-1]]
         selection = [t for t in selection if t not in above]
         soft = sorted([*soft, *above], key=lambda task: task.level)
-        self.level_dims = tuple(sum(t.dim for t in soft if t.level == level) for level in levels)
+        self.level_dims = tuple(_dim([t for t in soft if t.level == level]) for level in levels)
 
         nv, na = robot.nv, robot.na
         n_force = sum(c.dim for c in contacts)
-        n_first = BASE_DOF + sum(t.dim for t in hard_first)
-        n_eq = n_first + n_force + sum(t.dim for t in hard_motion)
         n_joint = na if self._joint_limits is not None else 0
-        n_in = na + n_joint + sum(c.cone.shape[0] + 1 for c in contacts) + sum(r.dim for r in row_limits)
-        self.problem = p = Problem(nv, na, nv + n_force, n_eq, sum(t.dim for t in soft), n_in)
+        n_cone = sum(c.cone.shape[0] + 1 for c in contacts)  # and the normal force
+        base, hard_rows, contact_rows, hard_motion_rows, soft_rows = _consecutive(
+            BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), _dim(soft)
+        )
+        torques, joints, cones, other_limits = _consecutive(
+            na, n_joint, n_cone, sum(r.dim for r in row_limits)
+        )
+        self.problem = p = Problem(nv, na, nv + n_force, soft_rows.start, _dim(soft), other_limits.stop)
         p.n_physics = BASE_DOF
-        p.equality_groups["floating-base dynamics"] = slice(0, BASE_DOF)
-        p.inequality_groups["torque limits"] = slice(0, na)
+        p.equality_groups["floating-base dynamics"] = base
+        p.inequality_groups["torque limits"] = torques
         self._places: dict[str, slice] = {}  # of tasks, among the residuals
         self._limit_names = [f"torque of {joint}" for joint in robot.joint_names]
 
-        # Rows of contacts, motion tasks and soft tasks; then selections, which are entries of the diagonal.
-        self._start, n_rows = n_first, n_eq + p.n_soft
-        n_block, n_selected = n_rows - n_first, sum(t.dim for t in selection)
-        targets = np.zeros(n_rows + n_selected)
-        p.target, self._targets, self._selected_target = targets[:n_rows], targets[n_first:], targets[n_rows:]
-        self._block_matrix = p.rows[n_first:n_rows, :nv]
-        self._rows, self._velocity = Rows.zeros(n_block + n_selected), np.zeros(n_block + n_selected)
-        self._excess = np.zeros(n_block + n_selected)
+        # The rows that share their arithmetic, from the contacts to the last soft one, and then the selections.
+        shared = slice(contact_rows.start, soft_rows.stop)
+        self._start, n_shared = shared.start, shared.stop - shared.start
+        n_selected = _dim(selection)
+        targets = np.zeros(shared.stop + n_selected)
+        p.target, self._selected_target = targets[: shared.stop], targets[shared.stop :]
+        self._targets = targets[shared.start :]
+        self._shared_matrix = p.rows[shared, :nv]
+        self._rows = Rows.zeros(n_shared + n_selected)
+        self._velocity, self._excess = np.zeros(n_shared + n_selected), np.zeros(n_shared + n_selected)
         self._bounded: list[tuple[Task, slice]] = []  # tasks whose errors have bounds, and their rows
-        self._block_velocity, self._selected_velocity = self._velocity[:n_block], self._velocity[n_block:]
-        p.soft_weight = self._rows.weight[n_eq - n_first : n_block]
-        self._selected = self._rows.view(slice(n_block, n_block + n_selected))
+        self._shared_velocity, self._selected_velocity = self._velocity[:n_shared], self._velocity[n_shared:]
+        p.soft_weight = self._rows.weight[soft_rows.start - shared.start : n_shared]
+        self._selected = self._rows.view(slice(n_shared, n_shared + n_selected))
 
         self._slots: list[_ContactSlot] = []
         self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
@@ -134,11 +152,11 @@ class Assembly:
         self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
         self._selected_rows: list[tuple[SelectionTask, Array]] = []
 
-        self._place_hard_first(hard_first)
+        self._place_hard_first(hard_first, hard_rows.start)
         if n_joint:
-            self._place_joint_limits()
-        contacts_end, cones_end = self._place_contacts(contacts, n_first, na + n_joint)
-        self._place_tasks((*hard_motion, *soft), contacts_end)
+            self._place_joint_limits(joints)
+        self._place_contacts(contacts, contact_rows.start, cones.start)
+        self._place_tasks((*hard_motion, *soft), hard_motion_rows.start)
         for task in hard_first:
             if isinstance(task, VariableTask):
                 rows = self._places[task.name]
@@ -146,47 +164,44 @@ class Assembly:
         for variable_task, _, _ in self._variable:
             variable_task.bind_problem(p)
         self._place_selections(selection)
-        self._place_row_limits(row_limits, cones_end)
+        self._place_row_limits(row_limits, other_limits.start)
 
         # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
         self._yielding = [slot for slot in self._slots if slot.full is not None]
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
         self._mass = mass[:BASE_DOF], mass[BASE_DOF:]
         self._base_bias, self._joint_bias = robot.bias[:BASE_DOF], robot.bias[BASE_DOF:]
-        self._base_mass, self._base_force = p.equality[:BASE_DOF, :nv], p.equality[:BASE_DOF, nv:]
-        self._joint_mass, self._joint_force = p.inequality[:na, :nv], p.inequality[:na, nv:]
-        contact_rows = slice(n_first, contacts_end)
+        self._base_mass, self._base_force = p.equality[base, :nv], p.equality[base, nv:]
+        self._joint_mass, self._joint_force = p.inequality[torques, :nv], p.inequality[torques, nv:]
         self._contact_base_t = p.equality[contact_rows, :BASE_DOF].T
         self._contact_joint_t = p.equality[contact_rows, BASE_DOF:nv].T
-        self._base_target = p.target[:BASE_DOF]
-        self._torque_lower, self._torque_upper = p.lower[:na], p.upper[:na]
+        self._base_target = p.target[base]
+        self._torque_lower, self._torque_upper = p.lower[torques], p.upper[torques]
         self._torque_bounds = (np.zeros(na), np.zeros(na))
-        self._joint_bounds = (p.lower[na : na + n_joint], p.upper[na : na + n_joint])
+        self._joint_bounds = (p.lower[joints], p.upper[joints])
         self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
-        self.torque_rows = slice(n_eq + p.n_soft, n_eq + p.n_soft + na)
+        self.torque_rows = slice(soft_rows.stop, soft_rows.stop + na)
         units = {task.name: task.residual_unit for task in tasks}
         self.layout = Layout(nv, p.contacts, self._places, units, tuple(self._limit_names))
 
     # ---- layout -------------------------------------------------------------------------------------------------
 
-    def _place_hard_first(self, tasks: Sequence[Task]) -> None:
-        """Place the hard tasks that are no motion, after the floating base."""
-        at = BASE_DOF
+    def _place_hard_first(self, tasks: Sequence[Task], at: int) -> None:
+        """Place the hard tasks that are no motion, from an equality on."""
         for task in tasks:
             rows = self._places[task.name] = slice(at, at + task.dim)
             self.problem.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
 
-    def _place_joint_limits(self) -> None:
-        """Place one row for each joint, after the torques."""
-        p, na = self.problem, self._robot.na
-        rows = slice(na, 2 * na)
-        p.inequality[rows, BASE_DOF : self._robot.nv] = np.eye(na)
+    def _place_joint_limits(self, rows: slice) -> None:
+        """Place one row for each joint."""
+        p = self.problem
+        p.inequality[rows, BASE_DOF : self._robot.nv] = np.eye(self._robot.na)
         p.inequality_groups["joint limits"] = rows
         self._limit_names += [f"limits of {joint}" for joint in self._robot.joint_names]
 
-    def _place_contacts(self, contacts: Sequence[Contact], at: int, cone_at: int) -> tuple[int, int]:
-        """Place the contacts, from an equality and an inequality on; return the next free ones."""
+    def _place_contacts(self, contacts: Sequence[Contact], at: int, cone_at: int) -> None:
+        """Place the contacts, from an equality and an inequality on."""
         p, nv = self.problem, self._robot.nv
         column = nv
         for contact in contacts:
@@ -223,7 +238,6 @@ class Assembly:
                 )
             )
             at, column, cone_at = rows.stop, columns.stop, normal.stop
-        return at, cone_at
 
     def _place_tasks(self, tasks: Sequence[Task], at: int) -> None:
         """Place hard motion tasks and all soft tasks but selections of the last level, from a row on."""
@@ -251,7 +265,7 @@ class Assembly:
             block = slice(at, at + task.dim)
             view = self._selected.view(block)
             task.attach(view)
-            first = self._block_velocity.size
+            first = self._shared_velocity.size
             self._bounded.append((task, slice(first + block.start, first + block.stop)))
             hard_target = None
             if task.hard:
@@ -310,7 +324,7 @@ class Assembly:
                 motion.evaluate(jacobian, error, drift)
         for selection, error in self._selected_rows:
             selection.evaluate(error)
-        self._block_matrix.dot(v, out=self._block_velocity)
+        self._shared_matrix.dot(v, out=self._shared_velocity)
         for selection, rows, velocity, _, _ in self._selection:
             selection.evaluate(rows.error)
             velocity[:] = v[selection.columns]
