@@ -56,8 +56,8 @@ class AxesTask(MotionTask):
         """Velocity coordinates whose motion counts but that the task does not use, shape (n,); none until they are set.
 
         They are, for the centre of mass, those of an arm with a task of its own, and for a hand those of the body that
-        carries it. Assigning them sets their expected accelerations to zero. Joints that the option `joints` leaves out
-        do not count, either.
+        carries it. Assigning them sets their expected accelerations to zero. The motion of joints that the option
+        `joints` leaves out counts as well, with no acceleration expected.
         """
         return self._spared
 
@@ -92,14 +92,16 @@ class AxesTask(MotionTask):
             jacobian[:], error[:], drift[:] = full_jacobian, full_error, full_drift
         else:
             jacobian[:], error[:], drift[:] = full_jacobian[keep], full_error[keep], full_drift[keep]
-        if self._unused is not None:
-            jacobian[:, self._unused] = 0.0
         if self._spared.size:
-            # What these coordinates do is part of the drift, with the damping that their columns would have had.
-            columns = jacobian[:, self._spared]
-            drift += columns.dot(self.spared_acceleration)
-            drift += self._rows.damping * columns.dot(self.robot.v[self._spared])
-            jacobian[:, self._spared] = 0.0
+            drift += jacobian[:, self._spared].dot(self.spared_acceleration)
+            self._leave_out(self._spared, jacobian, drift)
+        if self._unused is not None:
+            self._leave_out(self._unused, jacobian, drift)
+
+    def _leave_out(self, coordinates: NDArray[np.intp], jacobian: Array, drift: Array) -> None:
+        """Take coordinates out of the task; their velocities are damped as those of the others."""
+        drift += self._rows.damping * jacobian[:, coordinates].dot(self.robot.v[coordinates])
+        jacobian[:, coordinates] = 0.0
 
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:

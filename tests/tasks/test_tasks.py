@@ -94,6 +94,19 @@ def test_columns_left_out_are_those_of_other_joints_only(name: str) -> None:
 
 
 @robots
+def test_the_velocity_of_joints_left_out_is_damped_as_well(name: str) -> None:
+    robot, rng = make_robot(name), np.random.default_rng(4)
+    robot.update(*random_state(robot, rng))
+    every, some = PoseTask(left_hand(robot)), PoseTask(left_hand(robot), joints=arm(robot), name="some")
+    at_rest = []
+    for task in (every, some):
+        task.bind(robot)
+        jacobian, _, drift = rows_of(task, robot)
+        at_rest.append(-task.damping * (jacobian @ robot.v) - drift)
+    np.testing.assert_allclose(at_rest[1], at_rest[0], atol=1e-10)
+
+
+@robots
 @pytest.mark.parametrize("case", [case for case in MOTION_TASKS if not MOTION_TASKS[case].selects])
 def test_drift_is_the_acceleration_at_constant_velocity(name: str, case: str) -> None:
     robot, rng = make_robot(name), np.random.default_rng(3)
