@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import inspect
 import re
@@ -87,3 +88,23 @@ def test_every_exported_name_stands_in_the_pages_of_the_api() -> None:
             top, *parts = value.__module__.split(".")
             assert top == "wbc" and parts[0] in packages, f"{package}.{name} is in no page"
             assert len(parts) <= 4 and not any(part.startswith("_") for part in parts), f"{package}.{name}"
+
+
+CHECK_THEMSELVES = {
+    *("conformance", "run", "settings", "family", "param", "scene_kind"),
+    *("register", "register_foot", "register_stiffness_policy", "register_trial"),
+}
+"""Functions that take classes, callables or protocols, which `checked` does not look at."""
+
+
+def test_every_exported_function_and_constructor_checks_its_arguments() -> None:
+    unchecked = []
+    for _, name, value in exported():
+        call = value.__init__ if inspect.isclass(value) else value
+        made = inspect.isclass(value) and "__init__" in vars(value) and not dataclasses.is_dataclass(value)
+        if name in CHECK_THEMSELVES or getattr(value, "_is_protocol", False):
+            continue
+        if (made or inspect.isfunction(value)) and not hasattr(call, "__wrapped__"):
+            takes = set(inspect.signature(call).parameters) - {"self"}
+            unchecked += [name] if takes else []
+    assert not unchecked, unchecked

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from wbc.core.errors import WbcError
+from wbc.core.arguments import checked
+from wbc.core.errors import WbcError, check_parts, positive
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 
@@ -59,6 +60,7 @@ class DriverLoop:
         control_period: Period of the machine's measurements, s.
     """
 
+    @checked
     def __init__(
         self, driver: Driver, description: RobotDescription, control_period: float, *, timeout: float = 1.0
     ) -> None:
@@ -69,9 +71,14 @@ class DriverLoop:
             description: The robot.
             control_period: Period of the machine's measurements, s.
             timeout: Longest time without a measurement, s.
+
+        Raises:
+            InputError: An object that is no driver, or a time that is not above zero.
         """
-        self.description, self.control_period = description, control_period
-        self._driver, self._timeout = driver, timeout
+        check_parts("a driver", driver, "read", "write", "damp")
+        self.description = description
+        self.control_period = positive("control period (s)", control_period)
+        self._driver, self._timeout = driver, positive("timeout (s)", timeout)
         self._newest: Measurement | None = None
 
     def measure(self) -> Measurement:

@@ -244,6 +244,7 @@ class MotionControl(WalkingControl):
         return np.asarray(self._torso.rotation @ given[2])
 
 
+@checked
 def first_configuration(robot: Robot, clip: MotionClip) -> Array:
     """Return the first configuration of a clip with its soles on z = 0, shape (nq,).
 
