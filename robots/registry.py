@@ -85,8 +85,7 @@ def _file(name: str) -> Path | None:
     """Return the file of a robot that is in one, None for a robot that is not."""
     if saved.is_path(name):
         return Path(name).expanduser()
-    own = saved.folder() / f"{name}.toml"
-    return own if own.is_file() else None
+    return saved.folder() / f"{name}.toml" if name in saved.own_robots() else None
 
 
 @checked

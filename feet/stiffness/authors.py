@@ -94,8 +94,9 @@ def write_authors(table: StiffnessTable, path: str | Path) -> None:
         InputError: Rows that are not six for each of five amplitudes of a ground.
         FileError: The file cannot be written.
     """
-    blocks = table.groups(("ground", "amplitude"))
-    if (np.bincount(blocks) != TRAJECTORIES).any() or len(table) % (TRAJECTORIES * AMPLITUDES):
+    grounds, blocks = table.groups(("ground",)), table.groups(("ground", "amplitude"))
+    amplitudes = np.bincount(grounds[np.unique(blocks, return_index=True)[1]])
+    if (np.bincount(blocks) != TRAJECTORIES).any() or (amplitudes != AMPLITUDES).any():
         raise InputError(
             f"the {FORMAT} has {TRAJECTORIES} rows for each of {AMPLITUDES} amplitudes of a ground; "
             f"the table has {len(table)} rows of {blocks.max() + 1} grounds and amplitudes"
@@ -105,7 +106,7 @@ def write_authors(table: StiffnessTable, path: str | Path) -> None:
     cluster = clusters.of(np.minimum(table.stiffness, clusters.edges[-1]))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    for i in np.argsort(blocks, kind="stable"):
+    for i in np.lexsort((blocks, grounds)):
         writer.writerow([*(f"{value:.5g}" for value in features[i]), cluster[i]])
     write_text(Path(path), text.getvalue())
 

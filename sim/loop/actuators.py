@@ -17,6 +17,13 @@ PLAIN_DYNAMICS = (
 )
 """Dynamics of actuators whose control is, after a lag at most, what they act on."""
 
+INTEGRATED = {
+    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "velocity",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): "velocity",
+    int(mujoco.mjtIntegrator.mjINT_DISCRETE): "position",
+}
+"""Integrators under which servos of the file act on the velocity at the end of a step, or on that and the position."""
+
 
 class JointActuators:
     """Actuators of the robot's joints, as the file has them.
@@ -29,7 +36,8 @@ class JointActuators:
       feed-forward is added.
     - Everything else is a torque, computed anew in every physics step: torque control, gains that come with the
       command, and joints that have no position servo, for which the gains are the description's. What a servo of
-      the file would add to it is subtracted.
+      the file adds to it is subtracted: under an implicit integrator that of the end of the step, foretold by the
+      acceleration of the last one.
 
     A computed servo acts on the position and velocity at the end of the step, as far as the robot's mass matrix and the
     forces of the last step foretell them, so that stiff gains are stable at a physics step of a millisecond or two
@@ -96,6 +104,10 @@ class JointActuators:
         place = {dof: i for i, dof in enumerate(tree)}
         self._tree_dof = np.array([place[int(dof)] for dof in self._dof], dtype=np.intp)
         self._mass = np.zeros((model.nv, model.nv))
+        self._sprung = bool(self._bias[:, 1:].any())
+        self._at_end = INTEGRATED.get(int(model.opt.integrator))
+        self._speed = np.zeros(na)  # of the joints before the last step, rad/s
+        self._taken = np.zeros(na)  # by the servos of the file, of the torque that MuJoCo reports
 
     def _check(self, actuator: int, joint: str) -> None:
         model = self._model
@@ -154,20 +166,39 @@ class JointActuators:
         if (position is not None and not at_servo.all()) or command.kd is not None:
             desired = self._servo_torque(data, command, at_servo)
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
-        bias, gear = self._bias, self._gear
-        j = self._joints
+        j, gear = self._joints, self._gear
         held = at_servo[j]
-        own = bias[:, 0] + bias[:, 1] * gear * q[j] + bias[:, 2] * gear * v[j]
+        own = self._own(q, v)
+        if self._at_end and self._sprung:
+            dt = self._model.opt.timestep
+            v_end = v + (v - self._speed)  # at the acceleration of the last step
+            self._speed = v
+            at_end = self._own(q + dt * v_end if self._at_end == "position" else q, v_end)
+            self._taken.fill(0.0)
+            np.add.at(self._taken, j, np.where(held, 0.0, gear * (at_end - own)))
+            own = at_end
         if position is not None:
             reference = np.zeros(len(q)) if velocity is None else velocity
-            at_reference = bias[:, 0] + bias[:, 1] * gear * position[j] + bias[:, 2] * gear * reference[j]
-            own = np.where(held, at_reference, own)
+            own = np.where(held, self._own(position, reference), own)
         force = np.where(self._main, np.where(held, torque[j], desired[j]) / gear, 0.0)
         data.ctrl[self._actuators] = (force - own) / self._gain
         if self._bare.size:
             clipped = np.clip(desired, -self._limit, self._limit)[self._bare]
             self.applied[self._bare] = clipped
             data.qfrc_applied[self._dof[self._bare]] = clipped
+
+    def _own(self, position: Array, velocity: Array) -> Array:
+        """Return the force of each actuator at a control of zero, by position and velocity of the joints."""
+        gear, j = self._gear, self._joints
+        own: Array = self._bias[:, 0] + gear * (
+            self._bias[:, 1] * position[j] + self._bias[:, 2] * velocity[j]
+        )
+        return own
+
+    def begin(self, data: mujoco.MjData) -> None:
+        """Take the present speeds for those before the first step."""
+        self._speed = data.qvel[self._dof]
+        self._taken.fill(0.0)
 
     def settle(self, data: mujoco.MjData) -> None:
         """Put actuators with a lag where their controls are, as after a long time at them."""
@@ -202,5 +233,5 @@ class JointActuators:
 
     def torque(self, data: mujoco.MjData) -> Array:
         """Return the torques of all drives in the last physics step, shape (na,), Nm."""
-        torque: Array = data.qfrc_actuator[self._dof] + self.applied
+        torque: Array = data.qfrc_actuator[self._dof] + self.applied + self._taken
         return torque

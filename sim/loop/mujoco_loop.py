@@ -140,6 +140,7 @@ class MujocoLoop:
             delay=self.machine.measurement_delay,
             torques=True,
         )
+        self._age = whole_steps(self.machine.measurement_delay, timestep) * timestep  # of measurements, s
         delay = whole_steps(self.machine.command_delay, timestep)
         self._late: DelayLine[Command] | None = DelayLine(delay) if delay > 0 else None
         self._pushes = Pushes()
@@ -181,6 +182,7 @@ class MujocoLoop:
         places.set_configuration(q, self.data.qpos)
         self.data.qvel[places.base_dof : places.base_dof + 6] = 0.0
         self.data.qvel[places.joint_dof] = 0.0
+        self.data.qacc_warmstart[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         self.actuators.apply(self.data, self.hold())
         self.actuators.settle(self.data)
@@ -188,6 +190,7 @@ class MujocoLoop:
 
     def _begin(self) -> None:
         mujoco.mj_forward(self.model, self.data)
+        self.actuators.begin(self.data)
         self._touching = self._contacts.of_robot(self.data)
         self._signals.begin(self.data)
         self._chain.reset(self._signals.values, self.seed)
@@ -217,7 +220,7 @@ class MujocoLoop:
         reading.setflags(write=False)
         self._measurement = self._signals.measurement(
             reading,
-            self.time - machine.measurement_delay,
+            self.time - self._age,
             forces=machine.force_sensors,
             torques=machine.torque_sensors,
         )

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, check_parts, non_negative, positive
+from wbc.core.errors import Array, InputError, check_parts, non_negative, positive
 from wbc.core.signals import Command, Measurement
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 
@@ -51,12 +51,18 @@ class RobotServer:
             band: Time for which the robot hangs at an elastic band before it is let down, s.
 
         Raises:
-            InputError: A loop or a wire that is none, a watchdog that is not positive, a negative time at the band.
+            InputError: A loop or a wire that is none, a watchdog within a control period, a negative time at the band.
         """
         check_parts("a wire", wire, "receive", "send")
         self.loop, self._wire = loop, wire
         self._watchdog = positive("watchdog (s)", watchdog)
+        if watchdog <= loop.control_period:
+            raise InputError(
+                f"watchdog must be longer than the control period of the loop, {loop.control_period:g} s, "
+                f"got {watchdog:g} s"
+            )
         self._band = non_negative("time at the band (s)", band)
+        self._hung = np.zeros(6)  # force and moment of the band, N and Nm
         self.damped, self.silent, self.late = False, 0.0, 0
         self._rack: Command | None = loop.hold()
         self._command: Command | None = None
@@ -109,10 +115,10 @@ class RobotServer:
 
     def _pull(self) -> None:
         """Hold the robot with the band, let it down in a second, release it."""
-        force: Array = self.loop.data.xfrc_applied[self._root]
-        force[:] = 0.0
+        force = np.zeros(6)
         past = self.loop.time - self._band
         if self._band <= 0.0 or past > 2.0:
+            self._hang(force)
             return
         down = max(0.0, min(1.0, past)) * 0.05
         velocity = np.zeros(6)
@@ -126,4 +132,9 @@ class RobotServer:
         rotation = data.xmat[self._root].reshape(3, 3)
         tilt = np.cross(rotation[:, 2], [0.0, 0.0, 1.0])
         force[3:] = 0.05 * self._stiffness * tilt - 0.02 * self._damping * velocity[:3]
-        force *= fade
+        self._hang(fade * force)
+
+    def _hang(self, force: Array) -> None:
+        """Replace the force of the band, shape (6,), beside others on the base."""
+        self.loop.data.xfrc_applied[self._root] += force - self._hung
+        self._hung = force

@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 import pinocchio as pin
 
 from wbc.core.arguments import checked
+from wbc.core.errors import InputError
 from wbc.feet import Foot
 from wbc.robots import urdf
 from wbc.robots.description import RobotDescription
@@ -68,9 +69,21 @@ def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) 
 
 
 def _add_mass(robot: Element, name: str, ankle: str, inertia: pin.Inertia) -> None:
-    """Fix a link of the given inertia (in the axes of the ankle link) to the ankle, if it is not there already."""
-    if any(link.get("name") == name for link in robot.findall("link")):
-        return
+    """Fix a link of the given inertia (in the axes of the ankle link) to the ankle, if it is not there already.
+
+    Raises:
+        InputError: A link of that name with another mass is there.
+    """
+    for link in robot.findall("link"):
+        if link.get("name") == name:
+            worn = link.find("inertial/mass")
+            has = 0.0 if worn is None else float(worn.get("value", "0"))
+            if abs(has - inertia.mass) > 1e-9:
+                raise InputError(
+                    f"the description wears other feet already, '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
+                    "give one without them"
+                )
+            return
     inertial = SubElement(SubElement(robot, "link", name=name), "inertial")
     SubElement(inertial, "origin", xyz=" ".join(f"{value!r}" for value in inertia.lever.tolist()))
     SubElement(inertial, "mass", value=repr(float(inertia.mass)))

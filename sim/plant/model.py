@@ -22,7 +22,7 @@ from wbc.sim.plant.hands import HandSensor, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.scenes import Scene, make_scene
 from wbc.sim.terrain import Terrain
-from wbc.sim.terrain.render import AddedTerrain, add_to_spec
+from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, add_to_spec
 
 SCENE_PREFIX = "scene/"
 """Beginning of all names of the furniture."""
@@ -240,6 +240,9 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
         )
     for key in list(scene.keys):
         scene.delete(key)
+    for geom in scene.geoms:
+        if geom.group == TERRAIN_GROUP:  # which range sensors see
+            geom.group = 0
     return scene
 
 

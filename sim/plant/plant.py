@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -219,13 +220,26 @@ class Plant:
             truth=self._truth_reader,
         )
         self.joint_torque = np.zeros(self._na)
-        self._initial = initial_configuration
+        self._initial = None
+        if initial_configuration is not None:
+            self._initial = finite_array("initial_configuration", initial_configuration)
+        age = whole_steps(self.machine.measurement_delay, self.timestep)
+        self._age = age * self.timestep  # of every measurement, s
+        # Readings of range sensors and stiffness actuators, once a tick: the oldest is the one that counts.
+        self._late_feet: deque[tuple[Array, Array]] = deque(
+            maxlen=math.ceil(age / self.steps) + 1 if age else 0
+        )
         self.reset()
 
     @property
     def time(self) -> float:
         """Simulated time since the start, s."""
         return self.ticks * self.control_period
+
+    @property
+    def start(self) -> Array:
+        """Configuration of the last reset, shape (nq,); a copy."""
+        return self._start.copy()
 
     def reset(
         self,
@@ -243,8 +257,10 @@ class Plant:
             velocity: Velocity at the start, shape (nv,), base in the base frame; at rest when None.
 
         Raises:
-            InputError: A configuration or velocity of the wrong shape, not finite or without orientation.
+            InputError: A configuration or velocity of the wrong shape, not finite or without orientation, or a robot
+                inside the furniture; the plant stays as it is.
         """
+        data = self.data
         v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
         if configuration is None:
             configuration = self._initial
@@ -253,10 +269,14 @@ class Plant:
         else:
             q = checked_configuration("configuration", configuration, self.robot.nq)
             q[3:7] /= np.linalg.norm(q[3:7])
+        if self._grips is not None:
+            start = mujoco.MjData(self.model)
+            configuration_to_mujoco(q, self._plant.joint_qpos, out=start.qpos)
+            mujoco.mj_fwdPosition(self.model, start)
+            check_clear(self.model, start, self._plant.geom_robot)
         if seed is not None:
             self.seed = whole_number("seed", seed, low=0)
         self._start = q
-        data = self.data
         mujoco.mj_resetData(self.model, data)
         configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
         if v is not None:
@@ -270,12 +290,11 @@ class Plant:
         self._drives.reset(q[7:])
         data.ctrl[:] = self._drives.target
         mujoco.mj_forward(self.model, data)
-        if self._grips is not None:
-            check_clear(self.model, data, self._plant.geom_robot)
         self._truth_reader.capture(data)
         self._signals.window[:] = data.sensordata.take(self._signals.force_places)
         self.ticks = 0
         self.diverged = None
+        self._late_feet.clear()
         self._after_step()
         if self._chain.oldest > 0:
             self._signals.sample(data)
@@ -288,7 +307,8 @@ class Plant:
             configuration: Shape (nq,).
 
         Returns:
-            Configuration, shape (nq,), pressed into the ground by a micrometre.
+            Configuration, shape (nq,), pressed into the ground by a micrometre; peaks of a rough ground between the
+            points of the grid on which the soles are compared with it, some 13 mm apart, are not seen.
 
         Raises:
             InputError: A configuration of the wrong shape or not finite.
@@ -330,11 +350,14 @@ class Plant:
             reading.setflags(write=False)
             self._measurement = self._signals.measurement(
                 reading,
-                self.time - self.machine.measurement_delay,
-                self._devices.ranges(self.data),
-                self._devices.stiffness(),
+                self.time - self._age,
+                *(self._late_feet[0] if self._late_feet else self._feet_now()),
             )
         return self._measurement
+
+    def _feet_now(self) -> tuple[Array, Array]:
+        """Return the readings of the range sensors and of the stiffness actuators now, both of shape (soles,)."""
+        return self._devices.ranges(self.data), self._devices.stiffness()
 
     def raise_if_diverged(self) -> None:
         """Refuse to go on with a state that has no meaning: what a robot does in it is no fall.
@@ -460,6 +483,8 @@ class Plant:
         self._measurement = None
         if self._chain.oldest == 0:
             self._signals.sample(data)
+        if self._late_feet.maxlen:
+            self._late_feet.append(self._feet_now())
         if (why := divergence(data)) is not None:
             self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -59,7 +60,7 @@ class Pushes:
 
     def __init__(self) -> None:
         self._active: list[Push] = []
-        self._applied: set[int] = set()  # bodies whose forces are set in MuJoCo's data
+        self._applied: dict[int, Array] = {}  # body → its part of the forces in MuJoCo's data, shape (6,)
 
     def __bool__(self) -> bool:
         """True while `apply` is needed: to set forces, or to remove the last ones."""
@@ -83,23 +84,24 @@ class Pushes:
             data: The simulation, its positions up to date.
             timestep: Physics step, s.
         """
-        applied = data.xfrc_applied
         self._release(data)
-        self._applied = {push.body for push in self._active}
         for push in self._active:
+            wrench = self._applied.setdefault(push.body, np.zeros(6))
             force = min(1.0, push.remaining / timestep) * push.force
-            applied[push.body, :3] += force
+            wrench[:3] += force
             if push.point is not None:
                 rotation = data.xmat[push.body].reshape(3, 3)
                 arm = data.xpos[push.body] + rotation @ push.point - data.xipos[push.body]
-                applied[push.body, 3:] += _cross(arm, force)
+                wrench[3:] += _cross(arm, force)
             push.remaining -= timestep
+        for body, wrench in self._applied.items():
+            data.xfrc_applied[body] += wrench
         self._active = [push for push in self._active if push.remaining > _OVER]
 
     def _release(self, data: mujoco.MjData) -> None:
-        """Remove the forces of the last step; those that others set on other bodies stay."""
-        for body in self._applied:
-            data.xfrc_applied[body] = 0.0
+        """Remove the forces of the last step; those that others set stay."""
+        for body, wrench in self._applied.items():
+            data.xfrc_applied[body] -= wrench
         self._applied.clear()
 
 
@@ -132,6 +134,9 @@ class Loads:
         self._model = model
         self._loads: dict[tuple[int, tuple[float, ...]], _Load] = {}
         self._own: dict[int, tuple[pin.Inertia, Array, Array, Array]] = {}
+        self._compiled: list[
+            tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]
+        ] = []  # what loads change, and a copy
 
     @property
     def changing(self) -> bool:
@@ -158,11 +163,11 @@ class Loads:
         load.rate = abs(mass - load.mass) / over if over > 0.0 else float("inf")
 
     def clear(self) -> None:
-        """Take all loads off."""
+        """Take all loads off; the model is then as it was compiled, bit for bit."""
         self._loads.clear()
-        for body in self._own:
-            self._write(body)
         self._own.clear()
+        for values, copy in self._compiled:
+            values[:] = copy
 
     def advance(self, time: float) -> None:
         """Change masses for the coming time, s."""
@@ -178,6 +183,18 @@ class Loads:
     def _write(self, body: int) -> None:
         """Write the inertia of a body and of its loads into the model."""
         model = self._model
+        if not self._compiled:
+            changed = (
+                *(
+                    model.body_mass,
+                    model.body_ipos,
+                    model.body_iquat,
+                    model.body_inertia,
+                    model.body_subtreemass,
+                ),
+                *(model.body_sameframe, model.geom_sameframe, model.site_sameframe),
+            )
+            self._compiled = [(values, values.copy()) for values in changed]
         if body not in self._own:
             place, turn, sizes = (
                 x[body].copy() for x in (model.body_ipos, model.body_iquat, model.body_inertia)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.core.errors import Array, scalar
 from wbc.core.signals import Measurement
@@ -14,7 +15,8 @@ class TrueSignals:
     """Joint positions and velocities, gyroscope, accelerometer, wrenches of soles, torques, wrenches of hands.
 
     All but encoders and gyroscope measure forces that exist only during a physics step; they are the mean over the
-    rows of `window`, one a step.
+    rows of `window`, one a step. Torques are those that MuJoCo's actuators had at the beginning of the last step:
+    under an implicit integrator a joint gets less while it accelerates.
 
     Attributes:
         values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), na more with torques, and 6 more
@@ -61,6 +63,7 @@ class TrueSignals:
         self._soles = slice(2 * na + 6, soles) if forces else None
         self._hand_part = slice(self.values.size - 6 * hands, self.values.size) if hands else None
         self._mean = np.empty(len(places)) if hands else self._forces
+        self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in plant.hands]
 
     def sample(self, data: mujoco.MjData) -> None:
         """Write the present signals into `values`.
@@ -84,14 +87,16 @@ class TrueSignals:
             data.qfrc_actuator.take(self._plant.joint_dof, out=self._torques, mode="clip")
 
     def _sample_hands(self, data: mujoco.MjData, reactions: Array) -> None:
-        """Write the wrenches on the hands: what the wrists feel, less the weight of the hands."""
-        model = self._plant.model
+        """Write the wrenches on the hands: what the wrists feel, less the weight of the hands without their loads."""
+        gravity = self._plant.model.opt.gravity
         wrenches = self.values[self._hand_part].reshape(-1, 6)
         np.negative(reactions, out=wrenches)
-        for hand, wrench in zip(self._plant.hands, wrenches, strict=True):
-            rotation = data.site_xmat[hand.site].reshape(3, 3)
-            weight = (model.body_subtreemass[hand.body] * model.opt.gravity) @ rotation
-            lever = (data.subtree_com[hand.body] - data.site_xpos[hand.site]) @ rotation
+        for (site, bodies, masses, centres), wrench in zip(self._hands, wrenches, strict=True):
+            rotation, mass = data.site_xmat[site].reshape(3, 3), masses.sum()
+            frames = data.xmat[bodies].reshape(-1, 3, 3)
+            places = data.xpos[bodies] + np.einsum("bij,bj->bi", frames, centres)
+            weight = (mass * gravity) @ rotation
+            lever = (masses @ places / mass - data.site_xpos[site]) @ rotation
             wrench[:3] -= weight
             wrench[3:] -= np.cross(lever, weight)
 
@@ -117,3 +122,12 @@ class TrueSignals:
             None if self._torque_part is None else reading[self._torque_part],
             hand_wrenches=None if self._hand_part is None else reading[self._hand_part].reshape(-1, 6),
         )
+
+
+def _subtree(model: mujoco.MjModel, root: int) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return a body with all that hangs on it, their masses (kg) and their centres of mass in their own frames (m)."""
+    bodies = [root]
+    for body in range(root + 1, model.nbody):
+        if model.body_parentid[body] in bodies:
+            bodies.append(body)
+    return np.array(bodies, dtype=np.intp), model.body_mass[bodies].copy(), model.body_ipos[bodies].copy()

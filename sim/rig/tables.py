@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.core.errors import InputError
 from wbc.sim.rig.study import Deflection, StabilityRow, StiffnessRow
 
 MEANS = ("contacts", "contact_area", "support_area", "ankle_height", "absorbed", "peak_force")
@@ -59,10 +60,19 @@ def stiffness_means(rows: Iterable[StiffnessRow]) -> list[dict[str, Any]]:
         for each of `MEANS` a pair of mean and standard error (NaN for one ground); if a rigid foot was tried on the
         same grounds, also `more_contact_area` and `more_support_area`: differences to the rigid foot, ground by
         ground, m².
+
+    Raises:
+        InputError: Two grounds of one family and seed, such as two amplitudes.
     """
     groups: dict[tuple[str, float], dict[int, StiffnessRow]] = {}
     for row in rows:
-        groups.setdefault((row.ground, row.stiffness), {})[row.seed] = row
+        group = groups.setdefault((row.ground, row.stiffness), {})
+        if row.seed in group:
+            raise InputError(
+                f"each ground of a family must have its own seed, got two of '{row.ground}' with seed {row.seed} at "
+                f"{row.stiffness:g} Nm/rad"
+            )
+        group[row.seed] = row
     means = []
     for (ground, stiffness), cells in sorted(groups.items()):
         entry: dict[str, Any] = {"ground": ground, "stiffness": stiffness, "grounds": len(cells)}

@@ -233,6 +233,9 @@ def test_a_controller_knows_the_mass_of_the_feet_if_told(robot: str, name: str) 
     )
     again = with_feet(with_feet(description, design, mass=True), design, mass=True).robot()
     assert again.mass == pytest.approx(told.mass, abs=1e-12)
+    heavy = changed(design, {"mass" if name == "rigid" else "phalanx_mass": 0.5})
+    with pytest.raises(InputError, match="wears other feet already, .* give one without them"):
+        with_feet(with_feet(description, design, mass=True), heavy, mass=True)
 
 
 # --- rig -------------------------------------------------------------------------------------------------------------
@@ -293,6 +296,8 @@ def test_means_are_paired_ground_by_ground() -> None:
     assert "more_contact_area" not in rigid
     assert "| stones | 5 | 2 | 3.0 ± 0.0 | 400 ± 100 | 200 ± 0 |" in stiffness_table(rows)
     assert math.isnan(stiffness_means(rows[:1])[0]["contact_area"][1])
+    with pytest.raises(InputError, match="got two of 'stones' with seed 0 at 5 Nm/rad"):
+        stiffness_means([*rows, row(0, 5.0, 0.04)])
 
 
 def test_stability_counts_every_cell(run: Run) -> None:

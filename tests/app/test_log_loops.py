@@ -12,7 +12,7 @@ from foreign import foreign_model
 import wbc
 from wbc.app import Log, MeshcatView, Recorder, Replay, draw, replay_page
 from wbc.core.errors import InputError
-from wbc.sim import MujocoLoop
+from wbc.sim import MujocoLoop, make_scene
 
 matplotlib.use("Agg")
 DESCRIPTION = wbc.load_robot("hrp4_class")
@@ -97,3 +97,23 @@ def test_furniture_is_drawn_and_rebuilt(tmp_path: Path) -> None:
     assert "foot/scene/cup" in replay.scene.bodies
     place = replay.snapshot(2).poses[replay.scene.bodies.index("foot/scene/cup"), :3, 3]
     np.testing.assert_allclose(place, [0.4, 0.3, 0.05], atol=1e-6)
+
+
+def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path: Path) -> None:
+    start = DESCRIPTION.robot().half_sitting.copy()
+    start[0] -= 1.0
+    plant = wbc.Plant(DESCRIPTION, scene=make_scene("wall", distance=-0.05), initial_configuration=start)
+    control = wbc.HybridControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
+    with Recorder(tmp_path / "wall.arrow") as recorder:
+        for _ in range(5):
+            measurement = plant.measure()
+            command = control.command(measurement)
+            recorder(plant, control, measurement, command)
+            plant.step(command)
+    log = Log.open(tmp_path / "wall.arrow")
+    assert measurement.hand_wrenches is not None and command.kp is not None and command.kd is not None
+    np.testing.assert_allclose(log["hand/left_hand/wrench_measured"][-1], measurement.hand_wrenches[0], 1e-6)
+    np.testing.assert_allclose(log["joint/kp_command"][-1], command.kp, 1e-6)
+    np.testing.assert_allclose(log["joint/kd_command"][-1], command.kd, 1e-6)
+    replay = Replay(log)
+    assert replay.plant.start[0] == pytest.approx(start[0])

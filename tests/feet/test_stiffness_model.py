@@ -606,3 +606,18 @@ def test_files_that_are_not_the_authors_are_refused(table: StiffnessTable, tmp_p
     assert not is_authors_file(tmp_path) and not is_authors_file(tmp_path / "none.csv")
     with pytest.raises(InputError, match="6 rows for each of 5 amplitudes"):
         write_authors(table.rows(slice(0, 7)), path)
+
+
+def test_grounds_of_the_authors_file_stay_apart_in_any_order(tmp_path: Path) -> None:
+    path = tmp_path / "tot.csv"
+    path.write_text(made_up_authors())
+    read = read_authors(path)
+    mixed = read.rows(np.lexsort((read.seed, read.ground, read.amplitude)))
+    write_authors(mixed, path)
+    again = read_authors(path)
+    for ground in np.unique(read.ground):
+        mine = np.sort(read.stiffness[read.ground == ground])
+        np.testing.assert_array_equal(np.sort(again.stiffness[again.ground == ground]), mine)
+    few = np.flatnonzero(read.amplitude <= 3.0)
+    with pytest.raises(InputError, match="6 rows for each of 5 amplitudes"):
+        write_authors(read.rows(few), path)

@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -27,7 +28,7 @@ from wbc.machine import Clock, MachineError, Phase, Runner, RunSettings, UdpDriv
 from wbc.machine import run as run_machine
 from wbc.machine.clock import ask_priority
 from wbc.machine.guard import Guard
-from wbc.machine.udp import pack_command, pack_measurement, unpack
+from wbc.machine.udp import OLD, pack_command, pack_measurement, unpack
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 
 DESCRIPTION = wbc.load_robot("g1")
@@ -337,6 +338,19 @@ def test_what_cannot_run_is_refused() -> None:
         make(machine).run(1.0)
 
 
+def test_timeouts_within_a_control_period_are_refused() -> None:
+    control = types.SimpleNamespace(command=lambda _: None)
+    with pytest.raises(
+        InputError, match="longer than the control period, got 0.015 s and 0.015 s at a rate of 50 Hz"
+    ):
+        Runner(UdpDriver(DESCRIPTION), control, 50.0)
+    with pytest.raises(InputError, match="control_timeout must be longer"):
+        Runner(UdpDriver(DESCRIPTION), control, 50.0, settings=RunSettings(robot_timeout=0.5))
+    Runner(
+        UdpDriver(DESCRIPTION), control, 50.0, settings=RunSettings(robot_timeout=0.1, control_timeout=0.1)
+    )
+
+
 class Silent:
     """Driver of nothing."""
 
@@ -458,6 +472,69 @@ def test_a_driver_and_a_robot_find_each_other() -> None:
         UdpDriver(DESCRIPTION, port=0)
 
 
+@pytest.mark.parametrize("position", [True, False])
+def test_a_gain_that_comes_alone_gets_its_fellow(position: bool) -> None:
+    robot = UdpRobot(DESCRIPTION, 0)
+    driver = UdpDriver(DESCRIPTION, port=robot.port)
+    zero, kd = np.zeros(NA), np.full(NA, 2.0)
+    driver.write(Command(zero, zero if position else None, kd=kd))
+    time.sleep(0.02)
+    _, command = robot.receive()
+    assert command is not None
+    np.testing.assert_array_equal(command.kd, kd)
+    np.testing.assert_array_equal(command.kp, DESCRIPTION.kp if position else zero)
+    robot.close()
+    driver.close()
+
+
+def test_a_robot_that_begins_anew_is_heard() -> None:
+    rng = np.random.default_rng(3)
+    robot = UdpRobot(DESCRIPTION, 0)
+    driver = UdpDriver(DESCRIPTION, port=robot.port)
+    for lost in (0, 3):  # measurements before the first one that arrives
+        assert driver.read(0.0) is None
+        driver.write(Command(np.zeros(NA)))
+        time.sleep(0.02)
+        robot.receive()
+        for _ in range(lost):
+            robot._socket, wire = types.SimpleNamespace(sendto=lambda *_: None), robot._socket  # type: ignore[assignment]
+            robot.send(random_measurement(rng, True))
+            robot._socket = wire
+        for _ in range(2 * OLD):
+            robot.send(random_measurement(rng, True))
+            assert driver.read(1.0) is not None
+        port = robot.port
+        robot.close()
+        robot = UdpRobot(DESCRIPTION, port)
+        for _ in range(5):
+            robot.send(random_measurement(rng, True))  # to nobody
+    robot.close()
+    driver.close()
+
+
+def test_a_push_acts_beside_the_band_that_holds_the_robot() -> None:
+    forces = []
+
+    def stepper(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        forces.append(data.xfrc_applied[1, :3].copy())
+        mujoco.mj_step(model, data)
+
+    loop = MujocoLoop(DESCRIPTION, Plant(DESCRIPTION).model, control_period=0.005, stepper=stepper)
+    wire = types.SimpleNamespace(receive=lambda: (False, None), send=lambda _: None)
+    server = RobotServer(loop, wire, band=5.0)
+    for _ in range(50):
+        server.step()
+    before = forces[-1]
+    assert before[2] > 50.0
+    loop.push("base", (30.0, 0.0, 0.0), 0.1)
+    server.step()
+    assert abs(np.array(forces[-loop.steps :]) - before - [30.0, 0.0, 0.0]).max() < 1.0
+    for _ in range(10):  # the band pulls the robot back
+        server.step()
+        now = np.array(forces[-loop.steps :])
+        assert abs(now - now[0]).max() < 1e-9 and abs(now[0, 2] - before[2]) < 20.0
+
+
 # ---- processes that are killed ---------------------------------------------------------------------------------------
 
 
@@ -571,6 +648,7 @@ def test_a_run_with_an_argument_that_is_none_starts_no_guard(
         ({"loop": None}, "loop must be MujocoLoop"),
         ({"wire": None}, "a wire must have receive and send"),
         ({"watchdog": np.nan}, "watchdog"),
+        ({"watchdog": 1e-4}, "watchdog must be longer than the control period"),
         ({"band": -1.0}, "time at the band"),
     ],
 )

@@ -44,6 +44,25 @@ def test_checksums_are_those_of_the_sdk() -> None:
     assert not intact(message)
 
 
+def test_a_damaged_state_is_passed_over() -> None:
+    class Topics:
+        states = 0
+
+        def read(self, layout: np.dtype, timeout: float) -> np.ndarray:
+            self.states += 1
+            state = np.zeros((), layout)
+            state["tick"] = self.states
+            sealed(state)
+            if self.states == 1:
+                state["crc"] ^= 1
+            return state
+
+    driver = UnitreeDriver(DESCRIPTION)
+    driver._topics = Topics()  # type: ignore[assignment]
+    measurement = driver.read(1.0)
+    assert measurement is not None and measurement.time == pytest.approx(0.002) and driver.refused == 1
+
+
 @pytest.mark.parametrize("layout", [LOW_CMD, LOW_STATE])
 def test_structs_and_cdr_hold_the_same(layout: np.dtype) -> None:
     assert layout.itemsize == {LOW_CMD: 1004, LOW_STATE: 2092}[layout]

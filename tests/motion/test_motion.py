@@ -386,6 +386,12 @@ def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
     assert abs(one.com - two.com).max() < 1e-3
 
 
+def test_source_times_lie_within_the_given_clip(g1: Robot) -> None:
+    clip = make_motion(g1, "arms", 1).sampled(np.arange(117) / 30.0, 30.0)
+    times = make_feasible(g1, clip).source_times
+    assert times[0] == 0.0 and times[-1] == pytest.approx(clip.duration) and times.max() <= clip.duration
+
+
 def test_feet_leave_and_reach_their_places_from_above(g1: Robot) -> None:
     """A foot that drags or glides along the ground lands early, and beside its place."""
     clip = make_motion(g1, "steps", 1)

@@ -12,7 +12,7 @@ from foreign import KINDS, foreign_model
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
-from wbc.sim import Machine, MujocoLoop, Plant
+from wbc.sim import Machine, MujocoLoop, PhysicsSettings, Plant
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 PREFIX = "mine/"
@@ -49,6 +49,27 @@ def test_a_robot_stands_on_actuators_of_any_kind(kind: str, mode: str) -> None:
 def test_every_integrator_and_a_gear(integrator: str) -> None:
     model = foreign_model(DESCRIPTION, "motor", integrator=integrator, gear=-20.0)
     assert stand(MujocoLoop(DESCRIPTION, model, prefix=PREFIX), 0.1, "position") < 1.0
+
+
+@pytest.mark.parametrize("integrator", ["euler", "implicit", "implicitfast", "discrete"])
+def test_a_torque_acts_in_full_on_a_joint_with_a_servo(integrator: str) -> None:
+    speeds = []
+    for bias in (mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtBias.mjBIAS_NONE):
+        model = Plant(DESCRIPTION, physics=PhysicsSettings(gravity=0.0)).model
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+        model.actuator_biastype[:] = int(bias)
+        loop = MujocoLoop(DESCRIPTION, model, control_period=0.005)
+        up = loop.robot.half_sitting.copy()
+        up[2] += 1.0
+        loop.reset(up)
+        elbow = list(DESCRIPTION.joint_names).index("left_elbow_pitch")
+        torque = np.zeros(loop.robot.na)
+        torque[elbow] = 2.0
+        for _ in range(6):
+            loop.step(Command(torque))
+        assert loop.measure().joint_torque[elbow] == pytest.approx(2.0, abs=1e-6)
+        speeds.append(loop.data.qvel[loop.places.joint_dof[elbow]])
+    assert speeds[0] == pytest.approx(speeds[1], rel=0.02)
 
 
 def test_measurements_are_those_of_the_plant() -> None:
@@ -350,6 +371,20 @@ def test_a_simulation_that_mujoco_has_reset_by_itself_gives_no_measurement() -> 
     loop.reset()
     loop.step(loop.hold())
     assert loop.measure().time == loop.time
+
+
+def test_a_reset_leaves_nothing_of_a_simulation_that_has_diverged() -> None:
+    model = foreign_model(DESCRIPTION, "motor")
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    loop = MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+    loop.step(loop.hold())
+    loop.data.qvel[loop.places.joint_dof[0]] = np.nan
+    loop.step(loop.hold())
+    loop.data.qpos[:], loop.data.qvel[:] = model.qpos0, 0.0
+    loop.reset()
+    for _ in range(20):
+        loop.step(loop.hold())
+    assert np.isfinite(loop.measure().joint_position).all()
 
 
 # ---- furniture in the plant ------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import ContactSpheres, FlatFoot, RangeSensor, StiffnessActuator, VariableStiffnessFoot
 from wbc.feet import foot as foot_by_name
 from wbc.robots import load
-from wbc.sim import PhysicsSettings, Plant, SensorNoise, SignalNoise
+from wbc.sim import Machine, PhysicsSettings, Plant, SensorNoise, SignalNoise
 from wbc.sim.plant.sensors import REALISTIC, SensorChain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -323,3 +323,33 @@ def test_range_sensor_sees_the_ground_and_nothing_without_one() -> None:
     q[2] += 0.25
     plant.reset(q)
     np.testing.assert_allclose(plant.measure().sole_range, height + 0.25, atol=1e-4)
+
+
+def test_range_and_stiffness_are_as_old_as_the_machine_says() -> None:
+    description = load("hrp4_class")
+    sensor = RangeSensor()
+    now = Plant(description, foot="variable", range_sensor=sensor)
+    late = Plant(description, foot="variable", range_sensor=sensor, machine=Machine(measurement_delay=0.0102))
+    command = replace(now.hold(), sole_stiffness=np.array([100.0, 100.0]))
+    jump = np.zeros(now.robot.nv)
+    jump[2] = 1.0
+    readings = []
+    for plant in (now, late):
+        plant.reset(velocity=jump)
+        readings.append([])
+        for _ in range(8):
+            measurement = plant.measure()
+            assert measurement.time == pytest.approx(plant.time - (0.011 if plant is late else 0.0))
+            readings[-1].append(np.hstack([measurement.sole_range, measurement.sole_stiffness]))
+            plant.step(command)
+    np.testing.assert_allclose(readings[1][3:], readings[0][:-3], rtol=1e-12)
+    np.testing.assert_allclose(readings[1][:3], [readings[0][0]] * 3, rtol=1e-12)
+
+
+def test_the_initial_configuration_is_the_plant_s_own() -> None:
+    start = load("hrp4_class").robot().half_sitting.copy()
+    plant = Plant(load("hrp4_class"), initial_configuration=start)
+    height = plant.start[2]
+    start[2] += 1.0
+    plant.reset()
+    assert plant.start[2] == height

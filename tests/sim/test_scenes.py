@@ -11,6 +11,8 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.robot import GRAVITY
+from wbc.feet import RangeSensor
 from wbc.robots import load
 from wbc.sim import Plant, TrueFallDetector, make_scene, scene_kinds
 from wbc.sim.plant.settings import Machine
@@ -38,6 +40,20 @@ def test_a_plant_without_a_scene_has_neither_shapes_nor_wrist_sensors() -> None:
     names = [plant.model.body(body).name for body in plant.model.geom_bodyid]
     touching = {name for name, on in zip(names, plant.model.geom_conaffinity, strict=True) if on}
     assert touching == {"world", "left/foot", "right/foot"}
+
+
+def test_wrist_sensors_feel_a_load_and_not_the_weight_of_the_hand() -> None:
+    plant = Plant(load("hrp4_class"), machine=Machine(hand_sensors=True))
+    plant.load("left_hand", 3.0, over=0.3, at=(0.0, 0.0, 0.05))
+    for _ in range(200):
+        plant.step(plant.hold())
+    measured = plant.measure().hand_wrenches
+    assert measured is not None
+    robot, truth = plant.robot, plant.truth()
+    robot.update(truth.q, truth.v)
+    weight = robot.placement(robot.frames["left_hand"]).rotation.T @ [0.0, 0.0, -3.0 * GRAVITY]
+    assert measured[0] == pytest.approx(np.hstack([weight, np.cross([0.0, 0.0, 0.05], weight)]), abs=0.15)
+    assert measured[1] == pytest.approx(np.zeros(6), abs=0.15)
 
 
 def test_wrist_sensors_feel_a_force_on_the_hand_and_not_its_weight() -> None:
@@ -142,3 +158,25 @@ def test_bad_scenes_are_refused(make: object, message: str) -> None:
     assert callable(make)
     with pytest.raises((InputError, UnknownNameError), match=re.escape(message)):
         make()
+
+
+def test_a_reset_that_the_furniture_refuses_leaves_the_plant_as_it_is() -> None:
+    plant = Plant(load("hrp4_class"), scene=make_scene("wall", distance=0.6))
+    for _ in range(20):
+        plant.step(plant.hold())
+    before, time = plant.data.qpos.copy(), plant.time
+    inside = plant.truth().q.copy()
+    inside[0] += 0.5
+    with pytest.raises(InputError, match="inside 'wall'"):
+        plant.reset(inside, seed=7)
+    assert plant.time == time and plant.seed == 0
+    np.testing.assert_array_equal(plant.data.qpos, before)
+
+
+@pytest.mark.parametrize("group", [0, 2])
+def test_range_sensors_see_the_ground_through_furniture_of_any_group(group: int) -> None:
+    mat = f'<geom type="box" size="5 5 0.002" group="{group}" contype="0" conaffinity="0"/>'
+    scene = f"<mujoco><worldbody>{mat}</worldbody></mujoco>"
+    plant = Plant(load("hrp4_class"), scene=scene, range_sensor=RangeSensor())
+    bare = Plant(load("hrp4_class"), range_sensor=RangeSensor())
+    np.testing.assert_allclose(plant.measure().sole_range, bare.measure().sole_range, atol=1e-9)

@@ -240,6 +240,11 @@ def test_isotropic_iso_ground_varies_both_ways_alike() -> None:
     assert np.diff(z, axis=1).std() / np.diff(z, axis=0).std() == pytest.approx(1.0, abs=0.35)
 
 
+def test_stairs_that_just_fit_are_laid() -> None:
+    t = terrain("steps", 0.1, riser=0.05, tread=0.1, landing=0.4, length=0.6)
+    assert t.describe()["risers"] == 2 and float(t.profile(step=0.001)[1].max()) == pytest.approx(0.1)
+
+
 def test_stairs_have_equal_risers() -> None:
     t = terrain("steps", 0.1, riser=0.03, tread=0.25)
     facts = t.describe()
@@ -287,6 +292,7 @@ def test_a_patchwork_is_what_its_stretches_say() -> None:
         ("patchwork", "of families of solids"),
         ("boards:0.5", "must have the height 1"),
         ("boards:2 stones", "must lie in"),
+        ("boards stones:0", "height of stones in a patchwork must be above 0, got 0"),
     ],
 )
 def test_patchworks_that_cannot_be_laid(families: str, message: str) -> None:

@@ -93,6 +93,19 @@ def test_the_plant_bears_a_load_at_its_place(point: tuple[float, float, float]) 
     assert plant.load_mass == pytest.approx(1.0)
 
 
+def test_a_plant_that_has_carried_starts_again_bit_for_bit() -> None:
+    plant, ends = Plant(DESCRIPTION, foot="soft"), []
+    for _ in range(2):
+        plant.reset()
+        for _ in range(20):
+            plant.step(plant.hold())
+        ends.append(plant.data.qpos.copy())
+        plant.load("left_hand", 1.0)
+        plant.load("torso", 2.0)
+        plant.step(plant.hold())
+    np.testing.assert_array_equal(ends[0], ends[1])
+
+
 def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
     """Weight and moment about the CoM of 5 kg, 40 mm ahead and 30 mm to the left of the middle of the hands."""
     robot = DESCRIPTION.robot()

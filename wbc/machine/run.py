@@ -99,8 +99,8 @@ class Runner:
             clock: Clock, for tests.
 
         Raises:
-            InputError: A rate that is not the controller's, a driver that does not know its robot, or an object that
-                is no driver or no controller.
+            InputError: A rate that is not the controller's, a timeout within a control period, a driver that does not
+                know its robot, or an object that is no driver or no controller.
         """
         check_parts("a driver", driver, "read", "write", "damp")
         check_parts("a controller", control, "command")
@@ -115,7 +115,13 @@ class Runner:
             raise InputError("a driver without a description of its robot needs one: run(…, description=…)")
         self.description: RobotDescription = found
         self.driver, self.control = driver, control
-        self.settings = settings or RunSettings()
+        self.settings = s = settings or RunSettings()
+        shortest = min(s.robot_timeout, s.control_timeout)
+        if self.period >= shortest:
+            raise InputError(
+                f"robot_timeout and control_timeout must be longer than the control period, got {s.robot_timeout:g} s "
+                f"and {s.control_timeout:g} s at a rate of {rate:g} Hz, {self.period:g} s a period"
+            )
         self.phase = Phase.START
         self._clock = clock or Clock()
         self._guarded, self._ran = guard, False

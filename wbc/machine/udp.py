@@ -17,7 +17,8 @@ A packet is little-endian: the header, then arrays of 8-byte floats, in the orde
 | command | torques, [reference positions, reference velocities], [kp, kd] |
 
 The robot sends measurements to the address from which the last hello or command came. Measurements and commands of one
-sender whose numbers do not grow are old packets, which are dropped; a sender begins anew with 1.
+sender whose numbers do not grow are old packets, which are dropped. A sender that begins anew begins with 1; a number
+that is more than 1,000 behind is one of a sender that has.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import select
 import socket
 import struct
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,6 +46,9 @@ HEADER = struct.Struct("<4sBBHId")
 MAGIC = b"wbc1"
 LARGEST = 65507
 
+OLD = 1000
+"""Greatest number of packets that an old one is behind; what is further behind is of a sender that has begun anew."""
+
 
 def pack_measurement(m: Measurement, number: int) -> bytes:
     """Return a measurement as a packet."""
@@ -58,7 +63,7 @@ def pack_measurement(m: Measurement, number: int) -> bytes:
 
 
 def pack_command(c: Command, number: int) -> bytes:
-    """Return a command as a packet."""
+    """Return a command as a packet; kp and kd go together, one alone does not go."""
     parts, flags = [c.joint_torque], 0
     if c.joint_position is not None:
         flags |= 1
@@ -111,6 +116,11 @@ def unpack(data: bytes, joints: int) -> tuple[int, int, Measurement | Command | 
     )
 
 
+def _in_turn(number: int, newest: int) -> bool:
+    """Return whether a packet is newer than the newest one, or of a sender that has begun anew."""
+    return number > newest or number == 1 or number < newest - OLD
+
+
 class UdpDriver:
     """Driver of a robot that speaks the packets of this module.
 
@@ -135,6 +145,7 @@ class UdpDriver:
             raise InputError(f"port must be in 1 … 65535, got {port}")
         self.description, self.address = description, (host, port)
         self._joints = len(description.joint_names)
+        self._gains = np.array(description.kp), np.array(description.kd)
         self._resolved = self.address  # with the number of the host, found when the socket is opened
         self._socket: socket.socket | None = None
         self._number = self._newest = 0
@@ -158,7 +169,14 @@ class UdpDriver:
                 self._send(_packet(HELLO, 0, self._joints, self._count(), 0.0, []))
 
     def write(self, command: Command) -> None:
-        """See `Driver`."""
+        """See `Driver`; a gain that the command leaves out is the description's, or zero in torque control."""
+        if (command.kp is None) is not (command.kd is None):
+            kp, kd = self._gains if command.joint_position is not None else (np.zeros(self._joints),) * 2
+            command = replace(
+                command,
+                kp=kp if command.kp is None else command.kp,
+                kd=kd if command.kd is None else command.kd,
+            )
         self._send(pack_command(command, self._count()))
 
     def damp(self) -> None:
@@ -201,7 +219,7 @@ class UdpDriver:
             except OSError:  # what has become of a packet sent before: refused, unreachable
                 continue
             got = unpack(data, self._joints)
-            if got is not None and isinstance(got[2], Measurement) and (got[1] > self._newest or got[1] == 1):
+            if got is not None and isinstance(got[2], Measurement) and _in_turn(got[1], self._newest):
                 self._newest, newest = got[1], got[2]
 
 
@@ -249,14 +267,14 @@ class UdpRobot:
                 damped, newest = True, None
             elif got[0] == HELLO:
                 self._peer, self._newest = peer, got[1]
-            elif isinstance(got[2], Command) and (peer != self._peer or got[1] > self._newest or got[1] == 1):
+            elif isinstance(got[2], Command) and (peer != self._peer or _in_turn(got[1], self._newest)):
                 self._peer, self._newest = peer, got[1]
                 damped, newest = False, got[2]
 
     def send(self, measurement: Measurement) -> None:
         """Send a measurement to whoever sent the last hello or command."""
-        self._number += 1
         if self._peer is not None:
+            self._number += 1
             with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
                 self._socket.sendto(pack_measurement(measurement, self._number), self._peer)
 

@@ -165,7 +165,9 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         bad[frames] = 1.0
         pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, s.stretch, 1.0)
     q, standing = result.motion.q, result.contacts.standing
-    given = full.sampled(np.clip(source, 0.0, full.duration), s.rate).joints
+    # The resampled clip lasts a whole number of frames, the given one a little more or less.
+    source = np.minimum(source * (clip.duration / resampled.times[-1]), clip.duration)
+    given = full.sampled(source, s.rate).joints
     difference = q[:, 7:] - given
     rms, largest = np.sqrt((difference**2).mean(axis=0)), abs(difference).max(axis=0)
     names = robot.joint_names

@@ -113,6 +113,8 @@ class Iso8608(FieldFamily):
     def facts(self, site: Site) -> dict[str, Any]:
         _, raw, _, _ = self.sample(site, self.grid)
         gd = (site.amplitude / float(raw.max() - raw.min())) ** 2
+        if self.isotropic:  # of the waves; a track across them has less
+            return {"gd_n0_m3": gd}
         return {"gd_n0_m3": gd, "iso_class": "ABCDEFGH"[sum(gd > limit for limit in ISO_LIMITS)]}
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:

@@ -48,9 +48,10 @@ class Patchwork(ShapeFamily):
             name, _, share = text.partition(":")
             if name in parts:
                 raise InputError(f"patchwork has the family '{name}' twice")
-            parts[name] = finite_scalar(
-                f"height of {name} in a patchwork", float(share) if share else 1.0, low=0.0, high=1.0
-            )
+            height = float(share) if share else 1.0
+            parts[name] = finite_scalar(f"height of {name} in a patchwork", height, low=0.0, high=1.0)
+            if not height:
+                raise InputError(f"height of {name} in a patchwork must be above 0, got {share}")
             self._family(name)
         return parts
 

@@ -94,7 +94,7 @@ class Steps(_Climb):
         n = self.risers(site.amplitude)
         flight = (n - 1) * self.tread
         needed = 2.0 * flight + self.landing if self.direction == "up_down" else flight
-        if needed > site.length:
+        if needed > site.length + 1e-9:
             raise InputError(
                 f"stairs of {n} risers and {self.tread:g} m treads need a rough part of {needed:g} m, "
                 f"got {site.length:g} m"

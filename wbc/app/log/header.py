@@ -120,6 +120,7 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
         "noise": to_plain(plant.noise),
         "timestep": plant.timestep,
         "scene": plant.scene,
+        "start": plant.start.tolist(),
     }
 
 

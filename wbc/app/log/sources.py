@@ -92,6 +92,12 @@ class MeasurementSource(Source):
         self._torque = tick.measurement.joint_torque is not None
         if self._torque:
             columns.group("joint/torque_measured", joints, torque_units(robot), "of the drive")
+        wrists = tick.measurement.hand_wrenches
+        self._wrists = 0 if wrists is None else len(wrists)
+        named = list(robot.frames) if len(robot.frames) == self._wrists else range(self._wrists)
+        for hand in named:
+            about = "on the hand, less its own weight, frame of the hand"
+            columns.group(f"hand/{hand}/wrench_measured", WRENCH, WRENCH_UNITS, about)
         self._copied = columns.since(start)
 
     def write(self, tick: Tick, row: Array) -> None:
@@ -108,6 +114,9 @@ class MeasurementSource(Source):
         if self._torque:
             none = np.full(m.joint_position.size, math.nan)
             parts.append(none if m.joint_torque is None else m.joint_torque)
+        if self._wrists:
+            wrists = m.hand_wrenches
+            parts.append(np.full(6 * self._wrists, math.nan) if wrists is None else wrists.ravel())
         np.concatenate(parts, out=row[self._copied])
 
 
@@ -123,6 +132,14 @@ class CommandSource(Source):
         self._torque = columns.group(
             "joint/torque_command", joints, torque_units(robot), "torque, or feed-forward of the servo"
         )
+        self._gains: slice | None = None
+        if tick.command.kp is not None or tick.command.kd is not None:
+            torques = torque_units(robot)
+            per_angle = [f"{torque}/{unit}" for torque, unit in zip(torques, units, strict=True)]
+            per_speed = [f"{torque}s/{unit}" for torque, unit in zip(torques, units, strict=True)]
+            start = columns.group("joint/kp_command", joints, per_angle, "gain of the servo").start
+            columns.group("joint/kd_command", joints, per_speed, "gain of the servo")
+            self._gains = columns.since(start)
         self._stiffness = columns.each(
             [f"foot/{foot}/stiffness_command" for foot in foot_names(robot)],
             "Nm/rad",
@@ -134,6 +151,9 @@ class CommandSource(Source):
         row[self._torque] = c.joint_torque
         copy(row, self._position, c.joint_position)
         copy(row, self._velocity, c.joint_velocity)
+        if self._gains is not None:
+            none = np.full(c.joint_torque.size, math.nan)
+            np.concatenate([none if gain is None else gain for gain in (c.kp, c.kd)], out=row[self._gains])
         copy(row, self._stiffness, c.sole_stiffness)
 
 

@@ -223,4 +223,5 @@ def rebuild_plant(log: Log) -> Plant:
         control_period=float(log.header["control_period"]),
         seed=int(log.header.get("seed") or 0),
         scene=parts.get("scene"),
+        initial_configuration=parts.get("start"),
     )

@@ -68,13 +68,15 @@ class UnitreeDriver:
         return self._topics
 
     def read(self, timeout: float) -> Measurement | None:
-        """See `Driver`."""
-        state = self._open().read(LOW_STATE, timeout)
-        if state is None:
-            return None
-        if state["crc"] != 0 and not intact(state):  # Unitree's own simulators do not sign
+        """See `Driver`; a damaged state is passed over."""
+        end = time.monotonic() + timeout
+        while True:
+            state = self._open().read(LOW_STATE, max(end - time.monotonic(), 0.0))
+            if state is None:
+                return None
+            if state["crc"] == 0 or intact(state):  # Unitree's own simulators do not sign
+                break
             self.refused += 1
-            return None
         self._machine = int(state["mode_machine"])
         motors, imu = state["motor"][self._index], state["imu"]
         self._position = motors["q"].astype(float)
