@@ -118,6 +118,23 @@ def test_several_logs_share_a_figure(log: Log, tmp_path: Path) -> None:
     assert len(colours) == 2 and names == [log.path.stem, "other"]
 
 
+def test_torques_of_robots_with_other_joints_are_drawn_by_name(log: Log, tmp_path: Path) -> None:
+    plant = wbc.Plant(wbc.load_robot("g1"))
+    control = wbc.PositionControl(wbc.balance_controller(plant.description.robot(), plant.control_period))
+    with Recorder(tmp_path / "g1.arrow") as recorder:
+        for _ in range(3):
+            measurement = plant.measure()
+            recorder(plant, control, measurement, control.command(measurement))
+            plant.step(plant.hold())
+    both = [log, Log.open(tmp_path / "g1.arrow")]
+    axes = draw("torque", both).axes[0]
+    bars = np.array([bar.get_width() for bar in axes.patches])
+    for each in both:
+        assert np.isin(np.abs(each["truth/joint/torque_ratio"]).max(axis=0), bars).all()
+    names = [text.get_text() for text in axes.get_yticklabels()]
+    assert len(names) == len(set(names)) == len(set(names) | set(plant.description.joint_names))
+
+
 def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
     low, high = support_box(log)
     for i in range(0, len(log), 50):

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+import os
+import signal
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from browser import Browser, needs_chromium
+from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app.cli import BAD_INPUT, main
-from wbc.app.view import MeshcatView
+from wbc.app.view import MeshcatView, ViewError
 from wbc.app.view.controls import LiveControls
+from wbc.app.view.pace import Pace
 from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 
@@ -114,3 +121,59 @@ def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
         run(lambda: walking.finished)
     assert walking.fallen is None
     assert {entry["what"] for entry in view.interventions} == {"drive"}
+
+
+@pytest.mark.parametrize("ends", ["page", "process"])
+def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it(ends: str) -> None:
+    plant, walking = stage()
+
+    async def drive(view: MeshcatView) -> None:
+        link = view.url.replace("http", "ws").split("?")
+        driver = await websocket_connect(f"{link[0]}stream?{link[1]}")
+        watcher = await websocket_connect(f"{link[0]}stream")
+
+        async def until(velocity: float) -> None:
+            for _ in range(200):
+                await asyncio.sleep(0.02)
+                view.update()
+                if walking.velocity is not None and walking.velocity[0] == velocity:
+                    return
+            raise AssertionError(walking.velocity)
+
+        order = {"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.0}
+        await driver.write_message(json.dumps({"order": order}))
+        await until(0.2)
+        if ends == "page":
+            driver.close()
+        else:
+            os.kill(view.pid, signal.SIGKILL)
+        await until(0.0)
+        assert view.pages == (1 if ends == "page" else 0)
+        for page in (driver, watcher):
+            page.close()
+            while await page.read_message() is not None:
+                pass
+
+    with MeshcatView(plant, walking=walking, port=0, rate=1e6) as view:
+        asyncio.run(drive(view))
+    with pytest.raises(ViewError, match="has been closed"):
+        view.update()
+
+
+def test_a_slow_run_waits_and_sees_its_input() -> None:
+    pace, looks = Pace(0.01), []
+    begin = time.perf_counter()
+    for tick in range(3):
+        pace.wait(0.002 * tick, lambda: looks.append(1))
+    assert 0.35 < time.perf_counter() - begin < 1.5 and len(looks) >= 2
+    begin = time.perf_counter()
+    pace.wait(100.0)  # a jump
+    assert time.perf_counter() - begin < 0.1
+
+    def hurry() -> None:
+        pace.speed = None
+
+    pace.speed = 1e-3
+    pace.wait(0.0)
+    pace.wait(0.005, hurry)  # 5 s
+    assert time.perf_counter() - begin < 1.0

@@ -427,6 +427,14 @@ def test_polygons_that_cannot_hold_a_com_are_refused() -> None:
             CoMPolygonLimit(points)
     with pytest.raises(InputError, match="leaves nothing inside its margin"):
         CoMPolygonLimit([[0, 0], [1, 0], [1, 0.01], [0, 0.01]], margin=0.01)
+    wedge = [
+        [0, 0],
+        [1, 0],
+        [0, 0.1],
+    ]  # its largest circle has a radius of 47.5 mm, away from the mean of the corners
+    CoMPolygonLimit(wedge, margin=0.047)
+    with pytest.raises(InputError, match="leaves nothing inside its margin of 0.048 m"):
+        CoMPolygonLimit(wedge, margin=0.048)
     with pytest.raises(InputError, match="3 to 4 corners"):
         angles = np.linspace(0, 2 * np.pi, 6)[:-1]
         CoMPolygonLimit(np.column_stack([np.cos(angles), np.sin(angles)]), max_edges=4)

@@ -231,6 +231,14 @@ def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.Cap
     assert "joint_position has shape (28,), not (29,)" in text.out and "wrong: shapes" in text.err
     for bad in ("mine", f"{program}:made", "nowhere.module:make"):
         assert main(["check-plant", bad]) == 2, bad
+    capsys.readouterr()
+    for text, words in (
+        ("def make(:", "SyntaxError"),
+        ("def make():\n    return {}['x']\n", "returns no loop: KeyError"),
+    ):
+        program.write_text(text, encoding="utf-8")
+        assert main(["check-plant", f"{program}:make"]) == 2
+        assert words in capsys.readouterr().err
 
 
 def test_something_else_than_a_loop_is_refused() -> None:

@@ -37,7 +37,7 @@ def check_plant(
     output: OutputOptions = Output(),
 ) -> Report:
     """Check a loop by exciting it a little: order, signs, units, frames, gains, delay and clock, each by name."""
-    made: Any = Plant(load(robot), control_period=0.002) if loop is None else _function(loop)()
+    made: Any = Plant(load(robot), control_period=0.002) if loop is None else _made(loop)
     report = conformance(made, delay=delay)
     wrong = [check.name for check in report.wrong]
     text = f"{report}\n{len(report.checks)} checks, " + (
@@ -45,6 +45,17 @@ def check_plant(
     )
     failure = NonConformingError(f"wrong: {', '.join(wrong)}") if wrong else None
     return output.report({"ok": report.ok, "checks": to_json(list(report.checks))}, text, failure)
+
+
+def _made(name: str) -> Any:
+    """Return the loop that a function returns."""
+    function = _function(name)
+    try:
+        return function()
+    except WbcError:
+        raise
+    except Exception as error:  # of the user's own program
+        raise InputError(f"'{name}' returns no loop: {type(error).__name__}: {error}") from error
 
 
 def _function(name: str) -> Callable[[], Any]:
@@ -56,5 +67,7 @@ def _function(name: str) -> Callable[[], Any]:
         if module.endswith(".py"):
             return runpy.run_path(str(Path(module).expanduser()))[function]  # type: ignore[no-any-return]
         return getattr(importlib.import_module(module), function)  # type: ignore[no-any-return]
-    except (ImportError, AttributeError, KeyError, OSError) as error:
-        raise InputError(f"there is no function '{name}' that returns a loop: {error}") from error
+    except Exception as error:  # whatever the user's own file raises
+        raise InputError(
+            f"there is no function '{name}' that returns a loop: {type(error).__name__}: {error}"
+        ) from error

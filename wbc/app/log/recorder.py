@@ -103,7 +103,7 @@ class Recorder(WalkHook):
         if name in self._added:
             raise InputError(f"there is a signal '{name}' already; choose another name")
         signal = Signal(name, unit, about, "list" if changing else "number")
-        function = value if inspect.signature(value).parameters else _ignoring_the_tick(value)
+        function = value if _takes_the_tick(value) else _ignoring_the_tick(value)
         self._added[name] = (signal, function, axes)
 
     def __call__(
@@ -122,7 +122,8 @@ class Recorder(WalkHook):
             command: Output of the control.
 
         Raises:
-            InputError: An added signal whose name is taken, whose value cannot be stored or whose length has changed.
+            InputError: The recording has ended, or an added signal whose name is taken, whose value cannot be stored or
+                whose length has changed.
         """
         drives = control.control if isinstance(control, WalkingControl) else control
         loop = None if plant is None or isinstance(plant, Plant) else plant
@@ -170,7 +171,12 @@ class Recorder(WalkHook):
             Tick(None, None, measurement, command, description, solution, truth, estimate, self._model)
         )
 
+    def _refuse_more(self) -> None:
+        if self._writer.ended:
+            raise InputError(f"the recording {self.path} has ended; make another Recorder")
+
     def _record(self, tick: Tick) -> None:
+        self._refuse_more()
         if self._sources is None:
             self._begin(tick)
             assert self._sources is not None
@@ -181,7 +187,12 @@ class Recorder(WalkHook):
         writer.commit()
 
     def start(self, trial: WalkTrial) -> None:
-        """Take specification and seed of the walk; see `WalkHook`."""
+        """Take specification and seed of the walk; see `WalkHook`.
+
+        Raises:
+            InputError: The recording has ended: a recorder is for one walk.
+        """
+        self._refuse_more()
         self._spec = self._spec or trial.spec
         self._seed = trial.spec.seed if self._seed is None else self._seed
 
@@ -280,6 +291,9 @@ class _AddedSignal(Source):
         elif self._kind == "text":
             row[self._place] = np.nan if value is None else self._columns.text(str(value))
         else:
+            parts = (self._place.stop - self._place.start,) if isinstance(self._place, slice) else ()
+            if value is not None and np.shape(value) != parts:
+                raise InputError(f"signal '{self._name}' has changed from shape {parts} to {np.shape(value)}")
             try:
                 row[self._place] = value
             except (TypeError, ValueError) as error:
@@ -290,6 +304,15 @@ class _AddedSignal(Source):
             return np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InputError(f"signal '{self._name}' cannot keep {value!r}") from error
+
+
+def _takes_the_tick(function: Callable[..., Any]) -> bool:
+    """Return whether a function has an argument without a default; one of C that does not tell has none."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except ValueError:
+        return False
+    return any(p.default is p.empty and p.kind is not p.VAR_KEYWORD for p in parameters)
 
 
 def _ignoring_the_tick(function: Callable[..., Any]) -> Callable[[Tick], Any]:

@@ -259,20 +259,22 @@ class SolverSource(Source):
     def write(self, tick: Tick, row: Array) -> None:
         drives, solution = tick.drives, tick.solution
         row[self._failures] = 0 if drives is None else drives.failures
-        # A layout other than that of the first tick: tasks have been added.
-        if solution is None or solution.layout is not self._layout:
+        if solution is None:
             row[self._status] = row[self._iterations] = math.nan
             row[self._times] = math.nan
-            if self._layout is not None:
-                row[self._residuals] = row[self._multipliers] = math.nan
-                for _, places in self._wrenches:
-                    row[places] = math.nan
+        else:
+            if solution.status is not self._last[0]:
+                self._last = (solution.status, self._columns.text(solution.status.value))
+            row[self._status] = self._last[1]
+            row[self._iterations] = solution.iterations
+            row[self._times] = solution.timings
+        if self._layout is None:
             return
-        if solution.status is not self._last[0]:
-            self._last = (solution.status, self._columns.text(solution.status.value))
-        row[self._status] = self._last[1]
-        row[self._iterations] = solution.iterations
-        row[self._times] = solution.timings
+        if solution is None or solution.layout is not self._layout:  # other tasks than in the first tick
+            row[self._residuals] = row[self._multipliers] = math.nan
+            for _, places in self._wrenches:
+                row[places] = math.nan
+            return
         row[self._residuals] = solution.residual_rows
         row[self._multipliers] = solution.multipliers
         variables = solution.variables

@@ -10,11 +10,12 @@ a killed program or a full disk leaves is `walk.part.arrow`, which holds all bat
 from __future__ import annotations
 
 import atexit
+import fcntl
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
@@ -63,13 +64,15 @@ class LogWriter:
             path: The file; an existing log is replaced by a complete one.
 
         Raises:
-            InputError: The file cannot be written, or exists and is not a log.
+            InputError: The file cannot be written, exists and is not a log, or is being written by another recording.
         """
         self.path = check_path(path)
         self.part = check_path(part_path(self.path))
+        self._claim: IO[bytes] | None = _claimed(self.part)
         try:
             self._file = pa.output_stream(str(self.part), compression=None, buffer_size=1 << 20)
         except OSError as error:
+            self._claim.close()
             raise InputError(f"cannot write the log {self.path}: {error.strerror or error}") from error
         self.failure: str | None = None
         self.rows = self.written = 0
@@ -192,15 +195,24 @@ class LogWriter:
             ):  # not in the thread: the interpreter may be shutting down
                 self._attempt(lambda: self._write(self._block[: self._count], self._objects))
         file, out, self._file, self._out = self._file, self._out, None, None
+        claim, self._claim = self._claim, None
+        assert claim is not None
         if out is None and self.failure is None:  # there was not a single row
             file.close()
             self.part.unlink(missing_ok=True)
+            claim.close()
             return
         if out is not None:
             self._attempt(out.close)
         self._attempt(file.close)
         if self.failure is None:
             self._attempt(lambda: move_into_place(self.part, self.path))
+        claim.close()
+
+    @property
+    def ended(self) -> bool:
+        """True after `close`."""
+        return self._file is None
 
     @property
     def loss(self) -> FileError | None:
@@ -211,6 +223,26 @@ class LogWriter:
             f"the recording {self.path} lost data: {self.written} of {self.rows} ticks were written, to {self.part}: "
             f"{self.failure}"
         )
+
+
+def _claimed(part: Path) -> IO[bytes]:
+    """Return the file of a log that is to be written, locked until it is closed.
+
+    Raises:
+        InputError: Another recording writes it, or it cannot be written.
+    """
+    try:
+        file = part.open("ab")
+    except OSError as error:
+        raise InputError(f"cannot write the log {part}: {error.strerror or error}") from error
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise InputError(f"another recording is writing {part}; choose another name") from None
+    except OSError:  # a file system without locks
+        pass
+    return file
 
 
 def part_path(path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -82,8 +83,9 @@ def _one_part(ax: Axes, log: Log, part: str | None) -> None:
 
 
 def draw_torque(logs: Sequence[Log]) -> Figure:
-    """Draw torque over limit: for one log over time, for several the largest of each joint."""
-    names = [name.rpartition("/")[2] for name in logs[0].parts("truth/joint/torque_ratio")]
+    """Draw torque over limit: for one log over time, for several the largest of each joint of any robot."""
+    joints = [[part.rpartition("/")[2] for part in log.parts("truth/joint/torque_ratio")] for log in logs]
+    names = list(dict.fromkeys(itertools.chain(*joints)))
     rows = max(4.0, 0.22 * len(names) + 1.8)
     figure = new_figure(11.0 if len(logs) == 1 else 8.0, rows)
     if len(logs) == 1:
@@ -95,10 +97,8 @@ def draw_torque(logs: Sequence[Log]) -> Figure:
         right.set_ylim(len(names) - 0.5, -0.5)
     for i, (log, label) in enumerate(zip(logs, labels(logs), strict=True)):
         ratio = np.abs(log["truth/joint/torque_ratio"])
-        if ratio.shape[1] != len(names):
-            continue
         share = 0.8 / len(logs)
-        places = np.arange(len(names)) + share * (i - 0.5 * (len(logs) - 1))
+        places = np.array([names.index(joint) for joint in joints[i]]) + share * (i - 0.5 * (len(logs) - 1))
         top = np.nanmax(ratio, axis=0)
         right.barh(places, top, height=0.9 * share, color=COLOURS[i % len(COLOURS)], alpha=0.45)
         right.barh(

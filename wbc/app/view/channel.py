@@ -41,6 +41,7 @@ class Channel:
                 ("newest", "i8", (2,)),  # numbers of the newest frame and of the newest input
                 ("shown", "i8"),
                 ("pages", "i8"),
+                ("drivers", "i8"),
                 ("frames", frame, (2,)),
                 ("inputs", _slot(MAX_BYTES), (2,)),
             ]
@@ -130,9 +131,18 @@ class Channel:
     def pages(self, count: int) -> None:
         self._all["pages"] = count
 
+    @property
+    def drivers(self) -> int:
+        """Number of open pages that may change the run."""
+        return int(self._all["drivers"])
+
+    @drivers.setter
+    def drivers(self, count: int) -> None:
+        self._all["drivers"] = count
+
     def close(self) -> None:
         """Release the memory; the numbers can still be read."""
-        self._all = {name: self._all[name].copy() for name in ("newest", "shown", "pages")}
+        self._all = {name: self._all[name].copy() for name in ("newest", "shown", "pages", "drivers")}
         del self._frames, self._inputs
         self._memory.close()
         if self._file is not None:

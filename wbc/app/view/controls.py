@@ -5,7 +5,7 @@ intervention with its time, and results say that there were any.
 
     push        a push on the torso, from the robot's front, back or sides
     stop        the walk stops safely, with the present step
-    drive       velocity of a robot that is steered: forward, left and turn; a stand when the last page is closed
+    drive       velocity of a robot that is steered: forward, left and turn; a stand when no page that may is left
     gains       of the stabilizer, from the next tick on
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.app.address import Address
+from wbc.app.address import Address, ViewError
 from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.layers import RangeLayer, make_layers
 from wbc.app.scene.scene import Scene, Snapshot
@@ -146,8 +146,13 @@ class MeshcatView:
 
     @property
     def pages(self) -> int:
-        """Number of open browser pages."""
-        return self._process.channel.pages
+        """Number of open browser pages; 0 when the drawing process has ended."""
+        return self._process.channel.pages if self._process.running else 0
+
+    @property
+    def closed(self) -> bool:
+        """True after `close`."""
+        return self._process.closed
 
     @property
     def frames(self) -> int:
@@ -182,7 +187,10 @@ class MeshcatView:
 
         Raises:
             InputError: A state given with a plant, none without, or one of another robot.
+            ViewError: The view has been closed.
         """
+        if self.closed:
+            raise ViewError("the live view has been closed; open another one")
         if self._loop is not None and state is None and truth is None:
             truth = self._loop.truth()
         if self._plant is None:
@@ -197,13 +205,13 @@ class MeshcatView:
             raise InputError("a view of a plant takes its state from the plant; call update() alone")
         self._measurement = measurement
         self._read_input()
-        if self.controls.interventions and self.pages == 0:
-            self.controls.halt()
+        if self.controls.interventions and not (self._process.running and self._process.channel.drivers):
+            self.controls.halt()  # nobody is left who may
         if self._paused:
             self._draw(self._snapshot(state, sole_wrench, time))
             self._wait_for_end_of_pause()
         now = clock.perf_counter()
-        self._pace.wait(time if self._plant is None else self._plant.time)
+        self._pace.wait(time if self._plant is None else self._plant.time, self._read_input)
         if now >= self._next:
             self._next = now + self._period
             self._draw(self._snapshot(state, sole_wrench, time))

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Callable
 
 CATCH_UP_TIME = 0.2
 """A run that is further behind the clock than this does not catch up, s."""
 
-MAX_LEAD = 1.0
-"""A run that is further ahead of the clock than this has been reset or has jumped, s."""
+MAX_STEP = 1.0
+"""A run whose simulated time has gone on by more than this, or back, has been reset or has jumped, s."""
+
+SLICE = 0.1
+"""Longest time without a look at the page's input, s."""
 
 
 class Pace:
@@ -35,20 +39,27 @@ class Pace:
     def restart(self) -> None:
         """Count from the next call of `wait` on."""
         self._start: tuple[float, float] | None = None  # clock and simulated time
+        self._last = 0.0  # simulated time of the last call, s
 
-    def wait(self, simulated: float | None) -> None:
+    def wait(self, simulated: float | None, meanwhile: Callable[[], None] | None = None) -> None:
         """Wait until the clock has come as far as the run.
 
         Args:
             simulated: Simulated time, s; None does not wait.
+            meanwhile: Called during long waits; a new speed or a restart ends the wait.
         """
         if self._speed is None or simulated is None:
             return
-        now = clock.perf_counter()
-        if self._start is None:
-            self._start = (now, simulated)
-        ahead = self._start[0] + (simulated - self._start[1]) / self._speed - now
-        if not -CATCH_UP_TIME <= ahead <= MAX_LEAD:
-            self._start = (now, simulated)
-        elif ahead > 0.0:
-            clock.sleep(ahead)
+        if self._start is None or not 0.0 <= simulated - self._last <= MAX_STEP:
+            self._start = (clock.perf_counter(), simulated)
+        self._last = simulated
+        while self._start is not None and self._speed is not None:
+            now = clock.perf_counter()
+            ahead = self._start[0] + (simulated - self._start[1]) / self._speed - now
+            if ahead < -CATCH_UP_TIME:
+                self._start = (now, simulated)
+            if ahead <= 0.0:
+                return
+            clock.sleep(min(ahead, SLICE))
+            if ahead > SLICE and meanwhile is not None:
+                meanwhile()

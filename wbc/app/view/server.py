@@ -106,7 +106,7 @@ class Broadcast:
         if len(self._connections) >= MAX_PAGES:
             return False
         self._connections.add(connection)
-        self._channel.pages = len(self._connections)
+        self._count()
         return True
 
     def remove(self, connection: PageConnection) -> None:
@@ -114,7 +114,12 @@ class Broadcast:
         self._connections.discard(connection)
         if not any(other.may_change for other in self._connections):
             self.take_input('{"paused": false}')
+        self._count()
+
+    def _count(self) -> None:
+        """Tell the run how many pages there are."""
         self._channel.pages = len(self._connections)
+        self._channel.drivers = sum(other.may_change for other in self._connections)
 
     def tick(self) -> None:
         """Tell the pages that do not show the newest frame."""

@@ -70,7 +70,8 @@ class WatchWalk(WalkHook):
 
     def start(self, trial: WalkTrial) -> None:
         """See `WalkHook`."""
-        if self.view is None:
+        if self.view is None or self.view.closed:
+            self._reported = 0
             self.open(trial)
         if self._wait > 0.0 and self.view is not None:
             self.view.wait_for_page(self._wait)

@@ -83,7 +83,7 @@ class SelfCollisionLimit(RowLimit):
 
     Each pair of shapes has one row: the distance may shrink at (distance − margin) / time constant at most. Rows of
     pairs that are far apart are empty. Of the acceleration of the distance, the turning of the common normal is left
-    out: for convex shapes that pass each other it only adds distance.
+    out; the next tick sees what it has changed.
 
     The demanded acceleration of the distance is at most (distance − margin) / time constant² + recovery, m/s²: enough
     for links that come within `influence` at no more than the speed allowed there.

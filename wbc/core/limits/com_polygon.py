@@ -95,7 +95,7 @@ class CoMPolygonLimit(RowLimit):
         edges = np.roll(corners, -1, axis=0) - corners
         normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
         offsets = np.einsum("ij,ij->i", normals, corners) - self._margin
-        if (normals @ corners.mean(axis=0) >= offsets).any():
+        if (normals @ corners.mean(axis=0) >= offsets).any() and not _room(normals, offsets) > 0.0:
             raise InputError(
                 f"polygon of limit '{self.name}' leaves nothing inside its margin of {self._margin} m: "
                 f"{corners.tolist()}"
@@ -194,3 +194,13 @@ class CoMPolygonLimit(RowLimit):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', edges={self._edges})"
+
+
+def _room(normals: Array, offsets: Array) -> float:
+    """Return the radius of the largest circle between half-planes, m; negative if they leave no point."""
+    from scipy.optimize import linprog  # noqa: PLC0415 - slow to import, and hardly ever needed
+
+    rows = np.column_stack([normals, np.ones(len(normals))])  # centre and radius
+    bounds = [(None, None)] * 3
+    found = linprog([0.0, 0.0, -1.0], A_ub=rows, b_ub=offsets, bounds=bounds)
+    return float(found.x[2]) if found.success else -np.inf
