@@ -352,7 +352,10 @@ def test_a_recording_that_has_ended_takes_no_more(tmp_path: Path) -> None:
 
 
 def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
-    with Recorder(tmp_path / "own.arrow"), pytest.raises(InputError, match=r"is writing .*own.part.arrow"):
+    with (
+        Recorder(tmp_path / "own.arrow"),
+        pytest.raises(InputError, match=r"own.part.arrow is being written already"),
+    ):
         Recorder(tmp_path / "own.arrow")
     Recorder(tmp_path / "own.arrow").close()
 

@@ -10,7 +10,6 @@ a killed program or a full disk leaves is `walk.part.arrow`, which holds all bat
 from __future__ import annotations
 
 import atexit
-import fcntl
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -24,7 +23,7 @@ from pyarrow import ipc
 from wbc.app.log.columns import Columns, Kind, Signal
 from wbc.app.log.header import KEY, encode
 from wbc.core.errors import Array, InputError
-from wbc.core.files import FileError, move_into_place
+from wbc.core.files import FileError, claimed, move_into_place
 
 ROWS = 256
 """Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed
@@ -68,11 +67,10 @@ class LogWriter:
         """
         self.path = check_path(path)
         self.part = check_path(part_path(self.path))
-        self._claim: IO[bytes] | None = _claimed(self.part)
         try:
+            self._claim: IO[bytes] = claimed(self.part)
             self._file = pa.output_stream(str(self.part), compression=None, buffer_size=1 << 20)
         except OSError as error:
-            self._claim.close()
             raise InputError(f"cannot write the log {self.path}: {error.strerror or error}") from error
         self.failure: str | None = None
         self.rows = self.written = 0
@@ -195,19 +193,17 @@ class LogWriter:
             ):  # not in the thread: the interpreter may be shutting down
                 self._attempt(lambda: self._write(self._block[: self._count], self._objects))
         file, out, self._file, self._out = self._file, self._out, None, None
-        claim, self._claim = self._claim, None
-        assert claim is not None
         if out is None and self.failure is None:  # there was not a single row
             file.close()
             self.part.unlink(missing_ok=True)
-            claim.close()
+            self._claim.close()
             return
         if out is not None:
             self._attempt(out.close)
         self._attempt(file.close)
         if self.failure is None:
             self._attempt(lambda: move_into_place(self.part, self.path))
-        claim.close()
+        self._claim.close()
 
     @property
     def ended(self) -> bool:
@@ -223,26 +219,6 @@ class LogWriter:
             f"the recording {self.path} lost data: {self.written} of {self.rows} ticks were written, to {self.part}: "
             f"{self.failure}"
         )
-
-
-def _claimed(part: Path) -> IO[bytes]:
-    """Return the file of a log that is to be written, locked until it is closed.
-
-    Raises:
-        InputError: Another recording writes it, or it cannot be written.
-    """
-    try:
-        file = part.open("ab")
-    except OSError as error:
-        raise InputError(f"cannot write the log {part}: {error.strerror or error}") from error
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        raise InputError(f"another recording is writing {part}; choose another name") from None
-    except OSError:  # a file system without locks
-        pass
-    return file
 
 
 def part_path(path: Path) -> Path:
