@@ -200,7 +200,7 @@ def table_two(found: Mapping[str, Optimum]) -> str:
     ]
     for ground, optimal in found.items():
         paper = TABLE_II.get(ground)
-        same = "all" if optimal.whole else ", ".join(f"{a:.3g} – {b:.3g}" for a, b in optimal.same)
+        same = "all" if optimal.whole else ", ".join(_span(a, b) for a, b in optimal.same)
         theirs = ("", "", "")
         if paper is not None:
             span = "entire range" if paper[3] is None else f"{paper[3][0]:g} – {paper[3][1]:g}"
@@ -208,3 +208,9 @@ def table_two(found: Mapping[str, Optimum]) -> str:
         best = optimal.best
         lines.append(f"| `{ground}` | {best['kP']:.2g} | {best['kD']:.2g} | {same} | {' | '.join(theirs)} |")
     return "\n".join(lines)
+
+
+def _span(low: float, high: float) -> str:
+    """Return a range of stiffnesses (Nm/rad) as text."""
+    ends = [f"{k:.3g}" if k < 1000.0 else f"{k:,.0f}" for k in (low, high)]
+    return ends[0] if ends[0] == ends[1] else " – ".join(ends)
