@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import types
 from pathlib import Path
 
 import matplotlib
@@ -117,3 +118,18 @@ def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path:
     np.testing.assert_allclose(log["joint/kd_command"][-1], command.kd, 1e-6)
     replay = Replay(log)
     assert replay.plant.start[0] == pytest.approx(start[0])
+
+
+def test_a_loop_that_does_not_know_the_truth_is_recorded_and_not_viewed(tmp_path: Path) -> None:
+    plant = wbc.Plant(DESCRIPTION)
+    loop = types.SimpleNamespace(description=DESCRIPTION, control_period=plant.control_period)
+    control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
+    with Recorder(tmp_path / "own.arrow") as recorder:
+        for _ in range(3):
+            measurement = plant.measure()
+            command = control.command(measurement)
+            recorder(loop, control, measurement, command)  # type: ignore[arg-type]
+            plant.step(command)
+    assert len(Log.open(tmp_path / "own.arrow")["com/estimated"]) == 3
+    with pytest.raises(InputError, match=r"needs its truth\(\); give the description"):
+        MeshcatView(loop, port=0)  # type: ignore[arg-type]

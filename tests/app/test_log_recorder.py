@@ -305,6 +305,8 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     [
         (("com/estimated/x", lambda: 1.0), "there is a signal 'com/estimated/x' already"),
         (("a//b", lambda: 1.0), "parts separated by '/'"),
+        (("com/estimated", lambda: 1.0), "there is a group 'com/estimated' already"),
+        (("time/own", lambda: 1.0), "there is a signal 'time' already"),
         (("a", 3.0), "needs a function that gives its value"),
         (("a", lambda: slice(0)), "cannot keep"),
         (("a", lambda: np.zeros((2, 2))), "one dimension"),

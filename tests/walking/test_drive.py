@@ -331,7 +331,7 @@ class _Nothing:
 @pytest.mark.parametrize(
     ("source", "reason"),
     [
-        (_Raises(), "no map"),
+        (_Raises(), "Error: no map"),
         (_Far(), "within reach"),
         (_SameSide(), "steps next"),
         (_Nothing(), "FootstepPlan"),
@@ -504,3 +504,15 @@ def test_tasks_of_ones_own_stay_from_a_stand_over_a_walk_to_a_stand(mode: str) -
             worst, moved = max(worst, joints, away), walking.steps_done
     assert walking.fallen is None and walking.finished and moved >= 4
     assert worst < 0.03, worst
+
+
+def test_a_standing_robot_is_not_done_once_it_has_somewhere_to_go() -> None:
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
+    robot = wbc.load_robot("hrp4_class").robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
+    assert walking.done
+    plan = walk_distance(FootstepPlan.standing(robot), 0.15)
+    walking.follow(plan)
+    while not walking.done and plant.time < 8.0:
+        plant.step(walking.command(plant.measure()))
+    assert walking.steps_done == len(plan) and walking.done and walking.fallen is None

@@ -189,8 +189,8 @@ class WalkingControl:
 
     @property
     def finished(self) -> bool:
-        """True when the plan is walked and the robot stands."""
-        return self.walk.finished
+        """True when the plan, or what a source has asked for, is walked and the robot stands."""
+        return self.walk.finished and not self.driver.pending
 
     @property
     def fallen(self) -> FallReason | None:

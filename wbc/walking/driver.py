@@ -84,6 +84,11 @@ class Driver:
         self.recovery = PushRecovery(walk, self.settings.capture, self._gait, drawn=drawn)
         self.steered = not len(plan)  # a plan from the start is walked as it is
 
+    @property
+    def pending(self) -> bool:
+        """True from the choice of a source until it is asked for footsteps."""
+        return self.source is not None and self._planned[0] is not self.source
+
     def velocity_source(self) -> VelocitySource:
         """Return a source of velocities that goes on from the velocity granted now."""
         source = VelocitySource(self._walk.reach, self._walk.sole_sizes, self.settings, self.granted)
@@ -210,7 +215,7 @@ class Driver:
             InputError: A side out of turn, a step out of reach, or one that leaves the ground.
         """
         if not isinstance(plan, FootstepPlan):
-            raise InputError(f"a source of footsteps returns a FootstepPlan, got {plan!r}")
+            raise InputError(f"a source of footsteps returns a FootstepPlan, got {shown(plan)}")
         if not plan.steps:
             return
         if now.first is not None and plan.steps[0].side != now.first:
@@ -239,8 +244,13 @@ class Driver:
 
     def _drop(self, error: Exception, now: Standing) -> None:
         """Come to a stand for a reason."""
-        self.reason = str(error) or type(error).__name__
-        logger.warning("footsteps refused (%s); the robot comes to a stand", self.reason)
+        ours = isinstance(error, InputError)
+        self.reason = str(error) if ours else f"{type(error).__name__}: {error}"
+        logger.warning(
+            "footsteps refused (%s); the robot comes to a stand",
+            self.reason,
+            exc_info=None if ours else error,
+        )
         self.source = stand = self.velocity_source()
         try:
             self._steer(stand.footsteps(now))

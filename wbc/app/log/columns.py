@@ -56,6 +56,7 @@ class Columns:
         self.texts: list[str] = []
         self._numbers: dict[str, int] = {}
         self._names: set[str] = set()
+        self._groups: set[str] = set()
 
     def add(self, name: str, unit: str = "1", about: str = "", kind: Kind = "number") -> int:
         """Add a column and return its index.
@@ -65,7 +66,14 @@ class Columns:
         """
         if name in self._names:
             raise InputError(f"there is a signal '{name}' already; choose another name")
-        self.signals.append(Signal(name, unit, about, kind))
+        signal = Signal(name, unit, about, kind)
+        parts = name.split("/")
+        groups = {"/".join(parts[:i]) for i in range(1, len(parts))}
+        if name in self._groups or (taken := groups & self._names):
+            what = f"a group '{name}'" if name in self._groups else f"a signal '{taken.pop()}'"
+            raise InputError(f"signal '{name}' cannot be: there is {what} already; choose another name")
+        self._groups |= groups
+        self.signals.append(signal)
         self._names.add(name)
         return len(self.signals) - 1
 

@@ -135,7 +135,7 @@ class Recorder(WalkHook):
                 command,
                 None if plant is None else plant.description,
                 drives.solution,
-                None if loop is None else loop.truth(),
+                None if loop is None or not hasattr(loop, "truth") else loop.truth(),
                 drives.observer.robot,
             )
         )

@@ -105,6 +105,10 @@ class MeshcatView:
         self._layers: tuple[Layer, ...] = ()
         self._loop = None if isinstance(source, (RobotDescription, Plant)) else source
         if self._loop is not None:
+            if not callable(getattr(self._loop, "truth", None)):
+                raise InputError(
+                    "a view of a loop needs its truth(); give the description of the robot, and update(robot) its state"
+                )
             source = self._loop.description
         if isinstance(source, RobotDescription):
             if walking is not None:
