@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 
 import wbc
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
+from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
 from wbc.robots import load
-from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, walk
+from wbc.sim import Machine, TrueFallDetector, WalkHook, WalkPlan, WalkSpec, WalkTick, walk
 
 QUICK = (
     "joint_position nan",
@@ -136,7 +137,7 @@ def check_change(task: str, mode: str, name: str) -> None:
 @cache
 def controls() -> tuple[Any, Measurement]:
     description = load("hrp4_class")
-    plant = Plant(description)
+    plant = Plant(description, machine=Machine(torque_sensors=True, hand_sensors=True))
     position = PositionControl(balance_controller(description.robot(), plant.control_period))
     torque = TorqueControl(balance_controller(description.robot(), plant.control_period))
     return (position, torque), plant.measure()
@@ -146,7 +147,7 @@ NUMBERS = st.one_of(st.floats(width=64), st.sampled_from([0.0, 1e3, -1e9, 1e200,
 GARBAGE = st.one_of(
     st.none(), st.text(max_size=5), st.lists(NUMBERS, max_size=40), st.integers(), st.floats()
 )
-NAMES = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+NAMES = (*SIGNALS, *OPTIONAL)
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -229,6 +230,44 @@ def test_an_encoder_is_predicted_over_a_gap_while_the_joint_moves() -> None:
         )
         assert used.joint_position[3] == pytest.approx(truth, abs=1e-9)
     assert plausibility.refused == 5 and not plausibility.faults
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e5])
+def test_impossible_torques_of_drives_are_named_and_the_commanded_ones_count(value: float) -> None:
+    """A robot whose feet have no force sensors stands on; it has the torques of its commands."""
+    description = load("hrp4_class")
+    plant = Plant(description, machine=Machine(force_sensors=False, torque_sensors=True))
+    control = PositionControl(balance_controller(description.robot(), plant.control_period))
+    for tick in range(200):
+        measurement = plant.measure()
+        assert measurement.joint_torque is not None
+        if tick >= 100:
+            torque = np.array(measurement.joint_torque)
+            torque[3] = value
+            measurement = replace(measurement, joint_torque=torque)
+        plant.step(control.command(measurement))
+        assert control.status() == ("ok" if tick < 100 else "refused: joint torques")
+        assert control.measurement is not None
+        source = "measured torques" if tick < 100 else "commanded torques"
+        assert control.measurement.wrench_source == source
+    assert control.failures == 0 and not TrueFallDetector(plant.robot).fallen(plant.truth().q)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"joint_torque": np.zeros(3)}, "joint_torque must have shape"),
+        ({"joint_torque": "weak"}, "joint_torque must be numbers"),
+        ({"hand_wrenches": np.zeros((6, 2))}, "hand_wrenches must have shape (2, 6)"),
+        ({"hand_wrenches": [[None] * 6] * 2}, "hand_wrenches must be numbers"),
+    ],
+)
+def test_optional_signals_of_another_shape_are_named(change: dict[str, Any], words: str) -> None:
+    (position, _), measurement = controls()
+    position.reset()
+    position.command(replace(measurement, **change))
+    assert position.failing and words in position.status()
+    position.reset()
 
 
 @pytest.mark.parametrize("size", [1.0, 1e3, 1e200, math.inf, math.nan])

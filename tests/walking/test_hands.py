@@ -246,6 +246,55 @@ def test_any_offset_of_a_wrist_is_tared_on_the_way_to_a_surface(offset: float) -
     np.testing.assert_allclose(hand.tare, [0.0, 0.0, offset, 0.0, 0.0, 0.0], atol=1e-9)
 
 
+def test_hands_whose_force_is_not_measured_neither_press_nor_grip() -> None:
+    description = load("hrp4_class")
+    plant, model = Plant(description), description.robot()
+    settings = WalkingControlSettings(hands=HandSettings())
+    walking = WalkingControl(model, FootstepPlan.standing(model), plant.control_period, settings)
+    hands = walking.hands
+    assert hands is not None
+    hands.press("left_hand", 10.0, DOWN, firm=True)  # before the first measurement nobody knows
+    for _ in range(15):
+        plant.step(walking.command(plant.measure()))
+    assert hands.lost == ("left_hand",), "nothing measured for 50 ms"
+    with pytest.raises(InputError, match="force sensor at its wrist.*no hand_wrenches"):
+        hands.press("right_hand", 10.0, DOWN, firm=True)
+    one = np.array([[np.nan] * 6, [0.0] * 6])
+    plant.step(walking.command(replace(plant.measure(), hand_wrenches=one)))
+    hands.press("right_hand", 10.0, DOWN, firm=True)
+    with pytest.raises(InputError, match="NaN for it"):
+        hands.grip("left_hand", model.placement("left_wrist_link").translation, AHEAD, 10.0)
+
+
+def test_impossible_readings_of_a_wrist_are_refused_and_a_dead_sensor_lets_go() -> None:
+    stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
+    stand.run(0.1)
+    stand.press_both(25.0)
+    stand.run(3.4)
+    hands, control = stand.hands, stand.walking.control
+    shift, felt = hands.shift.copy(), hands.outside.copy()
+
+    def tick(value: float, ticks: int) -> None:
+        for _ in range(ticks):
+            measured = stand.plant.measure()
+            assert measured.hand_wrenches is not None
+            wrenches = measured.hand_wrenches.copy()
+            wrenches[0, 2] = value
+            stand.plant.step(stand.walking.command(replace(measured, hand_wrenches=wrenches)))
+
+    for value in (1e5, np.inf, -1e9):
+        tick(value, 3)
+        assert control.status() == "refused: force sensor of left_hand"
+        stand.run(0.02)
+        assert control.status() == "ok"
+    assert [hand.state for hand in hands.all.values()] == 2 * [HandState.HOLD]
+    assert hands.shift == pytest.approx(shift, abs=1e-3) and hands.outside == pytest.approx(felt, abs=3.0)
+    tick(1e5, 15)
+    assert hands.lost == ("left_hand",) and control.failures == 0
+    stand.run(1.0)
+    assert hands.all["right_hand"].state is HandState.HOLD
+
+
 def test_a_hand_that_finds_no_surface_stops() -> None:
     stand = Stand(make_scene("table", distance=3.0), approach=0.2)
     stand.hands.press("left_hand", 10.0, DOWN, firm=True)

@@ -46,7 +46,7 @@ class Measurement:
             measured.
         hand_wrenches: Wrench of the surroundings on each hand, [force; moment] in the hand's frame at its origin, in
             the order of `Robot.frames`, shape (number of hands, 6), N and Nm; a load that is held counts, the hand's
-            own weight does not. None: no force sensors at the wrists.
+            own weight does not. NaN for a hand without a reading; None: no force sensors at the wrists.
         wrench_source: Origin of `sole_wrench`: "sensor", or "measured torques" or "commanded torques" where a control
             has estimated it.
     """

@@ -2,7 +2,8 @@
 
 A reading that the robot cannot produce (an encoder beyond its range or faster than its joint, a gyro beyond its range,
 a foot that carries ten times the weight) is replaced by a prediction for a short time. If it lasts, the tick fails and
-the control follows its failure policy. Time stamps that jump are refused without being adopted.
+the control follows its failure policy. Torques of joints and wrenches of hands, which a robot balances without, are left
+out instead. Time stamps that jump are refused without being adopted.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ logger = logging.getLogger(__name__)
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 """Signals that an estimate is made of, as `Measurement` calls them."""
 
+OPTIONAL = ("joint_torque", "hand_wrenches")
+"""Signals that only some robots have; a tick goes on without them."""
+
 UNLIMITED = 1e6
 """Speed limit from which on a model is taken to give none, rad/s or m/s: Pinocchio has the largest number there."""
 
@@ -42,8 +46,9 @@ class PlausibilitySettings:
         gyro_range: Largest angular rate of the gyroscope, rad/s; 35 rad/s are 2,000 °/s, the range of common units.
         gyro_jump: Largest change of an angular rate in a period, rad/s.
         accelerometer_range: Largest specific force, m/s²; 160 m/s² are 16 g, the range of common units.
-        force_ratio: A sole's force is refused above this multiple of the robot's weight; its moment above that force
-            times the length of the sole.
+        force_ratio: A sole's or a hand's force is refused above this multiple of the robot's weight; its moment above
+            that force times the length of the sole.
+        torque_margin: Measured torques are refused where one is above this multiple of the joint's limit.
         hold: Time for which a refused signal is replaced by a prediction before the tick fails, s.
         frozen_after: Number of identical measurements in a row after which ticks fail, if the clock stands still or as
             many measurements in a row had changed before.
@@ -58,6 +63,7 @@ class PlausibilitySettings:
     gyro_jump: Annotated[Positive, "rad/s"] = 15.0
     accelerometer_range: Annotated[Positive, "m/s²"] = 160.0
     force_ratio: Annotated[Positive, ""] = 10.0
+    torque_margin: Annotated[float, Field(ge=1.0)] = 3.0
     hold: Annotated[NonNegative, "s"] = 0.05
     frozen_after: Count = 20
     max_gap: Count = 20
@@ -76,7 +82,6 @@ class Plausibility:
 
     Attributes:
         settings: Settings.
-        faults: Descriptions of what is refused at present, such as "encoder of left_knee"; empty when all is well.
         refused: Number of ticks in which something was refused.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
         pace: Sentence that measurements do not come at the period of the controller; empty while they do.
@@ -95,6 +100,8 @@ class Plausibility:
         n, na = len(robot.soles), robot.na
         self._na = na
         self._shapes = ((na,), (na,), (3,), (3,), (n, 6))
+        self._optional_shapes = ((na,), (len(robot.frames), 6))
+        self._hands = tuple(robot.frames)
         lower, upper = robot.position_lower, robot.position_upper
         known = np.isfinite(lower) & np.isfinite(upper)
         self._middle = np.zeros(2 * na + 6 + 6 * n)
@@ -110,6 +117,9 @@ class Plausibility:
         for i, sole in enumerate(robot.soles):
             at = 2 * na + 6 + 6 * i
             self._bound[at : at + 3], self._bound[at + 3 : at + 6] = force, force * sole.length
+        longest = max(sole.length for sole in robot.soles)
+        self._wrist = np.repeat([force, force * longest], 3)  # largest wrench of a hand
+        self._torque = s.torque_margin * np.minimum(robot.torque_limit, UNLIMITED)
         self._step = self._speed * dt + s.position_jump
         self._gyro = slice(2 * na, 2 * na + 3)
         self._jump = np.full(self._middle.size, np.inf)  # largest change of every number in a period
@@ -131,7 +141,8 @@ class Plausibility:
 
     def reset(self) -> None:
         """Forget the past; the next measurement is taken as the first one."""
-        self.faults: tuple[str, ...] = ()
+        self._faults: tuple[str, ...] = ()
+        self._optional_faults: tuple[str, ...] = ()
         self.refused = 0
         self._values: Array | None = None
         self._time, self._other_time = math.nan, math.nan
@@ -174,10 +185,15 @@ class Plausibility:
         good = self._within(values, self._middle, self._bound) and (
             last is None or self._within(values, last, self._jump)
         )
-        if good and not self.faults:
+        if good and not self._faults:
             self._values = values
-            return m, renewed
-        return self._repair(m, values), renewed
+        else:
+            m = self._repair(m, values)
+        if m.joint_torque is not None or m.hand_wrenches is not None:
+            m = self._check_optional(m)
+        elif self._optional_faults:
+            self._optional_faults = ()
+        return m, renewed
 
     def _within(self, values: Array, middle: Array, bound: Array) -> bool:
         """Return True if no number is farther than its bound from the middle; False for NaN."""
@@ -185,6 +201,35 @@ class Plausibility:
         np.abs(excess, out=excess)
         excess -= bound
         return largest(excess) <= 0.0
+
+    def _check_optional(self, m: Measurement) -> Measurement:
+        """Return a measurement without impossible torques of joints, and with NaN for impossible wrenches of hands."""
+        arrays = [
+            None if getattr(m, name) is None else _numbers(m, name, shape)
+            for name, shape in zip(OPTIONAL, self._optional_shapes, strict=True)
+        ]
+        torque, hands = arrays
+        faults: list[str] = []
+        if torque is not None and not (np.abs(torque) <= self._torque).all():
+            faults.append("joint torques")
+            torque = None
+        if hands is not None:
+            wrong = (np.abs(hands) > self._wrist).any(axis=1)  # a hand without a reading has NaN
+            if wrong.any():
+                faults += [f"force sensor of {self._hands[i]}" for i in np.flatnonzero(wrong)]
+                hands = np.where(wrong[:, None], np.nan, hands)
+        if faults and tuple(faults) != self._optional_faults:
+            logger.error("measurement at %.4f s: %s refused", m.time, ", ".join(faults))
+        self._optional_faults = tuple(faults)
+        self.refused += bool(faults) and not self._faults
+        if torque is m.joint_torque and hands is m.hand_wrenches:
+            return m
+        return replace(m, joint_torque=torque, hand_wrenches=hands)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is refused at present, such as "encoder of left_knee"; empty when all is well."""
+        return self._faults + self._optional_faults
 
     @property
     def values(self) -> Array:
@@ -224,12 +269,7 @@ class Plausibility:
             raise MeasurementError(f"a measurement must be a Measurement, got {type(m).__name__}")
         arrays: dict[str, Any] = {}
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
-            array = np.asarray(getattr(m, name))
-            if array.dtype.kind not in "iuf":
-                raise MeasurementError(f"{name} must be numbers of shape {shape}, got {getattr(m, name)!r}")
-            if array.shape != shape:
-                raise MeasurementError(f"{name} must have shape {shape}, got {array.shape}")
-            arrays[name] = array.astype(np.float64)
+            arrays[name] = _numbers(m, name, shape)
         return replace(m, **arrays)
 
     def _check_time(self, time: Any) -> bool:
@@ -276,7 +316,7 @@ class Plausibility:
         # Perfect sensors of a robot at rest may repeat themselves; those that have always changed do not.
         alive = self._changes >= self.settings.frozen_after or time == self._changed_at
         if alive and self._identical >= self.settings.frozen_after:
-            self.faults = ("the same measurement again",)
+            self._faults = ("the same measurement again",)
             raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
 
     def _count_change(self, time: float) -> None:
@@ -295,10 +335,10 @@ class Plausibility:
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
-        if names and names != self.faults:
+        if names and names != self._faults:
             logger.error("measurement at %.4f s: %s refused", m.time, ", ".join(names))
         self._lasting = np.where(bad, self._lasting + dt, 0.0)
-        self.faults = names
+        self._faults = names
         if not names:
             self._values = values
             return m
@@ -322,3 +362,13 @@ class Plausibility:
             specific_force=repaired[2 * na + 3 : 2 * na + 6],
             sole_wrench=repaired[2 * na + 6 :].reshape(-1, 6),
         )
+
+
+def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
+    """Return a signal of a measurement as numbers of a shape."""
+    array = np.asarray(getattr(m, name))
+    if array.dtype.kind not in "iuf":
+        raise MeasurementError(f"{name} must be numbers of shape {shape}, got {getattr(m, name)!r}")
+    if array.shape != shape:
+        raise MeasurementError(f"{name} must have shape {shape}, got {array.shape}")
+    return array.astype(np.float64, copy=False)

@@ -60,6 +60,7 @@ class HandSettings:
         touch: Force that is a touch, N.
         ramp: Time in which a force is built up, taken back or changed, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
+        silence: Time without a reading of the force sensor after which what depends on it ends, s.
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
         follow: Time constant, twice, with which a hand that grips follows the feet, s.
         edge: Share of the way to the edge of the soles that the ZMP of the feet goes for planned forces before the CoM
@@ -85,6 +86,7 @@ class HandSettings:
     touch: Annotated[Positive, "N"] = 4.0
     ramp: Annotated[Positive, "s"] = 2.0
     lag: Annotated[Positive, "s"] = 0.02
+    silence: Annotated[NonNegative, "s"] = 0.05
     compliance: Annotated[Positive, "m/N"] = 3e-4
     follow: Annotated[Positive, "s"] = 0.25
     edge: Share = 0.0
@@ -219,6 +221,11 @@ class Hand:
         elif self.state is not HandState.FREE:
             self._free()
 
+    def lose(self) -> None:
+        """Give up what it presses on, or its way there; nothing changes for a hand that is free or grips."""
+        if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
+            self._lose()
+
     def update(self, wrench: Array, rotation: Array, most: float, middle: MovingFrame, dt: float) -> None:
         """Advance by one tick.
 
@@ -318,7 +325,6 @@ class Hand:
         behind = task.target.translation - self._robot.placement(task.frame).translation
         if self._way >= settings.search or float(np.linalg.norm(behind)) > settings.behind:
             self._lose()
-            task.target = pin.SE3(self._robot.placement(task.frame))
             return
         self._way += settings.approach * dt
         point = self._start.translation + self._way * self.direction
@@ -338,6 +344,8 @@ class Hand:
         self.force.to(0.0, duration)
 
     def _lose(self) -> None:
+        if self.state is not HandState.HOLD:  # stop on the way
+            self.task.target = pin.SE3(self._robot.placement(self.task.frame))
         self.state = HandState.LOST
         self._fade(self._settings.loss_ramp)
         self.extra = 0.0

@@ -15,6 +15,7 @@ Source: M. Murooka et al., "Humanoid loco-manipulations pattern generation and s
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -40,6 +41,8 @@ from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
 from wbc.walking.stabilizer.zmp import zmp_offset
 from wbc.walking.walk import WalkReference
+
+logger = logging.getLogger(__name__)
 
 SLOW_TIME = 1.0
 """Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest.
@@ -133,7 +136,9 @@ class Hands:
             arms.occupied.update(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
-        self._measured = np.zeros((len(hands), 6))  # the last of each wrist that was finite
+        self._measurement: Measurement | None = None  # the last one
+        self._measured = np.zeros((len(hands), 6))  # the last reading of each wrist
+        self._silent = np.zeros(len(hands))  # time since then, s
         self._borne = np.zeros((len(hands), 6))  # the same, the slow share of hands that grip
         self._missing = np.zeros(2)
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
@@ -202,7 +207,7 @@ class Hands:
         Raises:
             UnknownNameError: No such hand.
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
-                point out of reach; a hand that has a target (`arms`).
+                point out of reach; a hand that has a target (`arms`), or whose force is not measured.
         """
         self._start(hand, force, direction, at, firm=firm, grip=False)
 
@@ -222,7 +227,7 @@ class Hands:
         Raises:
             UnknownNameError: No such hand.
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
-                target (`arms`) or presses on something.
+                target (`arms`), presses on something, or whose force is not measured.
         """
         self._start(hand, limit, direction, at, firm=False, grip=True)
 
@@ -238,6 +243,11 @@ class Hands:
     ) -> None:
         """Check what a hand is to do, and let it begin."""
         choose("hand", hand, self.all)
+        if self._measurement is not None and not self._readings(self._measurement)[self.all[hand].index]:
+            raise InputError(
+                f"{hand} must have a force sensor at its wrist to press or grip: the last measurement has "
+                f"{'no hand_wrenches' if self._measurement.hand_wrenches is None else 'NaN for it'}"
+            )
         if grip and self.all[hand].state is HandState.HOLD:
             raise InputError(
                 f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
@@ -329,6 +339,7 @@ class Hands:
         Returns:
             [force; moment] at the world origin, shape (6,), N and Nm.
         """
+        self._measurement = measurement
         rests = reference.phase is Phase.STANDING
         self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
         if not rests:
@@ -339,7 +350,7 @@ class Hands:
         zmp = reference.pendulum.zmp
         feet = [motion.placement.translation for motion in reference.feet]
         self._middle.update(feet, reference.heading, dt)
-        self._read(measurement.hand_wrenches)
+        self._read(measurement, dt)
         quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         for name, hand in self.all.items():
@@ -374,11 +385,25 @@ class Hands:
             self._shift.reset()
         return self._outside
 
-    def _read(self, wrenches: Array | None) -> None:
-        """Take the wrenches of the wrists; a sensor that drops out keeps its last one, and NaN gets into no filter."""
-        if wrenches is not None:
-            finite = np.isfinite(wrenches).all(axis=1)
-            self._measured[finite] = wrenches[finite]
+    def _readings(self, measurement: Measurement) -> Array:
+        """Return which hands have a reading, shape (number of hands,)."""
+        wrenches = measurement.hand_wrenches
+        return np.zeros(len(self.all), dtype=bool) if wrenches is None else np.isfinite(wrenches).all(axis=1)
+
+    def _read(self, measurement: Measurement, dt: float) -> None:
+        """Take the wrenches of the wrists; the last one of a sensor that drops out stands for `silence`."""
+        there = self._readings(measurement)
+        if measurement.hand_wrenches is not None:
+            self._measured[there] = measurement.hand_wrenches[there]
+        self._silent[there] = 0.0
+        self._silent[~there] += dt
+        for hand in self.all.values():
+            silent = self._silent[hand.index]
+            if hand.active and silent > self.settings.silence:
+                if silent - dt <= self.settings.silence:
+                    logger.error("%s has no reading of its force sensor for %.3f s", hand.name, silent)
+                self._measured[hand.index] = hand.tare
+                hand.lose()
 
     def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to what is of no use, and to what is too much.
