@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,6 +18,9 @@ NEAR_LIMIT = 0.6
 
 UNLIKE = 0.01
 """Share by which the mass of the legs may differ."""
+
+MOST_RANGE = 4.0 * math.pi
+"""Range of a joint from which on its limits may be in degrees, rad."""
 
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere."""
@@ -124,6 +128,13 @@ def doubts(robot: Any) -> tuple[str, ...]:
     ]
     if wide:
         found.append(f"no position limits (±π taken): {_listed(wide)}")
+    turns = [
+        name
+        for name, limits in zip(robot.joint_names, zip(*robot.position_limits, strict=True), strict=True)
+        if limits[1] - limits[0] > MOST_RANGE
+    ]
+    if turns:
+        found.append(f"position limits of more than two turns, in degrees? {_listed(turns)}")
     return tuple(found)
 
 

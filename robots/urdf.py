@@ -232,12 +232,16 @@ def lock(root: Element, positions: Mapping[str, float]) -> None:
 
     Raises:
         UnknownNameError: No such moving joint.
-        InputError: A position that is not finite.
+        InputError: A position that is not finite or beyond the limits of the file.
     """
     for name, value in positions.items():
         moving = joints(root, MOVING)
         joint = moving[choose("joint", name, moving)]
-        shift = finite_scalar(f"locked joint '{name}'", value)
+        limit, bounds = joint.find("limit"), (-math.inf, math.inf)
+        if limit is not None and joint.get("type") != "continuous":
+            lower, upper = (_number(limit, key, name) for key in ("lower", "upper"))
+            bounds = (lower, upper) if lower < upper else bounds
+        shift = finite_scalar(f"locked joint '{name}'", value, low=bounds[0], high=bounds[1])
         origin = joint.find("origin")
         if origin is None:
             origin = ElementTree.SubElement(joint, "origin")

@@ -8,15 +8,12 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
-from wbc.core.errors import InputError, finite_scalar
+from wbc.core.errors import LONGEST_PERIOD, InputError, finite_scalar
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, settings
 
 SHORTEST_STEP = 1e-6
 """Shortest physics step, s: a hundredth of the reference; a second of simulation then takes minutes."""
-
-LONGEST_PERIOD = 1.0
-"""Longest physics step and control period, s."""
 
 LONGEST_DELAY = 0.1
 """Longest delay of measurements and commands, s."""

@@ -97,6 +97,11 @@ CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
     "weights of the wrong shape": (setting(com, "weight", [1.0, 2.0]), InputError, "shape"),
     "no period": (lambda: wbc.Controller(shared_robot().clone(), 0.0), InputError, "control period"),
     "negative period": (lambda: wbc.Controller(shared_robot().clone(), -0.01), InputError, "control period"),
+    "period in milliseconds": (
+        lambda: wbc.Controller(shared_robot().clone(), 5.0),
+        InputError,
+        r"control period \(s\) must lie in \(0, 1\], got 5",
+    ),
     "period with NaN": (lambda: wbc.Controller(shared_robot().clone(), NAN), InputError, "finite"),
     "period that is no multiple": (lambda: StandSpec(control_period=0.0015), InputError, "whole multiple"),
     "contact on what is no sole": (

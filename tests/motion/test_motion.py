@@ -142,6 +142,11 @@ def test_a_cell_without_end_is_no_csv(tmp_path: Path) -> None:
         read_motion(tmp_path / "clip.csv")
 
 
+def test_joints_in_degrees_are_refused(arms: MotionClip) -> None:
+    with pytest.raises(InputError, match="joints of a motion must be in rad, joint '.*; in degrees"):
+        replace(arms, joints=np.degrees(arms.joints))
+
+
 def test_feet_stand_or_not(arms: MotionClip) -> None:
     numbers = np.tile([1, 0], (len(arms), 1))  # as a file may have them
     clip = replace(arms, standing=numbers)

@@ -231,6 +231,8 @@ def test_locked_joints_are_fixed_at_their_position() -> None:
     np.testing.assert_allclose(one.com, other.com, atol=1e-6)
     with pytest.raises(UnknownNameError, match="did you mean 'l_elbow'"):
         RobotDescription.from_urdf(biped(), **FEET, lock={"l_elbw": 0.0})
+    with pytest.raises(InputError, match=r"locked joint 'l_elbow' must lie in \[.*got -40"):
+        RobotDescription.from_urdf(biped(), **FEET, lock={"l_elbow": -40.0})  # degrees
 
 
 CIRCLE = "".join(
@@ -692,8 +694,18 @@ def test_a_sliding_joint_is_reported_in_millimetres_and_a_wide_range_is_no_missi
     assert any("lift_joint" in line and "0 .. 200" in line for line in lines)
     assert any("turn_joint" in line and "-189 .. 189" in line for line in lines)
     assert "  sliding joints, in mm, m/s, N and kg: lift_joint" in lines
-    assert not any("no position limits" in doubt for doubt in description.doubts())
+    assert not any("position limits" in doubt for doubt in description.doubts())
     assert description.summary()["joints"]["lift_joint"]["unit"] == "m"
+
+
+def test_position_limits_in_degrees_are_doubted() -> None:
+    wide = biped(
+        after=f"""<link name="turn">{MASS}</link><joint name="turn_joint" type="revolute">
+        <parent link="trunk"/><child link="turn"/><axis xyz="0 0 1"/>
+        <limit lower="-90" upper="90" effort="50" velocity="1"/></joint>"""
+    )
+    doubts = RobotDescription.from_urdf(wide, **FEET).doubts()
+    assert "position limits of more than two turns, in degrees? turn_joint" in doubts
 
 
 MASS = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'

@@ -364,6 +364,8 @@ def test_velocities_that_are_refused() -> None:
     walking.go_to(0.5, 0.0, 0.0)
     walking.velocity = (0.1, 0.0, 0.0)
     assert walking.velocity == (0.1, 0.0, 0.0) and walking.granted_velocity == AT_REST
+    with pytest.raises(InputError, match=r"velocity to the left \(m/s\) must lie in"):
+        walking.velocity = (0.1, 100.0, 0.0)
 
 
 def test_a_height_that_is_given_bounds_steps_as_the_same_height_by_default() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from wbc.app.address import Host, Port
+from wbc.core.errors import InputError
 from wbc.core.settings import settings
 from wbc.sim.plant.plant import Plant
 
@@ -48,6 +49,10 @@ class LiveView:
     view: bool = False
     host: Host = "127.0.0.1"
     port: Port | None = None
+
+    def __post_init__(self) -> None:
+        if not self.view and (self.port is not None or self.host != "127.0.0.1"):
+            raise InputError("host and port are those of the live view: they need --view")
 
     @contextmanager
     def show(self, plant: Plant, walking: WalkingControl | None = None) -> Iterator[ShownRun]:

@@ -43,6 +43,9 @@ class MeasurementError(WbcError):
 LONGEST = 80
 """Longest text of a value in a message, characters."""
 
+LONGEST_PERIOD = 1.0
+"""Longest control period, s: numbers above are in milliseconds, or are frequencies."""
+
 
 def shown(value: object) -> str:
     """Return a value as messages show it: on one line, shortened, printable."""
@@ -219,6 +222,15 @@ def positive(what: str, value: Any) -> float:
         InputError: Not a number, not finite or not above zero.
     """
     return finite_scalar(what, value, low=0.0, open_low=True)
+
+
+def as_period(value: Any) -> float:
+    """Return a control period, s.
+
+    Raises:
+        InputError: Not a number above zero, or more than a second: it is in another unit.
+    """
+    return finite_scalar("control period (s)", value, low=0.0, high=LONGEST_PERIOD, open_low=True)
 
 
 def non_negative(what: str, value: Any) -> float:

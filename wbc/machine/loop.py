@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from wbc.core.arguments import checked
-from wbc.core.errors import WbcError, check_parts, positive
+from wbc.core.errors import WbcError, as_period, check_parts, positive
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 
@@ -77,7 +77,7 @@ class DriverLoop:
         """
         check_parts("a driver", driver, "read", "write", "damp")
         self.description = description
-        self.control_period = positive("control period (s)", control_period)
+        self.control_period = as_period(control_period)
         self._driver, self._timeout = driver, positive("timeout (s)", timeout)
         self._newest: Measurement | None = None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,9 @@ from wbc.core.robot import Robot
 
 UPRIGHT = 0.5
 """Least z-component of the base's z-axis in the first frame: at 60 degrees of tilt the quaternion's order is wrong."""
+
+MOST = 4.0 * math.pi
+"""Joint positions beyond are those of a file in degrees, rad."""
 
 LONGEST = 1_000_000
 """Most frames of a clip."""
@@ -50,7 +54,7 @@ class MotionClip:
 
         Raises:
             InputError: A wrong shape, a number that is not finite (its frame and column are named), a quaternion that
-                is none, a first frame in which the robot is not upright, a joint named twice.
+                is none, joints in degrees, a first frame in which the robot is not upright, a joint named twice.
         """
         names = tuple(self.joint_names)
         finite_scalar("rate of a motion (Hz)", self.rate, low=SLOWEST, high=FASTEST)
@@ -74,6 +78,13 @@ class MotionClip:
             raise InputError("standing of a motion must be true or false")
         columns = [*("x", "y", "z", "qx", "qy", "qz", "qw"), *names]
         _check_finite(np.hstack([base, joints]), columns, self.rate)
+        far = np.abs(joints).max(axis=0, initial=0.0)
+        if far.max(initial=0.0) > MOST:
+            worst = int(far.argmax())
+            raise InputError(
+                f"joints of a motion must be in rad, joint '{names[worst]}' turns as far as {far[worst]:.1f} rad; "
+                "in degrees?"
+            )
         base[:, 3:] = _unit(base[:, 3:])
         tilt = float(rotation_of(base[0, 3:])[2, 2])
         if tilt < UPRIGHT:

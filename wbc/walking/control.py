@@ -22,7 +22,7 @@ from wbc.core.arguments import checked
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array, InputError, positive, scalar
+from wbc.core.errors import Array, InputError, as_period, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.lag import lag_gain
@@ -110,7 +110,7 @@ class WalkingControl:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
         check_start(robot, plan)
         self.settings = s = settings or WalkingControlSettings()
-        self.dt = positive("control period (s)", dt)
+        self.dt = as_period(dt)
         self._robot = robot
         ground = 0.5 * (plan.left.z + plan.right.z)
         height = float(robot.com[2]) - ground if s.com_height is None else s.com_height

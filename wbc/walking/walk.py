@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import Array, InputError, as_period
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.walking.catching import Catch, CatchSettings, Trunk
@@ -172,7 +172,7 @@ class Walk:
                 CoM height that the legs cannot reach.
         """
         self.settings = s = settings or WalkSettings()
-        self.period = positive("control period (s)", period)
+        self.period = as_period(period)
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.on_grid(period)
         for note in self.notes:

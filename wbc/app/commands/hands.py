@@ -156,11 +156,13 @@ def _report(
 
 
 def _press_text(result: HandPressResult) -> str:
+    bounded = ", the arms have no more" if result.bounded else ""
     lost = f", lost: {', '.join(result.lost)}" if result.lost else ""
     return (
         f"{result.on}: {result.force_N:g} N asked for, held {result.held_s:g} s: mean {result.mean_N:.1f} N "
-        f"({result.least_N:.1f} to {result.greatest_N:.1f}), each hand within 10 % for {100.0 * result.within:.0f} % "
-        f"of the time, centre of mass {result.beyond_toes_mm:.0f} mm before the toes{lost}"
+        f"({result.least_N:.1f} to {result.greatest_N:.1f}{bounded}), each hand within "
+        f"10 % for {100.0 * result.within:.0f} % of the time, "
+        f"centre of mass {result.beyond_toes_mm:.0f} mm before the toes{lost}"
     )
 
 

@@ -47,6 +47,11 @@ class ViewOptions:
             raise InputError(
                 f"a replay's name must end in one of {', '.join(EXPORTS)}, got '{self.out.name}'"
             )
+        film = self.out is not None and self.out.suffix.lower() in FILMS
+        if not film and (self.speed != 1.0 or self.size != (960, 720)):
+            raise InputError(f"speed and size are those of a film: they need --out with {' or '.join(FILMS)}")
+        if self.out is not None and (self.port is not None or self.host != "127.0.0.1"):
+            raise InputError(f"host and port are those of a page that is served, not of '{self.out.name}'")
 
 
 @reports

@@ -2,8 +2,8 @@
 
 A reading that the robot cannot produce (an encoder beyond its range or faster than its joint, a gyro beyond its range,
 a foot that carries ten times the weight) is replaced by a prediction for a short time. If it lasts, the tick fails and
-the control follows its failure policy. Torques of joints and wrenches of hands, which a robot balances without, are left
-out instead. Time stamps that jump are refused without being adopted.
+the control follows its failure policy. Torques of joints and wrenches of hands, which a robot balances without, are
+left out instead. Time stamps that jump are refused without being adopted.
 """
 
 from __future__ import annotations
@@ -214,10 +214,11 @@ class Plausibility:
             faults.append("joint torques")
             torque = None
         if hands is not None:
-            wrong = (np.abs(hands) > self._wrist).any(axis=1)  # a hand without a reading has NaN
+            wrong = np.any(np.abs(hands) > self._wrist, axis=1)  # a hand without a reading has NaN
             if wrong.any():
                 faults += [f"force sensor of {self._hands[i]}" for i in np.flatnonzero(wrong)]
-                hands = np.where(wrong[:, None], np.nan, hands)
+                hands = np.array(hands)
+                hands[wrong] = np.nan
         if faults and tuple(faults) != self._optional_faults:
             logger.error("measurement at %.4f s: %s refused", m.time, ", ".join(faults))
         self._optional_faults = tuple(faults)

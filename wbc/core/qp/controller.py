@@ -13,7 +13,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, choose, positive, shown
+from wbc.core.errors import Array, InputError, as_period, choose, positive, shown
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
@@ -62,7 +62,7 @@ class Controller:
             InputError: A period or regularisation that is not positive.
         """
         self.robot = robot
-        self._dt = positive("control period (s)", dt)
+        self._dt = as_period(dt)
         self._regularisation = positive("regularisation", regularisation)
         self._settings = settings or SolverSettings()
         self._tasks: list[Task] = []

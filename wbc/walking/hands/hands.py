@@ -22,7 +22,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
@@ -385,10 +385,12 @@ class Hands:
             self._shift.reset()
         return self._outside
 
-    def _readings(self, measurement: Measurement) -> Array:
+    def _readings(self, measurement: Measurement) -> NDArray[np.bool_]:
         """Return which hands have a reading, shape (number of hands,)."""
-        wrenches = measurement.hand_wrenches
-        return np.zeros(len(self.all), dtype=bool) if wrenches is None else np.isfinite(wrenches).all(axis=1)
+        there = np.zeros(len(self.all), dtype=bool)
+        if measurement.hand_wrenches is not None:
+            np.isfinite(measurement.hand_wrenches).all(axis=1, out=there)
+        return there
 
     def _read(self, measurement: Measurement, dt: float) -> None:
         """Take the wrenches of the wrists; the last one of a sensor that drops out stands for `silence`."""

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import InputError, finite_array, positive
+from wbc.core.errors import InputError, as_period, finite_array
 from wbc.core.settings import Positive, settings
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
@@ -147,7 +147,7 @@ class Gait:
         Raises:
             InputError: A period that is not above zero or longer than half of a timing.
         """
-        period = positive("control period (s)", period)
+        period = as_period(period)
         changed: dict[str, float] = {}
         notes = []
         for name in TIMINGS:

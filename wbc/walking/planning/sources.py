@@ -444,9 +444,9 @@ def checked_velocity(velocity: Sequence[float] | None) -> Velocity:
         return AT_REST
     x, y, turn = finite_array("velocity (forward m/s, left m/s, turn rad/s)", velocity, (3,)).tolist()
     return (
-        finite_scalar("velocity", x, low=-10.0, high=10.0),
-        finite_scalar("velocity", y, low=-10.0, high=10.0),
-        finite_scalar("velocity", turn, low=-10.0, high=10.0),
+        finite_scalar("forward velocity (m/s)", x, low=-10.0, high=10.0),
+        finite_scalar("velocity to the left (m/s)", y, low=-10.0, high=10.0),
+        finite_scalar("turning velocity (rad/s)", turn, low=-10.0, high=10.0),
     )
 
 
