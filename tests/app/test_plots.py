@@ -175,6 +175,8 @@ def test_logs_without_a_walk_are_refused_by_name(standing: Log) -> None:
         draw("torques", [standing])
     with pytest.raises(InputError, match="at least one log"):
         draw("torque", [])
+    with pytest.raises(InputError, match="logs must be"):
+        draw("torque", standing)  # type: ignore[arg-type]
 
 
 def test_signals_are_chosen_by_name_group_or_pattern(log: Log) -> None:

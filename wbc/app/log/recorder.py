@@ -23,12 +23,12 @@ from wbc.core.files import FileError
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
+from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import WalkHook
 from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
-    from wbc.robots import RobotDescription
     from wbc.sim import GroundTruth, MujocoLoop
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
@@ -116,7 +116,8 @@ class Recorder(WalkHook):
         """Record one tick, after the command has been computed and before the plant takes it.
 
         Args:
-            plant: The plant or loop, for ground truth; None without one.
+            plant: The plant or loop, for ground truth and for the robot that a replay shows; None without one: `write`
+                takes a description.
             control: The walk, or position or torque control.
             measurement: Input of the control.
             command: Output of the control.
@@ -163,9 +164,10 @@ class Recorder(WalkHook):
             estimate: Estimated robot, up to date.
 
         Raises:
-            InputError: As for a call.
+            InputError: As for a call, or a first tick with something else than these.
         """
         if self._model is None:
+            _check_kind("description", description, RobotDescription)
             self._model = description.robot()
         self._record(
             Tick(None, None, measurement, command, description, solution, truth, estimate, self._model)
@@ -206,6 +208,11 @@ class Recorder(WalkHook):
 
     def _begin(self, tick: Tick) -> None:
         """Make the sources and write the header."""
+        for what, value, kind in (
+            ("measurement", tick.measurement, Measurement),
+            ("command", tick.command, Command),
+        ):
+            _check_kind(what, value, kind)
         columns = Columns()
         sources = sources_for(columns, tick)
         stiffness = self._stiffness or getattr(tick.control, "stiffness", None)
@@ -317,3 +324,8 @@ def _takes_the_tick(function: Callable[..., Any]) -> bool:
 
 def _ignoring_the_tick(function: Callable[..., Any]) -> Callable[[Tick], Any]:
     return lambda tick: function()
+
+
+def _check_kind(what: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise InputError(f"{what} of a tick must be a {kind.__name__}, got {type(value).__name__}")
