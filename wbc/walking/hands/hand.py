@@ -15,6 +15,7 @@ servos at the hand, along the force, and the delay T of sensor and servo.
 from __future__ import annotations
 
 import enum
+import logging
 import math
 from typing import Annotated
 
@@ -26,6 +27,8 @@ from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.walking.hands.motion import MovingFrame, Ramp, least_turn, quintic_part
+
+logger = logging.getLogger(__name__)
 
 GAP = 0.01
 """Distance between the tip of a hand and a handle that it is to grip, m."""
@@ -109,6 +112,7 @@ class Hand:
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force that is asked for now, N.
+        reading: Last reading of its sensor, [force; moment] in its frame, shape (6,), N and Nm.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
             its last way to a surface; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
@@ -142,7 +146,8 @@ class Hand:
         self.direction = np.zeros(3)
         self.force = Ramp()
         self.pressed = self.extra = 0.0
-        self.tare = np.zeros(6)
+        self.reading, self.tare = np.zeros(6), np.zeros(6)
+        self._silent = 0.0  # time since the last reading, s
         self._most = math.inf  # that the arm has, N
         self.bounded = False
         self.excess = np.zeros(3)
@@ -188,7 +193,7 @@ class Hand:
             return
         self.direction = direction
         self.state, self._felt, self._way = HandState.APPROACH, 0.0, 0.0
-        self._path, self._elapsed, self._grips = np.zeros(3), 0.0, False
+        self._path, self._elapsed, self._grips, self._silent = np.zeros(3), 0.0, False, 0.0
         self.extra, self.excess, self.bounded, self._most = 0.0, np.zeros(3), False, math.inf
         self._start = pin.SE3(self._robot.placement(self.task.frame))
         self.task.target = self._start
@@ -221,8 +226,24 @@ class Hand:
         elif self.state is not HandState.FREE:
             self._free()
 
-    def lose(self) -> None:
-        """Give up what it presses on, or its way there; nothing changes for a hand that is free or grips."""
+    def sense(self, wrench: Array | None, dt: float) -> None:
+        """Take what its sensor reads. The last reading stands in for none until `silence` has passed.
+
+        Then a hand that presses or is on its way has lost its contact, and one that grips feels nothing.
+
+        Args:
+            wrench: [force; moment] in its frame, shape (6,), N and Nm; None or NaN without a reading.
+            dt: Control period, s.
+        """
+        if wrench is not None and np.isfinite(wrench).all():
+            self.reading[:], self._silent = wrench, 0.0
+            return
+        before, self._silent = self._silent, self._silent + dt
+        if self._silent <= self._settings.silence:
+            return
+        self.reading[:] = self.tare
+        if before <= self._settings.silence:
+            logger.error("%s: no reading of its force sensor for %.3f s", self.name, self._silent)
         if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
             self._lose()
 

@@ -15,14 +15,13 @@ Source: M. Murooka et al., "Humanoid loco-manipulations pattern generation and s
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
@@ -41,8 +40,6 @@ from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
 from wbc.walking.stabilizer.zmp import zmp_offset
 from wbc.walking.walk import WalkReference
-
-logger = logging.getLogger(__name__)
 
 SLOW_TIME = 1.0
 """Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest.
@@ -137,8 +134,6 @@ class Hands:
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
         self._measurement: Measurement | None = None  # the last one
-        self._measured = np.zeros((len(hands), 6))  # the last reading of each wrist
-        self._silent = np.zeros(len(hands))  # time since then, s
         self._borne = np.zeros((len(hands), 6))  # the same, the slow share of hands that grip
         self._missing = np.zeros(2)
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
@@ -243,11 +238,7 @@ class Hands:
     ) -> None:
         """Check what a hand is to do, and let it begin."""
         choose("hand", hand, self.all)
-        if self._measurement is not None and not self._readings(self._measurement)[self.all[hand].index]:
-            raise InputError(
-                f"{hand} must have a force sensor at its wrist to press or grip: the last measurement has "
-                f"{'no hand_wrenches' if self._measurement.hand_wrenches is None else 'NaN for it'}"
-            )
+        self._check_sensor(hand)
         if grip and self.all[hand].state is HandState.HOLD:
             raise InputError(
                 f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
@@ -286,6 +277,17 @@ class Hands:
             self.all[hand].grip(along, force, point)
         else:
             self.all[hand].press(along, force, point)
+
+    def _check_sensor(self, hand: str) -> None:
+        """Check that the force on a hand is measured, as far as is known: before the first tick nothing is."""
+        if self._measurement is None:
+            return
+        wrenches = self._measurement.hand_wrenches
+        if wrenches is None or not np.isfinite(wrenches[self.all[hand].index]).all():
+            raise InputError(
+                f"{hand} must have a force sensor at its wrist to press or grip: the last measurement has "
+                f"{'no hand_wrenches' if wrenches is None else 'NaN for it'}"
+            )
 
     def release(self, hand: str) -> None:
         """Take a force back and let go.
@@ -350,14 +352,15 @@ class Hands:
         zmp = reference.pendulum.zmp
         feet = [motion.placement.translation for motion in reference.feet]
         self._middle.update(feet, reference.heading, dt)
-        self._read(measurement, dt)
+        readings = measurement.hand_wrenches
         quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         for name, hand in self.all.items():
             if not hand.active:
                 continue
             place = self._estimate.data.oMf[self._frames[name]]
-            wrench = self._measured[hand.index] - hand.tare
+            hand.sense(None if readings is None else readings[hand.index], dt)
+            wrench = hand.reading - hand.tare
             most = self.strength(name, hand.direction)[0] if hand.state is HandState.HOLD else math.inf
             hand.update(wrench, place.rotation, most, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
@@ -384,28 +387,6 @@ class Hands:
             self._middle = MovingFrame(self.settings.follow)
             self._shift.reset()
         return self._outside
-
-    def _readings(self, measurement: Measurement) -> NDArray[np.bool_]:
-        """Return which hands have a reading, shape (number of hands,)."""
-        there = np.zeros(len(self.all), dtype=bool)
-        if measurement.hand_wrenches is not None:
-            np.isfinite(measurement.hand_wrenches).all(axis=1, out=there)
-        return there
-
-    def _read(self, measurement: Measurement, dt: float) -> None:
-        """Take the wrenches of the wrists; the last one of a sensor that drops out stands for `silence`."""
-        there = self._readings(measurement)
-        if measurement.hand_wrenches is not None:
-            self._measured[there] = measurement.hand_wrenches[there]
-        self._silent[there] = 0.0
-        self._silent[~there] += dt
-        for hand in self.all.values():
-            silent = self._silent[hand.index]
-            if hand.active and silent > self.settings.silence:
-                if silent - dt <= self.settings.silence:
-                    logger.error("%s has no reading of its force sensor for %.3f s", hand.name, silent)
-                self._measured[hand.index] = hand.tare
-                hand.lose()
 
     def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to what is of no use, and to what is too much.
