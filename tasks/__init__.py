@@ -6,6 +6,7 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.balance import BalanceGains, balance_controller
+from wbc.tasks.check import check_task
 from wbc.tasks.force.admittance import AdmittanceTask, DampingTask
 from wbc.tasks.force.compliance import ComplianceTask
 from wbc.tasks.force.cop import CoPTask
@@ -64,6 +65,7 @@ __all__ = [
     "VariableTask",
     "FrameTask",
     "ComplianceTask",
+    "check_task",
     # Stiffness scheduling
     "StiffnessScheduler",
     "StiffnessTiming",

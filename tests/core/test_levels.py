@@ -28,14 +28,14 @@ from wbc.core.qp.solver import QpSolver, SolverSettings, Status
 
 
 class Sick(MotionTask):
-    """A task whose error is NaN until another value is given, and whose Jacobian is zero."""
+    """A task whose error may be NaN, and whose Jacobian may be zero."""
 
     def __init__(self, level: int) -> None:
         super().__init__("sick", 1, level=level)
-        self.value = float("nan")
+        self.row = self.value = 1.0
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        jacobian[:], error[:], drift[:] = 0.0, self.value, 0.0
+        jacobian[:], error[:], drift[:] = self.row, self.value, 0.0
 
 
 def problem(n: int, n_eq: int, n_soft: int, n_in: int) -> Problem:
@@ -301,6 +301,7 @@ def test_nan_in_a_task_of_any_level_is_refused_and_named(level: int) -> None:
     made, _, _ = controller(1, 2, 3)
     good = made.solve()
     sick = made.add(Sick(level))
+    sick.row, sick.value = 0.0, float("nan")
     for _ in range(2):
         refused = made.solve()
         assert refused.status is Status.REFUSED

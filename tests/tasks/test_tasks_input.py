@@ -367,6 +367,5 @@ def test_what_a_task_or_limit_of_ones_own_lacks_is_said() -> None:
             InputError, match="limit OwnLimit needs a name, text, and dim, its number of rows"
         ):
             controller.add(OwnLimit(**attributes))
-    controller.add(Own("own", 1))
     with pytest.raises(InputError, match=r"super\(\).bind"):
-        controller.solve()
+        controller.add(Own("own", 1))

@@ -22,7 +22,7 @@ from wbc.core.qp.levels import LevelSolver
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import MotionTask, SelectionTask, Task, evaluated
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
@@ -130,8 +130,8 @@ class Controller:
 
         Raises:
             UnknownNameError: A frame, joint or sole that the robot does not have.
-            InputError: A name used twice, a second set of joint or torque limits, an item of another controller, or not
-                a task, contact or limit. None of the items is added then.
+            InputError: A name used twice, a second set of joint or torque limits, an item of another controller, not a
+                task, contact or limit, or a task whose rows cannot be evaluated. None of the items is added then.
         """
         new, present = (item, *items), [*self._tasks, *self._contacts, *self._limits]
         for each in new:
@@ -165,6 +165,8 @@ class Controller:
         if isinstance(item, Task) and item._robot is not None and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
         item.bind(self.robot)
+        if isinstance(item, (MotionTask, SelectionTask)) and type(item).observe is Task.observe:
+            evaluated(item)  # one that reads sensors has none yet
         if isinstance(item, RowLimit) and not _has_rows(item):
             raise InputError(
                 f"limit {type(item).__name__} needs a name, text, and dim, its number of rows, once it is bound; got "

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, shown, whole_number
+from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, whole_number
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -276,7 +276,8 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     def bind(self, robot: Robot) -> None:
         """Resolve names of frames and joints, and take the present state as target where none was given.
 
-        Called once, when the task is added to a controller. Override it; call `super().bind(robot)` first.
+        Called once, when the task is added to a controller. Override it; call `super().bind(robot)` first. The rows of
+        a task that does not `observe` are then evaluated once, so that mistakes show before the first tick.
 
         Args:
             robot: The robot of the controller, with its state up to date.
@@ -393,3 +394,36 @@ class VariableTask(Task):
             matrix: To fill, shape (dim, number of variables).
             reference: To fill, shape (dim,).
         """
+
+
+def evaluated(task: MotionTask | SelectionTask) -> tuple[Array, Array, Array]:
+    """Return the rows of a bound task at the present state of its robot, checked.
+
+    Returns:
+        Jacobian, shape (dim, nv), error, shape (dim,), and drift, shape (dim,).
+
+    Raises:
+        InputError: Rows that cannot be evaluated, that move with no joint, or with numbers that are not finite.
+    """
+    jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
+    try:
+        if isinstance(task, SelectionTask):
+            jacobian = np.eye(task.robot.nv)[task.columns]
+            task.evaluate(error)
+        else:
+            task.evaluate(jacobian, error, drift)
+    except WbcError:
+        raise
+    except Exception as failure:  # whatever a task of one's own may raise
+        raise InputError(
+            f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
+        ) from failure
+    for what, rows in (("Jacobian", jacobian), ("error", error), ("drift", drift)):
+        if not np.isfinite(rows).all():
+            raise InputError(f"{what} of task '{task.name}' must be finite, got {shown(rows)}")
+    if not jacobian.any():
+        raise InputError(
+            f"task '{task.name}' must move with some joint, its Jacobian is zero; evaluate writes into the array that "
+            "it is given: jacobian[:] = …"
+        )
+    return jacobian, error, drift

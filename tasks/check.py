@@ -1,0 +1,117 @@
+"""Check of a task of one's own: its rows against finite differences of its error."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError
+from wbc.core.qp.task import MotionTask, SelectionTask, evaluated
+from wbc.core.robot import BASE_DOF, Robot
+
+STEP = 1e-6
+"""Step of the differences: of each coordinate, rad or m, and of the motion, s."""
+
+TOLERANCE = 1e-5
+"""Largest difference, relative to the greatest number of the rows where that is above 1."""
+
+
+@checked
+def check_task(
+    task: MotionTask | SelectionTask,
+    robot: Robot,
+    *,
+    frame: str | None = None,
+    partial: bool = False,
+    seed: int = 0,
+) -> None:
+    """Check Jacobian and drift of a task at a random state of a robot, in motion.
+
+        check_task(GazeTask("head", place=(1.5, 0.4, 1.0)), description.robot())
+
+    The error falls as the task moves: its derivative is −J v, and that of J v is the drift. The error of a task on
+    velocities, such as a momentum, is its target − J v. A copy of the task is bound there, as a controller would do
+    it: a target that is not given is where the robot is, so that rotations, whose error has J as its derivative there
+    alone, are checked where they should be.
+
+    Args:
+        task: The task; it need not be in a controller.
+        robot: The robot; a copy of it is moved.
+        frame: Frame along whose axes the rows are, in threes, where these turn with it; none when None.
+        partial: True for a task that leaves joints to others: columns of zeros are not compared, nor is its drift.
+        seed: Fixes the state.
+
+    Raises:
+        InputError: Rows that are not filled, not finite or not what finite differences say; the first one is named.
+    """
+    robot, task = robot.clone(), copy.copy(task)
+    task._robot = None
+    q, v = _random_state(robot, np.random.default_rng(seed))
+    robot.update(q, v)
+    task.bind(robot)
+    jacobian, error, drift = evaluated(task)
+    robot.update(q, np.zeros(robot.nv))
+    at_rest = evaluated(task)[1]
+    if _close(at_rest, error):
+        _check_jacobian(task, robot, q, v, partial=partial)
+    else:
+        _compare(task, "change of the error with the velocity", error - at_rest, -jacobian @ v)
+    if partial:
+        return
+    turns = robot.placement(frame).rotation.copy() if frame is not None else None
+    ends = []
+    for step in (STEP, -STEP):
+        robot.update(pin.integrate(robot.model, q, step * v), v)
+        velocity = evaluated(task)[0] @ v
+        if frame is not None and turns is not None:  # along the axes as they were
+            change = turns.T @ robot.placement(frame).rotation
+            velocity = (velocity.reshape(-1, 3) @ change.T).reshape(-1)
+        ends.append(velocity)
+    _compare(task, "drift", drift, (ends[0] - ends[1]) / (2.0 * STEP))
+
+
+def _check_jacobian(
+    task: MotionTask | SelectionTask, robot: Robot, q: Array, v: Array, *, partial: bool
+) -> None:
+    """Compare the Jacobian with the derivative of the error, column by column."""
+    robot.update(q, v)
+    jacobian, error, _ = evaluated(task)
+    hint = "" if _close(error, np.zeros_like(error)) else "; its target is not where the robot is: give none"
+    names = [f"{axis} of the base" for axis in ("x", "y", "z", "roll", "pitch", "yaw")]
+    for column, name in enumerate([*names, *robot.joint_names]):
+        if partial and not jacobian[:, column].any():
+            continue
+        move, ends = np.zeros(robot.nv), []
+        for step in (STEP, -STEP):
+            move[column] = step
+            robot.update(pin.integrate(robot.model, q, move), v)
+            ends.append(evaluated(task)[1])
+        _compare(task, f"Jacobian by {name}", jacobian[:, column], (ends[1] - ends[0]) / (2.0 * STEP), hint)
+
+
+def _compare(task: MotionTask | SelectionTask, what: str, given: Array, found: Array, hint: str = "") -> None:
+    """Refuse rows that are not what finite differences say."""
+    if not _close(given, found):
+        row = int(np.abs(given - found).argmax())
+        raise InputError(
+            f"task '{task.name}': {what} is {given[row]:.6g} in row {row}, finite differences give {found[row]:.6g}"
+            f"{hint}"
+        )
+
+
+def _close(one: Array, other: Array) -> bool:
+    scale = max(1.0, float(np.abs(other).max()))
+    return bool(np.abs(one - other).max() <= TOLERANCE * scale)
+
+
+def _random_state(robot: Robot, random: np.random.Generator) -> tuple[Array, Array]:
+    """Return a configuration anywhere in the world, joints well inside of their limits, and a velocity."""
+    q = np.array(robot.half_sitting)
+    q[:3] = random.normal(size=3)
+    q[3:7] = pin.Quaternion(pin.exp3(random.normal(size=3))).coeffs()
+    share = random.uniform(0.2, 0.8, robot.nv - BASE_DOF)
+    q[7:] = robot.position_lower + share * (robot.position_upper - robot.position_lower)
+    return q, random.normal(size=robot.nv)
