@@ -18,8 +18,9 @@ import wbc
 from wbc import Command, Measurement
 from wbc.app.cli import main
 from wbc.core.errors import InputError
+from wbc.feet import foot
 from wbc.machine import ConformanceReport, conformance
-from wbc.sim import Machine, MujocoLoop, Plant
+from wbc.sim import Machine, MujocoLoop, Plant, with_feet
 
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.005
@@ -87,6 +88,13 @@ def test_a_robot_on_softer_ankles_passes() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["soft", "long_arch"])
+def test_a_robot_that_leans_on_soft_soles_passes(name: str) -> None:
+    report = conformance(wbc.Plant(with_feet(DESCRIPTION, foot(name)), foot=name, control_period=PERIOD))
+    assert report.ok, str(report)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
 def test_plants_with_noise_pass(robot: str) -> None:
     report = conformance(wbc.Plant(wbc.load_robot(robot), control_period=0.002, noise="realistic"))
@@ -140,6 +148,8 @@ FAULTS: dict[str, tuple[Callable[[Measurement, int], Measurement], str, str]] = 
     "feet swapped": (lambda m, _: replace(m, sole_wrench=m.sole_wrench[::-1]), "sides", "swapped"),
     "moments reversed": (lambda m, _: replace(m, sole_wrench=m.sole_wrench * [1, 1, 1, -1, -1, -1]), "wrench frame", "reversed sign"),
     "moments elsewhere": (lambda m, _: replace(m, sole_wrench=m.sole_wrench + np.outer(m.sole_wrench[:, 2], [0, 0, 0, 0, 0.05, 0])), "wrench frame", "another point"),
+    "moments beside it": (lambda m, _: replace(m, sole_wrench=m.sole_wrench + np.outer(m.sole_wrench[:, 2], [0, 0, 0, 0.02, 0, 0])), "wrench frame", "another point"),
+    "moments outside of it": (lambda m, _: replace(m, sole_wrench=m.sole_wrench + np.outer([0.1, -0.1] * m.sole_wrench[:, 2], [0, 0, 0, 1, 0, 0])), "wrench frame", "another point"),
     "clock in milliseconds": (lambda m, _: replace(m, time=1e3 * m.time), "clock", "milliseconds"),
     "clock of 100 Hz": (lambda m, _: replace(m, time=2.0 * m.time), "clock", "100 Hz"),
     "clock stands still": (lambda m, _: replace(m, time=1.0), "clock", "stands still"),

@@ -25,6 +25,12 @@ SMOOTHING = 0.1
 LEVEL = 0.035
 """Largest tilt of a sole that stands, against the other one and against gravity, rad."""
 
+APART = 15.0
+"""Largest distance of the centre of pressure from the centre of mass at rest, forward and to the left, mm."""
+
+BEYOND = 20.0
+"""Largest distance of the centre of pressure of a sole from its edge, outwards, mm."""
+
 
 class BodyChecks(Session):
     """Checks of IMU and force sensors."""
@@ -119,8 +125,8 @@ class BodyChecks(Session):
         """Compare the loads of the soles with the weight, and where they are with where the body is."""
         robot, excite = self.robot, self.excite
         weight = robot.mass * GRAVITY
-        rest = excite.hold(0.1).settled("wrench")
-        normal = rest[:, 2]
+        rest = excite.hold(0.1)
+        normal = rest.settled("wrench")[:, 2]
         total = float(normal.sum())
         cause = (
             "the wrench is that of the foot on the ground, it must be the ground's on the foot: the robot seems to fly"
@@ -131,7 +137,7 @@ class BodyChecks(Session):
                          f"normal forces are {total / weight:.2f} of the weight", cause)  # fmt: skip
         self._loads(rest, good=good)
 
-    def _loads(self, rest: Array, *, good: bool) -> None:
+    def _loads(self, rest: Record, *, good: bool) -> None:
         """Shift the centre of mass to the left and forward; loads and centres of pressure go with it."""
         robot, excite = self.robot, self.excite
         weight = robot.mass * GRAVITY
@@ -151,7 +157,8 @@ class BodyChecks(Session):
         self.add("sides", load > 0.0, f"load moves by {100 * load:+.0f} % to the left", cause)
         robot.update(robot.half_sitting, np.zeros(robot.nv))
         places = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
-        start = self._pressure(rest, places)
+        still = rest.settled("wrench")
+        start = self._pressure(still, places)
         pressed = np.array([self._pressure(each, places)[1] for each in wrench])
         sideways = float(to_left @ pressed) / sway
         pressed = np.array([self._pressure(each, places)[0] for each in ahead])
@@ -159,19 +166,50 @@ class BodyChecks(Session):
         rolling = [
             float(to_left @ (wrench[:, i, 3] / np.maximum(wrench[:, i, 2], 1.0))) / sway for i in (0, -1)
         ]
-        off = 1e3 * (start - np.array(robot.com[:2]))
+        ways = [1e3 * (start - com) for com in self._coms_at_rest(rest, places)]
+        off = min(ways, key=lambda way: float(way @ way))
+        beyond = self._beyond(still)
         found = (
             f"pressure moves {forward:.2f} and {sideways:.2f} of the way; it is {off[0]:+.0f}, {off[1]:+.0f} mm "
             "from the centre of mass"
-        )
+        ) + (f", {beyond:.0f} mm beyond the edge of a sole" if beyond > 0.0 else "")
         cause = (
             "moments have the reversed sign, or the sensor's x axis points backwards: the ankles push the wrong way"
             if forward < -0.2
             else "moments are about another point than the sole centre (the sensor's or the ankle's), or in another "
             "frame or unit: the robot leans, the feet tilt"
         )
-        right = 0.25 < forward < 2.5 and abs(off[0]) < 15.0 and max(np.abs(rolling)) < 2.5
-        self.add("wrench frame", right, found, cause)
+        right = 0.25 < forward < 2.5 and max(np.abs(rolling)) < 2.5
+        self.add("wrench frame", right and max(np.abs(off)) < APART and beyond < BEYOND, found, cause)
+
+    def _coms_at_rest(self, rest: Record, places: list[pin.SE3]) -> list[Array]:
+        """Return where the centre of mass is at rest, in the world, each of shape (2,), m.
+
+        By the encoders on level soles, and by the lean that the IMU sees as well where it is right: soles give way
+        under a body that leans, and an IMU may be mounted a little off.
+        """
+        robot = self.robot
+        q = np.array(robot.half_sitting)
+        q[7:] = rest.settled("position")
+        robot.update(q, np.zeros(robot.nv))
+        soles = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
+        pairs = list(zip(places, soles, strict=True))
+        coms = [np.mean([(place * sole.inverse()).act(robot.com) for place, sole in pairs], axis=0)]
+        if not self.bad("accelerometer", "IMU frame"):
+            up = robot.placement(robot.imu_frame).rotation @ rest.settled("accelerometer")
+            lean = pin.Quaternion.FromTwoVectors(up, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
+            ways = [place.translation + lean @ (robot.com - sole.translation) for place, sole in pairs]
+            coms.append(np.mean(ways, axis=0))
+        return [com[:2] for com in coms]
+
+    def _beyond(self, wrench: Array) -> float:
+        """Return how far the centre of pressure lies outside its sole at most, mm; below zero inside of all soles."""
+        beyond = [-np.inf]
+        for (*_, normal, roll, pitch, _), sole in zip(wrench, self.robot.soles, strict=True):
+            if normal > 0.1 * self.robot.mass * GRAVITY:
+                half = 0.5 * np.array([sole.length, sole.width])
+                beyond.append(float((np.abs([pitch, roll]) / normal - half).max()))
+        return 1e3 * max(beyond)
 
     def _zmp(self, record: Record) -> Array:
         """Return the ZMP less its mean, by the encoders and level soles at rest, smoothed, shape (n, 2), m.
