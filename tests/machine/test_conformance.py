@@ -17,7 +17,7 @@ from foreign import foreign_model
 import wbc
 from wbc import Command, Measurement
 from wbc.app.cli import main
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, MeasurementError
 from wbc.feet import foot
 from wbc.machine import ConformanceReport, conformance
 from wbc.sim import Machine, MujocoLoop, Plant, with_feet
@@ -155,6 +155,10 @@ FAULTS: dict[str, tuple[Callable[[Measurement, int], Measurement], str, str]] = 
     "clock stands still": (lambda m, _: replace(m, time=1.0), "clock", "stands still"),
     "jitter": (lambda m, tick: replace(m, time=m.time + 0.003 * (tick % 2)), "clock", "jitter"),
     "shape": (lambda m, _: replace(m, joint_position=m.joint_position[:-1]), "shapes", "has not"),
+    "shape of the torques": (lambda m, _: replace(m, joint_torque=m.joint_torque[:-1]), "shapes", "has not"),  # type: ignore[index]
+    "hands": (lambda m, _: replace(m, hand_wrenches=np.zeros((5, 6))), "shapes", "has not"),
+    "time": (lambda m, _: replace(m, time=np.nan), "shapes", "first tick fails"),
+    "torque is no number": (lambda m, _: replace(m, joint_torque=np.nan * m.joint_position), "shapes", "first tick fails"),
     "not a number": (lambda m, _: replace(m, specific_force=np.full(3, np.nan)), "shapes", "first tick fails"),
 }  # fmt: skip
 """Name → fault of a measurement, the check that names it and words of the cause."""
@@ -252,8 +256,41 @@ def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_something_else_than_a_loop_is_refused() -> None:
+    half = type("Half", (), {"description": DESCRIPTION, "control_period": 0.01})
     with pytest.raises(InputError, match="'measure' is missing"):
-        conformance(type("Half", (), {"description": DESCRIPTION, "control_period": 0.01})())
+        conformance(half())
+    with pytest.raises(InputError, match=r"must be an object, got the class .*Half"):
+        conformance(half)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "words"),
+    [
+        ("description", "g1", "must be a RobotDescription, got 'g1'"),
+        ("control_period", 2, r"control period .* must lie in \(0, 0.025\], got 2"),
+        ("control_period", 0.0, r"must lie in \(0, 0.025\], got 0"),
+        ("control_period", None, "must be a number, got None"),
+    ],
+)
+def test_a_loop_of_another_kind_is_refused_before_anything_is_sent(
+    part: str, value: object, words: str
+) -> None:
+    loop = Recorded([], lambda m, _: m)
+    setattr(loop, part, value)
+    with pytest.raises(InputError, match=words):
+        conformance(loop)
+
+
+def test_a_delay_in_milliseconds_is_refused() -> None:
+    with pytest.raises(InputError, match=r"delay of the loop \(s\) must lie in \[0, 0.2\], got 5"):
+        conformance(Recorded([], lambda m, _: m), delay=5)
+
+
+@pytest.mark.parametrize("tick", [0, 30])
+def test_a_loop_that_measures_nothing_is_refused(tick: int) -> None:
+    loop = Recorded(healthy()[0], lambda m, now: None if now == tick else m)  # type: ignore[arg-type, return-value]
+    with pytest.raises(MeasurementError, match=r"measure\(\) .* must return a Measurement, got None"):
+        conformance(loop)
 
 
 def test_a_loop_without_force_sensors_is_checked_by_what_its_joints_feel() -> None:

@@ -11,14 +11,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.core.errors import check_parts, non_negative
+from wbc.core.errors import InputError, check_parts, finite_scalar, shown
 from wbc.core.signals import Measurement
 from wbc.machine.conformance.body import BodyChecks
 from wbc.machine.conformance.joints import JointChecks
 from wbc.machine.conformance.session import Check, ConformanceReport
 from wbc.machine.loop import Loop
+from wbc.robots import RobotDescription
 
 __all__ = ["Check", "ConformanceReport", "conformance"]
+
+LONGEST_PERIOD = 0.025
+"""Longest control period, s: a joint moves within 50 ms, of which a slower loop sees too little."""
+
+LONGEST_DELAY = 0.2
+"""Longest delay that can be stated, s: the way there and back of 0.1 s each, as a `wbc.sim.Machine` has at most."""
 
 
 def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
@@ -28,16 +35,24 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
         loop: A plant, a `wbc.sim.MujocoLoop`, a driver as `wbc.machine.DriverLoop`, or anything with `description`,
             `control_period`, `measure()` and `step(command)`. Its robot is at half-sitting, standing or hanging, and
             its drives follow position references.
-        delay: Delay from a command to its effect in a measurement that the loop is known to have, s.
+        delay: Delay from a command to its effect in a measurement that the loop is known to have, 0 to 0.2 s.
 
     Returns:
         One result a check.
 
     Raises:
-        InputError: Something without the four parts of a loop, or a delay below zero.
+        InputError: Something without the four parts of a loop, a control period above 0.025 s, a delay out of range.
+        MeasurementError: `measure` returns something else than a `Measurement`.
     """
-    delay = non_negative("delay of the loop (s)", delay)
+    delay = finite_scalar("delay of the loop (s)", delay, low=0.0, high=LONGEST_DELAY)
+    if isinstance(loop, type):
+        raise InputError(f"a loop must be an object, got the class {shown(loop)}: make one of it")
     check_parts("a loop", loop, "description", "control_period", "measure", "step")
+    if not isinstance(loop.description, RobotDescription):
+        raise InputError(f"description of a loop must be a RobotDescription, got {shown(loop.description)}")
+    finite_scalar(
+        "control period of the loop (s)", loop.control_period, low=0.0, high=LONGEST_PERIOD, open_low=True
+    )
     return _Conformance(loop, delay).run()
 
 
@@ -46,7 +61,7 @@ class _Conformance(JointChecks, BodyChecks):
 
     def run(self) -> ConformanceReport:
         """Make all checks."""
-        if not self._shapes(self.excite.first()):
+        if not self._shapes(self.excite.measure()):
             return ConformanceReport(tuple(self.checks))
         self.settle()
         self._hold()
@@ -81,24 +96,26 @@ class _Conformance(JointChecks, BodyChecks):
         return ConformanceReport(tuple(self.checks))
 
     def _shapes(self, m: Measurement) -> bool:
-        na, soles = self.robot.na, len(self.robot.soles)
-        shapes = {
+        na, soles, hands = self.robot.na, len(self.robot.soles), len(self.robot.frames)
+        needed: dict[str, tuple[int, ...]] = {
+            "time": (),
             "joint_position": (na,),
             "joint_velocity": (na,),
             "angular_velocity": (3,),
             "specific_force": (3,),
-            "sole_wrench": (soles, 6),
         }
+        optional = {"sole_wrench": (soles, 6), "joint_torque": (na,), "hand_wrenches": (hands, 6)}
         wrong = []
-        for name, shape in shapes.items():
-            if name == "sole_wrench" and m.sole_wrench is None:
+        for name, shape in (needed | optional).items():
+            value = getattr(m, name)
+            if value is None and name in optional:
                 continue
-            value = np.asarray(getattr(m, name))
-            if value.shape != shape:
-                wrong.append(f"{name} has shape {value.shape}, not {shape}")
-            elif value.dtype.kind != "f" or not np.isfinite(value).all():
+            array = np.asarray(value)
+            if array.shape != shape:
+                wrong.append(f"{name} has shape {array.shape}, not {shape}")
+            elif array.dtype.kind not in ("iuf" if name == "time" else "f") or not np.isfinite(array).all():
                 wrong.append(f"{name} is not made of finite floats")
-        cause = "joints that the description has not or the machine has not; first tick fails"
+        cause = "joints, soles or hands that the description has not or the machine has not; first tick fails"
         return self.add("shapes", not wrong, "; ".join(wrong) or f"{na} joints, {soles} soles", cause)
 
     def _hold(self) -> None:

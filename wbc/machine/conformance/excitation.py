@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, MeasurementError, shown
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Loop
 
@@ -64,9 +64,16 @@ class Excitation:
         self.records: list[Record] = []
         self._zero = np.zeros(self.robot.na)
 
-    def first(self) -> Measurement:
-        """Return the measurement before anything is sent."""
-        return self._loop.measure()
+    def measure(self) -> Measurement:
+        """Return the measurement now.
+
+        Raises:
+            MeasurementError: The loop returns something else.
+        """
+        measurement = self._loop.measure()
+        if not isinstance(measurement, Measurement):
+            raise MeasurementError(f"measure() of a loop must return a Measurement, got {shown(measurement)}")
+        return measurement
 
     def ticks(self, seconds: float) -> int:
         """Return the control periods in a time, at least 6."""
@@ -134,7 +141,7 @@ class Excitation:
         rows = []
         for command in commands:
             self._loop.step(command)
-            rows.append(self._loop.measure())
+            rows.append(self.measure())
         self.count += len(rows)
         none, no_wrench = np.full(self.robot.na, np.nan), np.full((len(self.robot.soles), 6), np.nan)
         record = Record(
