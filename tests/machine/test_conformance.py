@@ -207,6 +207,11 @@ COMMANDS: dict[str, tuple[Callable[[Any], Any], str, str]] = {
     "torque of the motor": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_torque=5.0 * c.joint_torque)), "gains", "another unit"),
     "velocity ignored": (lambda loop: Wrapped(loop, lambda c: replace(c, joint_velocity=ZERO)), "velocity reference", "ignored"),
     "commands to other joints": (lambda loop: Wrapped(loop, lambda c: Command(c.joint_torque[ELBOWS], c.joint_position[ELBOWS], c.joint_velocity[ELBOWS])), "joint order", "another order"),  # type: ignore[index]
+    "gains ignored": (lambda loop: Wrapped(loop, lambda c: replace(c, kp=None, kd=None)), "commanded gains", "kp and kd of a command"),
+    "damping ignored": (lambda loop: Wrapped(loop, lambda c: replace(c, kd=None)), "commanded gains", "kd of a command"),
+    "gains a degree": (lambda loop: Wrapped(loop, lambda c: c if c.kp is None else replace(c, kp=c.kp / 57.3, kd=c.kd / 57.3)), "commanded gains", "another unit"),  # type: ignore[operator]
+    "torque alone": (lambda loop: Wrapped(loop, lambda c: Command(c.joint_torque)), "joint order", "drives of torque alone"),
+    "drives off": (lambda loop: Wrapped(loop, lambda c: Command(ZERO)), "joint order", "does not reach"),
     "nothing follows": (lambda loop: Wrapped(loop, lambda c: loop.hold()), "joint order", "does not reach"),
     "10 ms late": (lambda loop: Late(loop, 2), "delay", "10 ms"),
     "20 ms late": (lambda loop: Late(loop, 4), "delay", "20 ms"),
@@ -220,6 +225,31 @@ def test_a_fault_of_the_command_is_named(fault: str) -> None:
     report = conformance(make(plant()))
     wrong = {check.name: check for check in report.wrong}
     assert name in wrong and words in wrong[name].cause, f"{fault}: {report}"
+    if "gains" in name or "alone" in words:
+        assert set(wrong) <= {name, "velocity reference"}, f"{fault}: {report}"
+
+
+@pytest.mark.slow
+def test_all_joints_in_another_order_are_no_drives_of_torque_alone() -> None:
+    """References move other joints, on a robot that has fallen over them."""
+    order = np.roll(np.arange(NA), 7)
+    report = conformance(
+        Wrapped(plant(), lambda c: Command(c.joint_torque[order], c.joint_position[order]))  # type: ignore[index]
+    )
+    cause = {check.name: check.cause for check in report.wrong}["joint order"]
+    assert "another order" in cause, str(report)
+
+
+@pytest.mark.slow
+def test_a_loop_that_refuses_gains_is_not_judged_by_them() -> None:
+    def refuse(command: Command) -> Command:
+        if command.kp is not None:
+            raise InputError("this machine has gains of its own")
+        return command
+
+    report = conformance(Wrapped(plant(), refuse))
+    last = {check.name: check for check in report.checks}["commanded gains"]
+    assert report.ok and last.state == "unknown" and "gains of its own" in last.found, str(report)
 
 
 @pytest.mark.slow

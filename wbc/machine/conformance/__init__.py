@@ -27,6 +27,16 @@ LONGEST_PERIOD = 0.025
 LONGEST_DELAY = 0.2
 """Longest delay that can be stated, s: the way there and back of 0.1 s each, as a `wbc.sim.Machine` has at most."""
 
+OF_JOINTS: tuple[str, ...] = (
+    *("joint sign", "joint unit", "joint velocity", "fresh", "delay", "joint zero"),
+    *("torque", "gains", "velocity reference", "measured torque"),
+)
+OF_BODY = (
+    *("accelerometer", "gyroscope", "IMU frame", "weight", "sides", "wrench frame", "soles"),
+    "commanded gains",
+)
+"""Checks that need joints which follow position references, in their order."""
+
 
 def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
     """Check a loop by exciting it a little.
@@ -64,23 +74,15 @@ class _Conformance(JointChecks, BodyChecks):
         if not self._shapes(self.excite.measure()):
             return ConformanceReport(tuple(self.checks))
         self.settle()
+        moves = self.move_joints()
+        if not self.check_references(moves):
+            return self._end(OF_JOINTS + OF_BODY, "the joints do not follow")
         self._hold()
-        self.check_joints()
+        self.check_joints(moves)
         self.check_zeros()
         self.check_torques()
         if not self.obeys:
-            for name in (
-                "accelerometer",
-                "gyroscope",
-                "IMU frame",
-                "weight",
-                "sides",
-                "wrench frame",
-                "soles",
-            ):
-                self.add(name, "unknown", "the joints do not follow")
-            self._clock()
-            return ConformanceReport(tuple(self.checks))
+            return self._end(OF_BODY, "the joints do not follow")
         self.check_imu()
         if self.standing and self.force_sensors:
             self.check_wrenches()
@@ -92,6 +94,13 @@ class _Conformance(JointChecks, BodyChecks):
             self.check_soles()
         else:
             self.add("soles", "unknown", why)
+        self.check_commanded_gains()  # last: a robot may fall by it
+        return self._end()
+
+    def _end(self, left: tuple[str, ...] = (), why: str = "") -> ConformanceReport:
+        """Add what cannot be told for a reason, and the clock."""
+        for name in left:
+            self.add(name, "unknown", why)
         self._clock()
         return ConformanceReport(tuple(self.checks))
 

@@ -11,6 +11,9 @@ from wbc.core.errors import Array, MeasurementError, shown
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Loop
 
+Gains = tuple[Array, Array]
+"""kp and kd of all joints."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -79,11 +82,19 @@ class Excitation:
         """Return the control periods in a time, at least 6."""
         return max(6, round(seconds / self.period))
 
-    def hold(self, seconds: float, *, torque: Array | None = None, velocity: Array | None = None) -> Record:
-        """Hold half-sitting, with a feed-forward torque or a velocity reference added."""
+    def hold(
+        self,
+        seconds: float,
+        *,
+        torque: Array | None = None,
+        velocity: Array | None = None,
+        gains: Gains | None = None,
+    ) -> Record:
+        """Hold half-sitting, with a feed-forward torque or a velocity reference added, by gains of one's own."""
         tau = self._zero if torque is None else torque
         rate = self._zero if velocity is None else velocity
-        return self._run([Command(tau, self.reference, rate)] * self.ticks(seconds))
+        kp, kd = (None, None) if gains is None else gains
+        return self._run([Command(tau, self.reference, rate, kp=kp, kd=kd)] * self.ticks(seconds))
 
     def move(self, step: Array, seconds: float) -> tuple[Record, Record]:
         """Move the references by a step and hold there, then come back; return both records.

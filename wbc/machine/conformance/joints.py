@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
-from wbc.machine.conformance.excitation import Record
+from wbc.core.errors import Array, InputError
+from wbc.machine.conformance.excitation import Gains, Record
 from wbc.machine.conformance.session import UNIT, Session
 
 STEP = 0.02
@@ -22,18 +22,32 @@ JOINT_TIME = 0.1
 PULSES = 4
 """Pulses of torque whose beginning is averaged."""
 
+RISE = 0.0025
+"""Time in which a torque shows in the velocity without any delay, s."""
 
-class _Moves(NamedTuple):
+HALF = 0.5
+"""Share of the own gains that is commanded."""
+
+SEEN = 1e-3
+"""Change of a position or velocity from which on it counts, rad or rad/s."""
+
+NOTHING_FOLLOWS = "the command does not reach the drives, these are off or too soft, or the encoder is frozen"
+"""Cause of joints that do not move."""
+
+
+class Moves(NamedTuple):
     """Answers of all joints to a step of each.
 
     Attributes:
         follows: Change of each measured position (column) as a share of the step of each joint (row), shape (na, na).
+        answers: True for references of joints (row) after which what has moved comes back, shape (na,).
         rates: Integral of each joint's velocity over its way, shape (na,); NaN without a way.
         delays: Lag of each joint behind its reference, shape (na,), s; NaN where it does not follow.
         stuck: Greatest share of samples that repeat the last one while a joint moves.
     """
 
     follows: Array
+    answers: Array
     rates: Array
     delays: Array
     stuck: float
@@ -42,9 +56,53 @@ class _Moves(NamedTuple):
 class JointChecks(Session):
     """Checks of encoders and drives."""
 
-    def check_joints(self) -> None:
-        """Move one joint after the other by a step; who follows, which way, how far, and with which velocity."""
-        moves = self._move_joints()
+    _own = (1.0, 1.0)
+    """kp and kd of the free joints' servos as shares of the description's."""
+
+    def check_references(self, moves: Moves) -> bool:
+        """Report drives that no position reference moves; return False then.
+
+        Args:
+            moves: Answers to position references.
+        """
+        if np.count_nonzero(moves.answers) > 0.25 * self.robot.na:
+            return True
+        chosen = self._free_joints() or list(range(self.robot.na))
+        tau, step = np.zeros(self.robot.na), np.zeros(self.robot.na)
+        tau[chosen], step[chosen] = 0.1 * np.minimum(self.robot.torque_limit, 1e3)[chosen], STEP
+        if self._sways(lambda sign: self.excite.move(sign * step, JOINT_TIME)[0].position[:, chosen]):
+            return True
+        torques = self._sways(lambda sign: self.excite.hold(0.04, torque=sign * tau).velocity[:, chosen])
+        self.add("hold", "unknown", "position references move no joint")
+        found = "position references move no joint" + (", torques do" if torques else "")
+        cause = (
+            "joint_position is ignored, as by drives of torque alone, or the servos are far too soft: torque control "
+            "alone works; the others and these checks need kp (q_ref - q) + kd (q̇_ref - q̇) + τ"
+            if torques
+            else NOTHING_FOLLOWS
+        )
+        return self.add("joint order", False, found, cause)
+
+    def _sways(self, push: Callable[[float], Array]) -> bool:
+        """Return True if a signal of most joints follows the sign of a push, wherever a robot that lies drifts.
+
+        Args:
+            push: Makes a push of a sign; returns the signal while it lasts, shape (ticks, joints).
+        """
+        changes = []
+        for sign in (1.0, -1.0, -1.0, 1.0) * (PULSES // 2):
+            self.excite.hold(0.1)
+            signal = push(sign)
+            changes.append(sign * (signal[-1] - signal[0]))
+        apart = np.array(changes[::2]) + np.array(changes[1::2])
+        return bool(max(np.mean(apart > SEEN), np.mean(apart < -SEEN)) > 0.65)
+
+    def check_joints(self, moves: Moves) -> None:
+        """Judge who follows a step of each joint, which way, how far, and with which velocity.
+
+        Args:
+            moves: Answers to position references.
+        """
         own = moves.follows.diagonal()
         dead = [i for i in range(self.robot.na) if abs(own[i]) < 0.15]
         self.obeys = len(dead) < self.robot.na // 2
@@ -64,10 +122,11 @@ class JointChecks(Session):
         delays = moves.delays
         self._report_delay(float(np.nanmedian(delays)) if np.isfinite(delays).any() else float("nan"))
 
-    def _move_joints(self) -> _Moves:
+    def move_joints(self) -> Moves:
         """Move each joint by a step and back."""
         robot, excite, na = self.robot, self.excite, self.robot.na
         follows, rates, delays, stuck = np.zeros((na, na)), np.zeros(na), np.zeros(na), 0.0
+        answers = np.zeros(na, dtype=bool)
         before = self.rest.settled("position")
         middle = 0.5 * (robot.position_lower + robot.position_upper)
         for i in range(na):
@@ -83,8 +142,13 @@ class JointChecks(Session):
             same = (np.diff(half, axis=0) == 0.0).all(axis=1)
             stuck = max(stuck, float(same.mean()))
             delays[i] = self._lag(there, i, step[i])
+            way, way_back = follows[i] * step[i], there.settled("position") - back.settled("position")
+            distance = float(way @ way)
+            answers[i] = (
+                distance > (0.15 * STEP) ** 2 and 0.5 * distance < float(way @ way_back) < 2.0 * distance
+            )
             before = back.settled("position")
-        return _Moves(follows, rates, delays, stuck)
+        return Moves(follows, answers, rates, delays, stuck)
 
     def _some(self, joints: Sequence[int]) -> str:
         """Return the names of the first few joints."""
@@ -105,10 +169,7 @@ class JointChecks(Session):
             self.add("joint order", False, found, cause)
         elif dead:
             found = f"{len(dead)} joints do not follow: {self._some(dead)}"
-            cause = (
-                "the command does not reach the drives, these are off or too soft, or the encoder is frozen"
-            )
-            self.add("joint order", False, found, cause)
+            self.add("joint order", False, found, NOTHING_FOLLOWS)
         else:
             self.add("joint order", True, f"{na} joints follow")
         return [i for i in range(na) if i not in swapped and i not in dead]
@@ -164,7 +225,7 @@ class JointChecks(Session):
             cause = (
                 f"about {1e3 * extra:.0f} ms of delay that were not stated: oscillations of 5 to 15 Hz, falls"
             )
-            self.add("delay", extra <= self.delay + 1.01 * period, found, cause)
+            self.add("delay", extra <= self.delay + max(1.01 * period, RISE), found, cause)
         else:
             cause = f"about {1e3 * lag:.0f} ms of delay or soft drives: oscillations of 5 to 15 Hz"
             self.add("delay", lag <= self.delay + 0.01, found, cause)
@@ -211,21 +272,14 @@ class JointChecks(Session):
 
     def check_torques(self) -> None:
         """Feed-forward, velocity reference and gains: kp Δq = τ, and kp Δq = kd q̇_ref, of joints that hang free."""
-        excite, free = self.excite, self._free_joints()
-        kp, kd = np.array(self.loop.description.kp), np.array(self.loop.description.kd)
+        free = self._free_joints()
+        kp, kd = self.gains
         if not free:
             for name in ("torque", "gains", "velocity reference", "measured torque"):
                 self.add(name, "unknown", "no joint beside the legs")
             return
-        limit = np.minimum(self.robot.torque_limit, 1e3)
-        tau, rate = np.zeros(self.robot.na), np.zeros(self.robot.na)
-        tau[free] = np.clip(0.02 * kp[free], 0.0, 0.15 * limit[free])
-        rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
-        start = excite.hold(0.1).settled("position")
-        pushed = excite.hold(0.25, torque=tau).settled("position") - start
-        middle = excite.hold(0.2).settled("position")
-        dragged = excite.hold(0.25, velocity=rate).settled("position") - middle
-        excite.hold(0.2)
+        tau, rate = self._pushes(free)
+        pushed, dragged = self._own_answer = self._answer(tau, rate)
         if self.bad("joint order", "joint sign", "joint unit"):
             for name in ("torque", "gains", "velocity reference", "measured torque"):
                 self.add(name, "unknown", "joints are not measured as they should")
@@ -244,6 +298,7 @@ class JointChecks(Session):
                 "torque has another unit"
             )
             self.add("gains", 0.5 < share < 2.0, f"kp is {1.0 / share:.2f} of the description's", cause)
+            self._own = 1.0 / share, drag / share
         else:
             self.add("gains", "unknown", "no torque acts")
         cause = (
@@ -251,8 +306,62 @@ class JointChecks(Session):
             if drag < -0.1
             else "velocity references are ignored or damped with another gain: references are followed late"
         )
-        self.add("velocity reference", 0.4 < drag < 2.5, f"kd q̇_ref = kp Δq to {drag:.2f}", cause)
+        if not self.add("velocity reference", 0.4 < drag < 2.5, f"kd q̇_ref = kp Δq to {drag:.2f}", cause):
+            self._own = self._own[0], 1.0
         self._measured_torque(free)
+
+    def _pushes(self, free: list[int]) -> tuple[Array, Array]:
+        """Return the torque and the velocity reference that move free joints by 20 mrad, each of shape (na,)."""
+        kp, kd = self.gains
+        limit = np.minimum(self.robot.torque_limit, 1e3)
+        tau, rate = np.zeros(self.robot.na), np.zeros(self.robot.na)
+        tau[free] = np.clip(0.02 * kp[free], 0.0, 0.15 * limit[free])
+        rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
+        return tau, rate
+
+    def _answer(self, tau: Array, rate: Array, gains: Gains | None = None) -> tuple[Array, Array]:
+        """Return how far a torque and a velocity reference move the joints, each of shape (na,), rad (or m)."""
+        hold = self.excite.hold
+        start = hold(0.1 if gains is None else 0.2, gains=gains).settled("position")
+        pushed = hold(0.25, torque=tau, gains=gains).settled("position") - start
+        middle = hold(0.2, gains=gains).settled("position")
+        dragged = hold(0.25, velocity=rate, gains=gains).settled("position") - middle
+        hold(0.2)
+        return pushed, dragged
+
+    def check_commanded_gains(self) -> None:
+        """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before.
+
+        Free joints get half of the gains that their servos were found to have, the legs those of the description.
+        """
+        free = self._free_joints()
+        if not free or self.bad("torque", "gains"):
+            why = "no joint beside the legs" if not free else "own gains are not as they should"
+            self.add("commanded gains", "unknown", why)
+            return
+        tau, rate = self._pushes(free)
+        (kp, kd), (pushed, dragged) = (np.copy(self.gains), self._own_answer)
+        kp[free] *= HALF * self._own[0]
+        kd[free] *= HALF * self._own[1]
+        try:
+            softly_pushed, softly_dragged = self._answer(tau, rate, (kp, kd))
+        except (InputError, NotImplementedError) as error:
+            self.add("commanded gains", "unknown", f"the loop takes none: {error}")
+            return
+        with np.errstate(divide="ignore", invalid="ignore"):
+            stiffness = float(np.nanmedian((pushed / softly_pushed)[free]))
+            damping = stiffness * float(np.nanmedian((softly_dragged / dragged)[free]))
+        bad = [
+            name
+            for name, found in (("kp", stiffness), ("kd", damping))
+            if not 0.1 < found < 0.8 and not (name == "kd" and self.bad("velocity reference"))
+        ]
+        found = f"commanded halves: kp acts with {stiffness:.2f}, kd with {damping:.2f} of the machine's own"
+        cause = (
+            f"{' and '.join(bad)} of a command: without effect, or in another unit; robots fall in hybrid control, "
+            "machines are switched on and off with full stiffness"
+        )
+        self.add("commanded gains", not bad, found, cause)
 
     def _measured_torque(self, free: list[int]) -> None:
         """Measured torque of joints that hang free at rest: the weight that they carry."""

@@ -74,6 +74,7 @@ class Session:
         delay: Delay that it is known to have, s.
         excite: Its motions.
         robot: The robot at half-sitting.
+        gains: kp and kd of the description, each of shape (na,).
         checks: Results so far.
         standing: True if the robot stands, by its force sensors or else by the torques of its joints.
         force_sensors: True if the loop measures sole wrenches.
@@ -89,6 +90,7 @@ class Session:
         self.loop, self.delay = loop, delay
         self.excite = Excitation(loop)
         self.robot = self.excite.robot
+        self.gains = np.array(loop.description.kp), np.array(loop.description.kd)
         self.checks: list[Check] = []
 
     def settle(self) -> None:
