@@ -56,9 +56,6 @@ class Moves(NamedTuple):
 class JointChecks(Session):
     """Checks of encoders and drives."""
 
-    _own = (1.0, 1.0)
-    """kp and kd of the free joints' servos as shares of the description's."""
-
     def check_references(self, moves: Moves) -> bool:
         """Report drives that no position reference moves; return False then.
 
@@ -298,7 +295,6 @@ class JointChecks(Session):
                 "torque has another unit"
             )
             self.add("gains", 0.5 < share < 2.0, f"kp is {1.0 / share:.2f} of the description's", cause)
-            self._own = 1.0 / share, drag / share
         else:
             self.add("gains", "unknown", "no torque acts")
         cause = (
@@ -306,8 +302,7 @@ class JointChecks(Session):
             if drag < -0.1
             else "velocity references are ignored or damped with another gain: references are followed late"
         )
-        if not self.add("velocity reference", 0.4 < drag < 2.5, f"kd q̇_ref = kp Δq to {drag:.2f}", cause):
-            self._own = self._own[0], 1.0
+        self.add("velocity reference", 0.4 < drag < 2.5, f"kd q̇_ref = kp Δq to {drag:.2f}", cause)
         self._measured_torque(free)
 
     def _pushes(self, free: list[int]) -> tuple[Array, Array]:
@@ -340,22 +335,26 @@ class JointChecks(Session):
             self.add("commanded gains", "unknown", why)
             return
         tau, rate = self._pushes(free)
-        (kp, kd), (pushed, dragged) = (np.copy(self.gains), self._own_answer)
-        kp[free] *= HALF * self._own[0]
-        kd[free] *= HALF * self._own[1]
+        (kp, kd), (pushed, dragged) = np.copy(self.gains), self._own_answer
+        strong = sorted(free, key=lambda i: float(tau[i]))[len(free) // 2 :]  # friction is least there
+
+        def middle(values: Array, divisors: Array) -> float:
+            return float(np.median(values[strong] / divisors[strong]))
+
+        own_kp, own_kd, judged = middle(tau, pushed * kp), 1.0, ["kp"]
+        if not self.bad("velocity reference"):
+            own_kd, judged = own_kp * middle(dragged * kp, kd * rate), ["kp", "kd"]
+        kp[free] *= HALF * own_kp
+        kd[free] *= HALF * own_kd
         try:
             softly_pushed, softly_dragged = self._answer(tau, rate, (kp, kd))
         except (InputError, NotImplementedError) as error:
             self.add("commanded gains", "unknown", f"the loop takes none: {error}")
             return
-        with np.errstate(divide="ignore", invalid="ignore"):
-            stiffness = float(np.nanmedian((pushed / softly_pushed)[free]))
-            damping = stiffness * float(np.nanmedian((softly_dragged / dragged)[free]))
-        bad = [
-            name
-            for name, found in (("kp", stiffness), ("kd", damping))
-            if not 0.1 < found < 0.8 and not (name == "kd" and self.bad("velocity reference"))
-        ]
+        stiffness = middle(pushed, softly_pushed)
+        damping = stiffness * middle(softly_dragged, dragged)
+        shares = {"kp": stiffness, "kd": damping}
+        bad = [name for name in judged if not 0.1 < shares[name] < 0.8]
         found = f"commanded halves: kp acts with {stiffness:.2f}, kd with {damping:.2f} of the machine's own"
         cause = (
             f"{' and '.join(bad)} of a command: without effect, or in another unit; robots fall in hybrid control, "
