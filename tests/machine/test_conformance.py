@@ -285,6 +285,13 @@ def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.Cap
         assert words in capsys.readouterr().err
 
 
+def test_a_hand_without_a_reading_is_no_fault() -> None:
+    rows, _ = healthy()
+    none = np.full((len(DESCRIPTION.robot().frames), 6), np.nan)
+    report = conformance(Recorded(rows, lambda m, _: replace(m, hand_wrenches=none)))  # type: ignore[arg-type]
+    assert report.checks[0].name == "shapes" and report.checks[0].state == "ok", str(report)
+
+
 def test_something_else_than_a_loop_is_refused() -> None:
     half = type("Half", (), {"description": DESCRIPTION, "control_period": 0.01})
     with pytest.raises(InputError, match="'measure' is missing"):
