@@ -583,6 +583,7 @@ def own_values(function: str) -> dict[str, Any]:
         "velocity_to_mujoco": lambda: {"q": _description().robot().half_sitting, "v": np.zeros(40)},
         "FootstepPlan": lambda: {"steps": (walking.Footstep("left", 0.2, 0.1),)},
         "conformance": lambda: {"loop": sim.Plant(_description())},
+        "check_task": lambda: {"task": wbc.CoMTask()},
         "run": lambda: {
             "driver": SilentDriver(),
             "control": wbc.TorqueControl(wbc.balance_controller(_description().robot(), 0.002)),
