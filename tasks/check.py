@@ -11,6 +11,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.task import MotionTask, SelectionTask, evaluated
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.settings import Seed
 
 STEP = 1e-6
 """Step of the differences: of each coordinate, rad or m, and of the motion, s."""
@@ -26,7 +27,7 @@ def check_task(
     *,
     frame: str | None = None,
     partial: bool = False,
-    seed: int = 0,
+    seed: Seed = 0,
 ) -> None:
     """Check Jacobian and drift of a task at a random state of a robot, in motion.
 
@@ -38,17 +39,21 @@ def check_task(
     alone, are checked where they should be.
 
     Args:
-        task: The task; it need not be in a controller.
+        task: The task, before it is added to a controller: then its target is still open.
         robot: The robot; a copy of it is moved.
         frame: Frame along whose axes the rows are, in threes, where these turn with it; none when None.
         partial: True for a task that leaves joints to others: columns of zeros are not compared, nor is its drift.
         seed: Fixes the state.
 
     Raises:
-        InputError: Rows that are not filled, not finite or not what finite differences say; the first one is named.
+        InputError: Rows that are not filled, not finite or not what finite differences say; the first one is named. A
+            task that has been added, or a frame of rows that are no threes.
     """
+    if task._robot is not None:
+        raise InputError(
+            f"task '{task.name}' must be checked before it is added to a controller; make another one"
+        )
     robot, task = robot.clone(), copy.copy(task)
-    task._robot = None
     q, v = _random_state(robot, np.random.default_rng(seed))
     robot.update(q, v)
     task.bind(robot)
@@ -61,6 +66,10 @@ def check_task(
         _compare(task, "change of the error with the velocity", error - at_rest, -jacobian @ v)
     if partial:
         return
+    if frame is not None and task.dim % 3:
+        raise InputError(
+            f"rows along the axes of '{frame}' must come in threes, task '{task.name}' has {task.dim}"
+        )
     turns = robot.placement(frame).rotation.copy() if frame is not None else None
     ends = []
     for step in (STEP, -STEP):

@@ -73,8 +73,19 @@ def test_selections_are_checked_as_well() -> None:
     robot = make_robot("hrp4_class")
     check_task(PostureTask(), robot)
     check_task(PostureTask(joints=arm(robot)), robot)
-    with pytest.raises(InputError, match="task must be MotionTask or SelectionTask"):
-        check_task(CoMTask, robot)  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_checked_is_refused() -> None:
+    controller = standing("hrp4_class")
+    robot, com = controller.robot, controller.add(CoMTask(axes=("x", "y")))
+    for task, frame, words in (
+        (CoMTask, None, "task must be MotionTask or SelectionTask"),
+        (com, None, "before it is added to a controller"),
+        (CoMTask(axes=("x", "y")), left_hand(robot), "must come in threes, task 'com' has 2"),
+        (CoMTask(), "nose", "no frame 'nose'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            check_task(task, robot, frame=frame)  # type: ignore[arg-type]
 
 
 class Wrong(PositionTask):
