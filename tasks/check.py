@@ -53,7 +53,7 @@ def check_task(
         raise InputError(
             f"task '{task.name}' must be checked before it is added to a controller; make another one"
         )
-    robot, task = robot.clone(), copy.copy(task)
+    robot, task = robot.clone(), copy.deepcopy(task)  # its filters and integrators stay as they are
     q, v = _random_state(robot, np.random.default_rng(seed))
     robot.update(q, v)
     task.bind(robot)

@@ -88,6 +88,25 @@ def test_what_cannot_be_checked_is_refused() -> None:
             check_task(task, robot, frame=frame)  # type: ignore[arg-type]
 
 
+class Counts(PositionTask):
+    """A position that counts its evaluations in an array, as a filter keeps its state."""
+
+    def __init__(self, frame: str) -> None:
+        super().__init__(frame)
+        self.count = np.zeros(1)
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        self.count += 1.0
+        super().evaluate(jacobian, error, drift)
+
+
+def test_a_check_leaves_the_state_of_a_task_as_it_is() -> None:
+    robot = make_robot("hrp4_class")
+    task = Counts(left_hand(robot))
+    check_task(task, robot)
+    assert task.count == 0.0
+
+
 class Wrong(PositionTask):
     """A position with one mistake."""
 

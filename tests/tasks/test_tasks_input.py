@@ -14,7 +14,7 @@ from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import MotionTask, Task
+from wbc.core.qp.task import MotionTask, Task, VariableTask
 from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
@@ -336,6 +336,16 @@ class Own(MotionTask):
         jacobian[:] = self.robot.com_jacobian[:1]
 
 
+class OwnRows(VariableTask):
+    """Rows of one's own over all variables, without the bind of the library."""
+
+    def bind(self, robot: Robot) -> None:
+        pass
+
+    def evaluate(self, matrix: Array, reference: Array) -> None:
+        pass
+
+
 class OwnLimit(RowLimit):
     """A limit of one's own that limits nothing."""
 
@@ -369,3 +379,7 @@ def test_what_a_task_or_limit_of_ones_own_lacks_is_said() -> None:
             controller.add(OwnLimit(**attributes))
     with pytest.raises(InputError, match=r"super\(\).bind"):
         controller.add(Own("own", 1))
+    with pytest.raises(
+        InputError, match=r"OwnRows\('own rows', dim=1\) has not been bound: .*super\(\).bind"
+    ):
+        controller.add(OwnRows("own rows", 1))

@@ -165,6 +165,8 @@ class Controller:
         if isinstance(item, Task) and item._robot is not None and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
         item.bind(self.robot)
+        if isinstance(item, Task) and item._robot is None:
+            raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
         if isinstance(item, (MotionTask, SelectionTask)) and type(item).observe is Task.observe:
             evaluated(item)  # one that reads sensors has none yet
         if isinstance(item, RowLimit) and not _has_rows(item):
