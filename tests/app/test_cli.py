@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import logging
 import os
 import shlex
 import subprocess
@@ -147,6 +148,9 @@ def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> 
     assert out.count("\n") == 1
     result = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert isinstance(result, dict) and keys <= set(result)
+    loggers = {"wbc": logging.getLogger("wbc"), **logging.Logger.manager.loggerDict}
+    levels = {name: logger.level for name, logger in loggers.items() if isinstance(logger, logging.Logger)}
+    assert not {name: level for name, level in levels.items() if name.startswith("wbc") and level}
 
 
 @pytest.mark.parametrize("words", ["robots", "terrains", "foot press", "terrain"])

@@ -15,6 +15,7 @@ import numpy as np
 import qpsolvers
 
 from wbc.app.bench.streams import ProblemStream, least_violation
+from wbc.app.output import quiet
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
@@ -137,7 +138,6 @@ def bench_solver(
     Returns:
         Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_proxqp` should be zero.
     """
-    logging.getLogger("wbc.core.qp.solver").setLevel(logging.ERROR)  # infeasible problems are expected here
     passes: list[_Tally] = []
     for done in range(options.repeat):
 
@@ -145,7 +145,8 @@ def bench_solver(
             if progress is not None:
                 progress((done * options.ticks + ticks) // options.repeat)
 
-        passes.append(_pass(options, report))
+        with quiet("wbc.core.qp.solver", logging.ERROR):  # infeasible problems are expected here
+            passes.append(_pass(options, report))
     tally = passes[0]
     first = np.array(tally.wall)
     for again in passes[1:]:

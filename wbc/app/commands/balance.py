@@ -9,7 +9,7 @@ from typing import Any
 from rich.progress import track
 
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
-from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
 from wbc.core.settings import Count, settings, to_json
 from wbc.sim.balance import (
     CarryResult,
@@ -55,10 +55,11 @@ def push(
     output: OutputOptions = Output(),
 ) -> Report:
     """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
-    if not output.verbose:
-        logging.getLogger("wbc.core").setLevel(logging.CRITICAL)  # robots that fall are expected here
     total = len(options.specs())
-    cells = list(track(push_table(options), "pushing", total=total, console=progress_console()))
+    with quiet(
+        "wbc.core", logging.INFO if output.verbose else logging.CRITICAL
+    ):  # robots are expected to fall
+        cells = list(track(push_table(options), "pushing", total=total, console=progress_console()))
     text = (
         f"Largest impulse recovered, Ns/kg, force constant for {options.duration:g} s; 0° is forward, 90° left\n\n"
         + format_push_table(cells)
