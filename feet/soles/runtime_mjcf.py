@@ -24,32 +24,6 @@ def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     return int(number)
 
 
-class WrenchSensor:
-    """Six-axis force sensor between the ankle and the foot."""
-
-    def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
-        """Look up the sensor.
-
-        Raises:
-            InputError: The model does not hold this foot.
-        """
-        kind = mujoco.mjtObj.mjOBJ_SENSOR
-        self._force = int(model.sensor_adr[_id(model, kind, foot.force_sensor)])
-        self._torque = int(model.sensor_adr[_id(model, kind, foot.torque_sensor)])
-
-    def read(self, data: mujoco.MjData) -> Array:
-        """Return the wrench of the ground on the foot, [force; moment] in sole axes at the sole centre, shape (6,).
-
-        As with a real sensor, the weight and inertia of the foot below it are part of the reading.
-
-        Source: MuJoCo documentation, sensor "force": acts from the child on the parent, hence the sign.
-        """
-        reading = np.empty(6)
-        reading[:3] = data.sensordata[self._force : self._force + 3]
-        reading[3:] = data.sensordata[self._torque : self._torque + 3]
-        return -reading
-
-
 class SoleStiffness:
     """Stiffness of a soft sole in a running simulation, behind its actuator.
 

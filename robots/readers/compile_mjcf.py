@@ -14,11 +14,6 @@ from wbc.core.errors import InputError, ModelError, shown, shown_path
 from wbc.core.files import read_text
 
 
-def compiled(source: Any, *, meshes: bool) -> mujoco.MjModel:
-    """Return MuJoCo's compiled model of an MJCF; see `compiled_with_files`."""
-    return compiled_with_files(source, meshes=meshes)[0]
-
-
 def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, dict[str, str]]:
     """Return MuJoCo's compiled model of an MJCF, and the files of its meshes by their names.
 

@@ -109,6 +109,22 @@ def test_the_tare_takes_off_what_empty_hands_show_and_turns_with_the_robot() -> 
     assert np.abs(observer.wrench[:3]).max() < 1e-6
 
 
+def test_a_tare_taken_anew_takes_off_what_has_changed_since() -> None:
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, OutsideSettings(settling=0.0, tare=0.5, bandwidth=150.0))
+    for tick in range(200):
+        observer.update(at_rest(robot), DT if tick else 0.0)
+    drift = np.array([3.0, -1.0, 4.0, 0.0, 0.0, 0.5])
+    for _ in range(200):
+        observer.update(at_rest(robot, drift), DT)
+    assert observer.ready and np.abs(observer.wrench).max() > 3.0
+    observer.take_tare()
+    assert not observer.ready
+    for _ in range(200):
+        observer.update(at_rest(robot, drift), DT)
+    assert observer.ready and np.abs(observer.wrench).max() < 1e-6
+
+
 def test_the_estimate_waits_while_a_foot_meets_the_ground() -> None:
     robot = DESCRIPTION.robot()
     observer = OutsideWrench(robot, NO_TARE)

@@ -29,7 +29,7 @@ from wbc.feet import (
     solver_parameters,
 )
 from wbc.feet.soles.common_mjcf import RANGE_OFFSET
-from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness, WrenchSensor
+from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
@@ -302,7 +302,9 @@ def test_the_force_sensor_reads_what_the_ground_does_about_the_sole_centre(name:
         pull = np.array([0.0, 0.0, -GRAVITY * stand.model.body_mass[i]])
         force += pull
         moment += np.cross(stand.data.xipos[i] - body.xpos, pull)
-    reading = WrenchSensor(stand.model, stand.foot).read(stand.data)
+    # MuJoCo's sensor says what the foot does to the ankle: the opposite sign.
+    sensors = (stand.foot.force_sensor, stand.foot.torque_sensor)
+    reading = -np.concatenate([stand.data.sensor(name).data for name in sensors])
     assert contacts.force[2] > 0.9 * LOAD
     np.testing.assert_allclose(reading[:3], axes.T @ force, atol=0.05)
     np.testing.assert_allclose(reading[3:], axes.T @ moment, atol=0.02)

@@ -14,7 +14,7 @@ from mujoco_dynamics import assert_same_dynamics
 
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.robots import RobotDescription, load, others
-from wbc.robots.readers.compile_mjcf import compiled
+from wbc.robots.readers.compile_mjcf import compiled_with_files
 
 
 @pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
@@ -39,7 +39,7 @@ def test_robots_of_other_projects_have_the_dynamics_of_their_files(name: str) ->
         pytest.skip(f"{name}: {others()[name]}")
     folder = Path(str(metadata.distribution("playground").locate_file("mujoco_playground/_src/locomotion")))
     file = folder / name / "xmls" / f"{name}_mjx_feetonly.xml"
-    assert_same_dynamics(load(name), compiled(file, meshes=False))
+    assert_same_dynamics(load(name), compiled_with_files(file, meshes=False)[0])
 
 
 def test_what_the_file_says_is_kept() -> None:
