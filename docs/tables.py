@@ -9,7 +9,8 @@ The words are the name of a study, its journal (JSON lines, plain or compressed 
 `--margin`, `--seeds`, `--cell` and `--arm` of `wbc study table`, `--from` for the layouts from a seed on, and `--as`
 for another kind of table:
 
-    choice      `wbc study choice`: which arm is best on which ground, and what choosing it there is worth
+    choice      `wbc study choice`, with its `--chosen-by`: which arm is best on which ground, and what choosing it
+                there is worth
     short       without how the walks of each ground ended; the completed ones of all grounds stand in a line
     table4      the study 'table4' beside the paper's table
     optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II, with the
@@ -58,7 +59,10 @@ DOCS = Path(__file__).parent
 PLACE = re.compile(r"<!-- table (.+?) -->\n(.*?)<!-- end of table -->\n", re.DOTALL)
 FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
-OPTIONS = ("--metric", "--by", "--margin", "--seeds", "--from", "--cell", "--arm", "--as", "--to", "--law")
+OPTIONS = (
+    *("--metric", "--by", "--margin", "--seeds", "--from", "--cell", "--arm"),
+    *("--chosen-by", "--as", "--to", "--law"),
+)
 
 
 class Mark:
@@ -140,7 +144,14 @@ def made(words: str, journals: Path) -> str:
         return _folds(mark)
     used = [entry for _, entry in study_entries(mark.study, mark.entries, any_code=True) if entry is not None]
     if kind == "choice":
-        text = choice(mark.study, mark.entries, mark.options.get("--arm", ()), any_code=True).markdown()
+        first = mark.option("--chosen-by")
+        text = choice(
+            mark.study,
+            mark.entries,
+            mark.options.get("--arm", ()),
+            chosen_by=None if first is None else int(first),
+            any_code=True,
+        ).markdown()
     elif kind == "table4":
         text = table_four(mark.table())
     elif kind == "short":

@@ -113,6 +113,29 @@ def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> N
         choice(study, {}, ["5"])
 
 
+def test_the_first_layouts_choose_and_the_others_judge() -> None:
+    """On the first six layouts 5 looks best by chance; on the others it is worth nothing, and 80 does better."""
+    study = authority(seeds=10).narrowed(["boards", "stones"])
+
+    def lucky(cell: str, arm: str, seed: int) -> float:
+        early = seed in study.seeds[:6]
+        return 15.0 + (3.0 if arm == "5" and early and cell.startswith("boards") else 2.0 * (arm == "80"))
+
+    found = choice(study, made_up(study, lucky), chosen_by=6)
+    boards, stones = found.grounds
+    assert (boards.best, stones.best, found.single, boards.layouts) == ("5", "80", "80", 4)
+    assert boards.means["5"].mean == 15.0 and boards.means["80"].mean == 17.0
+    assert found.gain.mean == pytest.approx(-1.0) and found.gain.n == 8
+    assert found.over["400"].mean == pytest.approx(1.0)
+    assert "| best of the first 6 layouts |" in found.markdown() and "on 8 others" in found.markdown()
+    with pytest.raises(
+        InputError, match="chosen_by must leave two .* got 10; of 'boards, 50 mm' that is 10 and 0"
+    ):
+        choice(study, made_up(study, lucky), chosen_by=10)
+    with pytest.raises(InputError, match="got 1; "):
+        choice(study, made_up(study, lucky), chosen_by=1)
+
+
 def test_grounds_that_share_their_layouts_are_judged_by_these() -> None:
     """Three stiffnesses of the sole on the same layouts of a family: values of one layout go up and down together."""
     study = damping(seeds=10).narrowed(["boards"])
@@ -160,6 +183,8 @@ def test_a_choice_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFix
     assert cli.main(words) == cli.RAN
     told = json.loads(capfd.readouterr().out)
     assert told["single"] == "2000" and told["gain"]["mean"] == 0.0 and len(told["grounds"]) == 2
+    assert cli.main([*words, "--chosen-by", "3"]) == cli.RAN
+    assert json.loads(capfd.readouterr().out)["gain"]["n"] == 4
     assert cli.main([*words, "--arm", "5"]) == cli.BAD_INPUT
     table = tmp_path / "table.csv"
     assert cli.main([*words, "--seeds", "5", "--cell", "stones,", "--table", str(table)]) == cli.RAN

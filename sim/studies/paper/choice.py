@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, whole_number
 from wbc.core.settings import to_json
 from wbc.sim.studies.best_stiffness import Label
 from wbc.sim.studies.intervals import Equivalence, Estimate, equivalence, holm, mean_interval, sign_flip_p
@@ -27,6 +28,8 @@ DEFAULT_MARGIN = 0.5
 LEVEL = 0.05
 """Level of the tests."""
 
+Mask = NDArray[np.bool_]
+
 
 @dataclass(frozen=True)
 class GroundChoice:
@@ -34,10 +37,10 @@ class GroundChoice:
 
     Attributes:
         row: Name of the ground.
-        layouts: Number of layouts on which all arms were walked.
+        layouts: Number of layouts of the means: all that all arms have walked, or those of them that judge.
         means: Arm → mean of the metric over them, with its interval.
-        best: Arm of the greatest mean; of several, the one that is best over all grounds.
-        same: Arms that cannot be told from it (sign flips, 5 % after Holm's correction for all grounds and arms).
+        best: Arm of the greatest mean on the layouts that choose; of several, the one that is best over all grounds.
+        same: Arms that cannot be told from it there (sign flips, 5 % after Holm's correction for all grounds and arms).
     """
 
     row: str
@@ -62,6 +65,7 @@ class Choice:
         over: Arm → arm chosen for the ground minus this one, on layouts it was not chosen on.
         equivalence: Test of the gain being less than a margin.
         missing: Number of layouts that were left out because not all arms were walked there.
+        chosen_by: Number of first layouts that choose while the others judge; None for folds.
     """
 
     study: str
@@ -73,6 +77,7 @@ class Choice:
     over: Mapping[str, Estimate]
     equivalence: Equivalence
     missing: int
+    chosen_by: int | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain values."""
@@ -110,8 +115,13 @@ class Choice:
 
     def markdown(self) -> str:
         """Return the table of grounds and the worth of choosing, as Markdown."""
+        first = f"the first {self.chosen_by} layouts"
+        what = f"{self.metric.replace('_', ' ')} (layouts)"
+        columns = ("best", "not told from it")
+        if self.chosen_by is not None:
+            columns = (f"best of {first}", "not told from it there")
         lines = [
-            f"| {self.metric.replace('_', ' ')} (layouts) | {' | '.join(self.arms)} | best | not told from it |",
+            f"| {' | '.join((what, *self.arms, *columns))} |",
             "|---|" + "---|" * (len(self.arms) + 2),
         ]
         for ground in self.grounds:
@@ -124,11 +134,14 @@ class Choice:
             return "\n".join(lines) + f"\n\nWhat choosing is worth needs {FOLDS} layouts on each ground."
         over = "; ".join(f"over {arm}: {each.text(2)}" for arm, each in self.over.items())
         small = self.equivalence.margin
+        how, judging = f"on other layouts than it is judged on ({FOLDS} folds)", "layouts"
+        if self.chosen_by is not None:
+            how, judging = f"by {first}", "others"
         worth = (
-            f"Choosing for each ground, on other layouts than it is judged on ({FOLDS} folds), is worth "
-            f"{self.gain.text(2)} over the single best arm chosen likewise (here {self.single}), on {self.gain.n} "
-            f"layouts; it is {'' if self.equivalence.equivalent else 'not '}shown to be less than {small:g} (two "
-            f"one-sided tests, 5 %). {over[:1].upper()}{over[1:]}."
+            f"Choosing for each ground, {how}, is worth {self.gain.text(2)} over the single best arm chosen likewise "
+            f"(here {self.single}), on {self.gain.n} {judging}; it is "
+            f"{'' if self.equivalence.equivalent else 'not '}shown to be less than {small:g} (two one-sided tests, "
+            f"5 %). {over[:1].upper()}{over[1:]}."
         )
         return "\n".join(lines) + f"\n\n{worth}"
 
@@ -141,13 +154,15 @@ def choice(
     *,
     metric: str | None = None,
     margin: float = DEFAULT_MARGIN,
+    chosen_by: int | None = None,
     any_code: bool = False,
 ) -> Choice:
     """Find the best arm of each cell, and what choosing it by the cell is worth.
 
     A mean that is best of several is too good by chance. So the worth is judged by cross-validation over layouts: for a
     fifth of them, arms are chosen by the means of the other four; the arm for the cell and the single arm for all cells
-    both. Cells count the same in the choice of the single arm.
+    both. Cells count the same in the choice of the single arm. With `chosen_by` the first layouts choose, once for all,
+    and the others judge: a confirmation where these were walked after the choice.
 
     Args:
         study: The study.
@@ -155,44 +170,52 @@ def choice(
         arms: Arms to choose from; those with a stiffness when none is given.
         metric: Part of the results; more is better. That of the study when None.
         margin: Gain that counts as none, in the unit of the metric.
+        chosen_by: Number of seeds of the study, the first ones, that choose; None for folds.
         any_code: Take walks of other versions of the code, too.
 
     Raises:
         UnknownNameError: An arm or metric that there is not.
         InputError: Fewer than two arms, no cell with two layouts that all arms have walked, or a metric that is no
-            number.
+            number; a number of seeds that leaves less than two to choose by, or none to judge, on each ground.
     """
     name = metric or study.metric or METRICS[study.kind]
     chosen = tuple(arms) or tuple(arm for arm, parts in study.arms.items() if "stiffness" in parts)
     part = study.narrowed(arms=chosen)
     if len(part.arms) < 2:
         raise InputError(f"a choice needs at least two arms, got {', '.join(chosen) or 'none'}")
-    cells, layouts, missing = _complete(part, entries, name, any_code)
-    if not cells:
+    grounds, missing = _complete(part, entries, name, any_code)
+    if not grounds:
         raise InputError(
             f"no ground of '{study.name}' has two layouts on which all of {', '.join(chosen)} were walked"
         )
     reach = reach_of((entry for _, entry in study_entries(part, entries, any_code=any_code)), name)
     names = tuple(part.arms)
-    pooled = np.mean([values.mean(axis=0) for values in cells.values()], axis=0)
-    enough = min(len(values) for values in cells.values()) >= FOLDS
-    scores, judged = _judged(cells, layouts) if enough else (np.empty((0, 2 + len(names))), None)
+    if chosen_by is None:
+        enough = min(len(ground.values) for ground in grounds) >= FOLDS
+        splits = _folds(grounds) if enough else []
+        choose = judge = [np.ones(len(ground.values), dtype=bool) for ground in grounds]
+    else:
+        judge = _others(part, grounds, chosen_by)
+        splits, choose = [judge], [~each for each in judge]
+    scores, judged = _judged(grounds, splits, len(names))
     gain = mean_interval((scores[:, 0] - scores[:, 1]).tolist(), judged)
-    grounds, p_values = [], []
-    for row, values in cells.items():
-        best = _best(values, pooled)
-        grounds.append((row, values, best))
-        p_values += [sign_flip_p((values[:, best] - each).tolist()) for each in values.T]
+    pooled = _pooled(grounds, choose)
+    best = [_best(ground.values[by], pooled) for ground, by in zip(grounds, choose, strict=True)]
+    p_values = [
+        sign_flip_p((ground.values[by, own] - other).tolist())
+        for ground, by, own in zip(grounds, choose, best, strict=True)
+        for other in ground.values[by].T
+    ]
     corrected = iter(holm(p_values))
     rows = []
-    for row, values, best in grounds:
+    for ground, by, own in zip(grounds, judge, best, strict=True):
         told = [p is not None and p < LEVEL for p in (next(corrected) for _ in names)]
         rows.append(
             GroundChoice(
-                row=row,
-                layouts=len(values),
-                means={arm: mean_interval(values[:, i].tolist()) for i, arm in enumerate(names)},
-                best=names[best],
+                row=ground.name,
+                layouts=int(by.sum()),
+                means={arm: mean_interval(ground.values[by, i].tolist()) for i, arm in enumerate(names)},
+                best=names[own],
                 same=tuple(arm for arm, other in zip(names, told, strict=True) if not other),
             )
         )
@@ -209,17 +232,24 @@ def choice(
         },
         equivalence=equivalence((scores[:, 0] - scores[:, 1]).tolist(), margin, judged, reach=reach),
         missing=missing,
+        chosen_by=chosen_by,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """Layouts of a cell that all arms have walked: values, shape (layouts, arms), layouts and seeds of these rows."""
+
+    name: str
+    values: Array
+    layouts: Sequence[Hashable]
+    seeds: Sequence[int]
 
 
 def _complete(
     study: Study, entries: Mapping[str, Entry], metric: str, any_code: bool
-) -> tuple[dict[str, Array], dict[str, list[Hashable]], int]:
-    """Return values of the layouts that all arms have walked, these layouts, and the number of the others.
-
-    Returns:
-        Cell → values, shape (layouts, arms); cell → layouts in the same order; number of layouts that are left out.
-    """
+) -> tuple[list[_Ground], int]:
+    """Return the cells with two layouts that all arms have walked, and the number of layouts that are left out."""
     found: dict[tuple[str, int], dict[str, float]] = {}
     layout: dict[tuple[str, int], Hashable] = {}
     for trial, entry in study_entries(study, entries, any_code=any_code):
@@ -227,17 +257,15 @@ def _complete(
         if value is not None:
             found.setdefault((trial.cell, trial.seed), {})[trial.arm] = value
             layout[trial.cell, trial.seed] = layout_of(trial.plain)
-    rows: dict[str, list[list[float]]] = {}
-    layouts: dict[str, list[Hashable]] = {}
-    missing = 0
-    for (cell, seed), values in found.items():
-        if len(values) == len(study.arms):
-            rows.setdefault(cell, []).append([values[arm] for arm in study.arms])
-            layouts.setdefault(cell, []).append(layout[cell, seed])
-        else:
-            missing += 1
-    cells = [cell.name for cell in study.cells if len(rows.get(cell.name, ())) > 1]
-    return {cell: np.array(rows[cell]) for cell in cells}, {cell: layouts[cell] for cell in cells}, missing
+    whole = {place: values for place, values in found.items() if len(values) == len(study.arms)}
+    grounds = []
+    for cell in study.cells:
+        seeds = [seed for name, seed in whole if name == cell.name]
+        if len(seeds) > 1:
+            rows = [[whole[cell.name, seed][arm] for arm in study.arms] for seed in seeds]
+            layouts = [layout[cell.name, seed] for seed in seeds]
+            grounds.append(_Ground(cell.name, np.array(rows), layouts, seeds))
+    return grounds, len(found) - len(whole)
 
 
 def _best(values: Array, pooled: Array) -> int:
@@ -245,25 +273,54 @@ def _best(values: Array, pooled: Array) -> int:
     return int(np.argmax(values.mean(axis=0) + 1e-6 * pooled))
 
 
-def _judged(
-    cells: Mapping[str, Array], layouts: Mapping[str, Sequence[Hashable]]
-) -> tuple[Array, list[Hashable]]:
-    """Return own choice, single choice and every arm on each layout of each cell, shape (n, 2 + arms); the layouts.
+def _pooled(grounds: Sequence[_Ground], choose: Sequence[Mask]) -> Array:
+    """Return the mean of each arm over all grounds, by the layouts that choose, shape (arms,)."""
+    means = [ground.values[by].mean(axis=0) for ground, by in zip(grounds, choose, strict=True)]
+    return np.asarray(np.mean(means, axis=0))
+
+
+def _folds(grounds: Sequence[_Ground]) -> list[list[Mask]]:
+    """Return the layouts that judge in each fold, a mask for each ground.
 
     Cells that share a layout, as those that differ in the sole do, have it in the same fold.
     """
     fold_of: dict[Hashable, int] = {}
-    for own_layouts in layouts.values():
-        for number, layout in enumerate(own_layouts):
+    for ground in grounds:
+        for number, layout in enumerate(ground.layouts):
             fold_of.setdefault(layout, number % FOLDS)
-    folds = {name: np.array([fold_of[layout] for layout in layouts[name]]) for name in cells}
-    rows, judged = [], []
-    for fold in range(FOLDS):
-        train = {name: values[folds[name] != fold] for name, values in cells.items()}
-        pooled = np.mean([values.mean(axis=0) for values in train.values()], axis=0)
+    folds = [np.array([fold_of[layout] for layout in ground.layouts]) for ground in grounds]
+    return [[own == fold for own in folds] for fold in range(FOLDS)]
+
+
+def _others(study: Study, grounds: Sequence[_Ground], chosen_by: int) -> list[Mask]:
+    """Return the layouts after the first ones, a mask for each ground.
+
+    Raises:
+        InputError: Less than two layouts of a ground among the first, or none after them.
+    """
+    first = study.seeds[: whole_number("chosen_by", chosen_by, low=1)]
+    masks = [~np.isin(ground.seeds, first) for ground in grounds]
+    for ground, mask in zip(grounds, masks, strict=True):
+        if (~mask).sum() < 2 or not mask.any():
+            raise InputError(
+                f"chosen_by must leave two layouts to choose by and one to judge on each ground, got {chosen_by}; of "
+                f"'{ground.name}' that is {(~mask).sum()} and {mask.sum()} of those that all arms have walked"
+            )
+    return masks
+
+
+def _judged(
+    grounds: Sequence[_Ground], splits: Sequence[Sequence[Mask]], arms: int
+) -> tuple[Array, list[Hashable] | None]:
+    """Return own choice, single choice and every arm on each layout that judges, shape (n, 2 + arms); these layouts."""
+    rows: list[list[float]] = []
+    judged: list[Hashable] = []
+    for judge in splits:
+        choose = [~mask for mask in judge]
+        pooled = _pooled(grounds, choose)
         single = int(np.argmax(pooled))
-        for name, values in cells.items():
-            own = _best(train[name], pooled)
-            rows += [[each[own], each[single], *each] for each in values[folds[name] == fold]]
-            judged += [layouts[name][i] for i in np.flatnonzero(folds[name] == fold).tolist()]
-    return np.array(rows), judged
+        for ground, by, mask in zip(grounds, choose, judge, strict=True):
+            own = _best(ground.values[by], pooled)
+            rows += [[each[own], each[single], *each] for each in ground.values[mask]]
+            judged += [ground.layouts[i] for i in np.flatnonzero(mask).tolist()]
+    return np.reshape(np.array(rows), (-1, 2 + arms)), judged or None

@@ -21,7 +21,7 @@ from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import write_text
-from wbc.core.settings import Positive, settings, to_json
+from wbc.core.settings import Count, Positive, settings, to_json
 from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import DEFAULT_MARGIN
@@ -72,10 +72,12 @@ class ChoiceOptions(TableOptions):
     Attributes:
         metric: Part of the results, such as steps_done; more is better. That of the study when not given.
         margin: Gain that counts as none, in the unit of the metric.
+        chosen_by: Number of seeds of the study, the first ones, that choose; the others judge. Folds when not given.
     """
 
     metric: str | None = None
     margin: Positive = DEFAULT_MARGIN
+    chosen_by: Count | None = None
 
 
 @settings(kw_only=True)
@@ -185,6 +187,7 @@ def choice(
         part.arm,
         metric=options.metric,
         margin=options.margin,
+        chosen_by=options.chosen_by,
         any_code=part.any_code,
     )
     data = made.to_json() | origin(chosen, entries, any_code=part.any_code)
