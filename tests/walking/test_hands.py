@@ -436,12 +436,21 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
     robot = load("hrp4_class").robot()
     settings = WalkingControlSettings(hands=HandSettings(margin=0.0))
     walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings)
-    assert walking.hands is not None
-    height = float(robot.placement(robot.frames["left_hand"]).translation[2])
-    bound = robot.mass * GRAVITY * 0.5 * robot.soles[0].length / height
-    walking.hands.press("left_hand", bound - 1.0, AHEAD)
-    with pytest.raises(InputError, match=f"may press with {bound:.0f} N"):
-        walking.hands.press("left_hand", bound + 1.0, AHEAD, at=(0.3, 0.2, 0.9))
+    hands = walking.hands
+    assert hands is not None
+    moment = robot.mass * GRAVITY * 0.5 * robot.soles[0].length
+    here = float(robot.placement(robot.frames["left_hand"]).translation[2])
+    hands.press("left_hand", moment / here - 1.0, AHEAD)
+    for height in (1.05, 0.9, 0.75):
+        bound, at = moment / height, (0.3, 0.2, height)
+        with pytest.raises(InputError, match=f"may press with {bound:.0f} N"):
+            hands.press("left_hand", bound + 1.0, AHEAD, at=at)
+        hands.press("left_hand", bound - 1.0, AHEAD, at=at)
+    # The left hand is on its way to 0.75 m, and counts there.
+    left = bound - 1.0
+    rest = (moment - 0.75 * left) / 1.05
+    with pytest.raises(InputError, match=f"right_hand may press with {rest:.0f} N"):
+        hands.press("right_hand", 20.0, AHEAD, at=(0.3, -0.2, 1.05))
 
 
 def turned_hands(yaw: float) -> Hands:

@@ -178,6 +178,13 @@ class Hand:
         """True while the hand is not free."""
         return self.state is not HandState.FREE
 
+    @property
+    def destination(self) -> Array:
+        """Where its frame goes, or is once it is there, in the world, shape (3,), m."""
+        if self.state is HandState.REACH:
+            return np.asarray(self._start.translation + self._path)
+        return np.asarray(self._robot.placement(self.task.frame).translation)
+
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
         """Approach a surface and press on it, or press on it with another force.
 

@@ -22,6 +22,7 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
@@ -259,8 +260,6 @@ class Hands:
             raise InputError(
                 f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
             )
-        if not firm:
-            self._check_loss(hand, along, force)
         point = None
         if grip and at is None:
             raise InputError(f"point for {hand} (m) must be given to grip, got None")
@@ -272,6 +271,8 @@ class Hands:
                 raise InputError(
                     f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
                 )
+        if not firm:
+            self._check_loss(hand, along, force, point)
         if grip:
             assert point is not None
             self.all[hand].grip(along, force, point)
@@ -307,25 +308,38 @@ class Hands:
         """
         return self._arms[hand].strength(direction, self.settings.share)
 
-    def _check_loss(self, hand: str, along: Array, force: float) -> None:
-        """Check that the robot survives if what it presses on gives way."""
+    def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
+        """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
         ground = float(self._estimate.com[2]) - self._height
         point = np.array([*self._estimate.com[:2], ground])
-        total = np.zeros(2)
+        held, own = np.zeros(2), np.zeros(2)  # offset by the other hands, and by 1 N of this one
         for name, other in self.all.items():
-            push = force * along if name == hand else other.force.goal * other.direction * other.active
-            place = self._robot.data.oMf[self._frames[name]].translation
-            total += zmp_offset(np.concatenate((-push, np.cross(place, -push))), point, self._weight)
-        size = float(np.linalg.norm(total))
-        if size < 1e-9:
+            push, place = other.force.goal * other.direction * other.active, other.destination
+            if name == hand:
+                push = along
+                if at is not None and other.state is not HandState.HOLD:
+                    place = at
+            offset = zmp_offset(np.concatenate((-push, np.cross(place, -push))), point, self._weight)
+            if name == hand:
+                own = offset
+            else:
+                held += offset
+
+        def room(force: float) -> float:
+            """Return how far the ZMP stays within the edge, m, when all forces are lost."""
+            total = held + force * own
+            size = math.hypot(total[0], total[1])
+            return self._to_edge(total if size > 1e-9 else own, self._yaw) - self.settings.margin - size
+
+        if math.hypot(own[0], own[1]) < 1e-9:
             return
-        room = self._to_edge(total, self._yaw) - self.settings.margin
-        if size > room:
-            most = force * room / size
+        if room(force) < 0.0:
+            most = brentq(room, 0.0, force) if room(0.0) > 0.0 else 0.0
+            size = math.hypot(*(held + force * own))
             raise InputError(
                 f"{hand} may press with {most:.0f} N there on what may give way: a sudden loss of {force:g} N would "
-                f"move the ZMP by {1e3 * size:.0f} mm of {1e3 * room:.0f} mm to the edge of the soles (firm=True for "
-                "what cannot)"
+                f"move the ZMP by {1e3 * size:.0f} mm of {1e3 * (size + room(force)):.0f} mm to the edge of the soles "
+                "(firm=True for what cannot)"
             )
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
