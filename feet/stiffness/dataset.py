@@ -165,9 +165,11 @@ class StiffnessTable:
                 that share a best stiffness.
 
         Raises:
-            UnknownNameError: Not one of `KEYS`.
+            InputError: No column, or not one of `KEYS`.
         """
         names = tuple(columns)
+        if not names:
+            raise InputError(f"columns to group by must be some of {', '.join(KEYS)}, got none")
         for name in names:
             choose("column to group by", name, KEYS)
         rows = list(zip(*(getattr(self, name).tolist() for name in names), strict=True))

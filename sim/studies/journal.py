@@ -33,7 +33,7 @@ from typing import Any, Literal, get_args
 from pydantic_core import from_json
 
 from wbc.core.arguments import LazyMapping, checked
-from wbc.core.errors import InputError, WbcError, choose
+from wbc.core.errors import InputError, WbcError, choose, shown_path
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
@@ -370,10 +370,14 @@ def check_journal_path(path: Path | str) -> Path:
     """Return the path of a journal to write, checked before a long run begins.
 
     Raises:
-        InputError: A folder, or a compressed file, which can be read alone.
+        InputError: A folder, a compressed file, which can be read alone, or a name that the system does not take.
     """
     path = Path(path)
-    if path.is_dir():
+    try:
+        folder = path.is_dir()
+    except OSError as error:  # a name that is too long
+        raise InputError(f"journal {shown_path(path)} cannot be used: {error.strerror}") from error
+    if folder:
         raise InputError(f"a journal is a file, but {path} is a folder")
     if path.suffix == PACKED:
         raise InputError(

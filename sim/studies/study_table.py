@@ -227,7 +227,7 @@ def study_table(
     trials = list(study_entries(study, entries, any_code=any_code))
     reach = reach_of((entry for _, entry in trials), name)
     for trial, entry in trials:
-        row = _row(trial, by) if by else trial.cell
+        row = _row(trial, by) if len(by) else trial.cell
         value = value_of(entry, name, completed_only=completed_only)
         layout = layout_of(trial.plain)
         for title in (row, ALL):

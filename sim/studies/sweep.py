@@ -11,6 +11,7 @@ them, and one that a trial crashes is started again.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import logging
 import multiprocessing
 import os
@@ -131,7 +132,7 @@ def sweep(
         raise InputError(f"workers and trials in flight must be at least 1, got {workers} and {in_flight}")
     if timeout is not None:
         positive("time-out of a trial (s)", timeout)
-    if progress is not None and not callable(progress):
+    if progress is not None and (not callable(progress) or inspect.isclass(progress)):
         raise InputError(f"progress must be a function of the summary, or none, got {shown(progress)}")
     begin = time.perf_counter()
     version = provenance()

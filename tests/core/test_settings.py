@@ -8,6 +8,7 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypedDict, Unpack
 
 import numpy as np
@@ -100,6 +101,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"start": (1, 2, "x")}, r"^start\[2\] must be a finite number, got 'x'$"),
     ({"open": 1}, "true or false"),
     ({"name": 3}, "text"),
+    ({"name": "a\0b"}, r"^name: must be text of Unicode characters without NUL, got 'a\\x00b'$"),
     ({"push": 3}, "^push must be Push, got 3$"),
     ({"lenght": 1.0}, "did you mean 'length'"),
 ]
@@ -241,6 +243,21 @@ def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
         Shoe.of(2.0, color="blue")  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="size"):
         Shoe.of()  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("text", ["a\0b", "\ud800"])
+def test_text_that_no_file_takes_is_refused(text: str) -> None:
+    @checked
+    def call(name: str, *, place: Path | str | None = None) -> None:
+        """Do nothing."""
+
+    call("é", place="ü")
+    with pytest.raises(InputError, match="^name must be text, got"):
+        call(text)
+    with pytest.raises(InputError, match="^place must be"):
+        call("a", place=text)
+    with pytest.raises(InputError, match="^name: must be text of Unicode characters"):
+        Spec(name=text)
 
 
 class Laces(TypedDict, total=False):

@@ -226,6 +226,8 @@ def test_refuses(tmp_path: Path) -> None:
     for opened in (check_journal_path, Journal):
         with pytest.raises(InputError, match="folder"):
             opened(tmp_path)
+        with pytest.raises(InputError, match="too long"):
+            opened(tmp_path / ("x" * 300))
     (tmp_path / "file").touch()
     with pytest.raises(JournalError, match="cannot be written"):
         Journal(tmp_path / "file" / "a")

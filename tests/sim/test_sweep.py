@@ -337,6 +337,8 @@ def test_refuses_numbers_that_are_none(tmp_path: Path) -> None:
             sweep([object()], journal)  # type: ignore[list-item]
         with pytest.raises(InputError, match="progress must be a function"):
             sweep([], journal, progress=1)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="progress must be a function"):
+            sweep([], journal, progress=Path)  # type: ignore[arg-type]
         with pytest.raises(InputError, match="workers"):
             sweep([], journal, workers=0)
         with pytest.raises(InputError, match="time-out"):
@@ -538,6 +540,7 @@ def test_a_table_of_another_part_of_the_results() -> None:
     entries = journal_of(study, {"flat": [22, 22, 5, 22]})
     table = study_table(study, entries, metric="zmp_error.mean", completed_only=True)
     assert table.cells[0].estimate.n == 3 and table.cells[0].estimate.mean == pytest.approx(0.07 / 3)
+    assert study_table(study, entries, by=np.zeros(0)) == study_table(study, entries)  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="zmp_error.mean"):
         study_table(study, entries, metric="zmp_error.men")
     other = {key: replace(entry, version={"code": "other"}) for key, entry in entries.items()}

@@ -235,6 +235,9 @@ def test_bad_patterns_are_refused() -> None:
         Pattern(np.array([0.0, 0.1, 0.1]), np.zeros((3, 2)), np.zeros(2), np.zeros(2), HEIGHT, profile)
     with pytest.raises(InputError, match="height"):
         analytic_pattern(WALK, -1.0, REST)
+    for none in ([], np.zeros(0)):
+        with pytest.raises(InputError, match="at least one support, got none"):
+            analytic_pattern(none, HEIGHT, REST)  # type: ignore[arg-type]
 
 
 # Preview

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationError
 
 from wbc.core.errors import Array, InputError, finite_array, shown, unknown_name
-from wbc.core.settings import CONFIG, bounded, choices_of, plain_value, rule_of
+from wbc.core.settings import CONFIG, bounded, choices_of, plain_value, rule_of, usable_text
 
 P = ParamSpec("P")
 K = TypeVar("K")
@@ -208,8 +208,8 @@ def _rule(hint: Any) -> Any:
 
 def _text_of_a_path(value: Any) -> Any:
     """Refuse what no file can have in its name; a text may also be a content."""
-    if isinstance(value, (str, Path)) and b"\0" in str(value).encode():  # of a lone surrogate a ValueError
-        raise ValueError("NUL")
+    if isinstance(value, (str, Path)):
+        usable_text(str(value))
     return value
 
 

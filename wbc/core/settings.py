@@ -136,6 +136,8 @@ def bounded(hint: Any) -> Any:
         return Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
     if hint is int:
         return Annotated[int, Field(ge=-WIDEST, le=WIDEST)]
+    if hint is str:
+        return Annotated[str, AfterValidator(usable_text)]
     if hint is Path:
         return Annotated[Path, AfterValidator(usable_path)]
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
@@ -154,6 +156,21 @@ def bounded(hint: Any) -> Any:
     if origin is tuple:
         return tuple[tuple(each if each is ... else bounded(each) for each in inside)]  # type: ignore[misc]
     return hint
+
+
+def usable_text(text: str) -> str:
+    """Return a text that files and other libraries take.
+
+    Raises:
+        ValueError: A text with a NUL, or with half of a surrogate pair.
+    """
+    try:
+        usable = b"\0" not in text.encode()
+    except UnicodeEncodeError:
+        usable = False
+    if not usable:
+        raise ValueError(f"must be text of Unicode characters without NUL, got {shown(text)}")
+    return text
 
 
 def usable_path(path: Path) -> Path:

@@ -185,8 +185,10 @@ def analytic_pattern(
         target: Reference of the ZMP under a stance foot; the sole centre when None.
 
     Raises:
-        InputError: A first support without time left.
+        InputError: A schedule without supports, or a first one without time left.
     """
+    if len(supports) == 0:
+        raise InputError("supports must be a schedule of at least one support, got none")
     times, points = zmp_reference(supports, target or ZmpTarget(), start.zmp[:2])
     if times[1] <= 0.0:
         raise InputError("the first support of a schedule must have time left")
