@@ -23,8 +23,9 @@ images/fig5_steps.svg -->`, with `--as steps` or `--as differences`, or of optim
 stiffness on each ground.
 
 Under each table stands the hash of the code that walked it, and how many of its walks there are; `--stale` names the
-tables of another code than today's. `--pack FOLDER` compresses the journals of a folder into docs/journals. `--held-out
-FOLDER` writes the studies that walk the optima on held-out layouts, for `wbc study run`.
+tables of another code than today's. `--pack FOLDER` compresses the journals of a folder into docs/journals, without
+wall-clock timings and without what was scanned in single swings. `--held-out FOLDER` writes the studies that walk the
+optima on held-out layouts, for `wbc study run`.
 """
 
 from __future__ import annotations
@@ -57,6 +58,9 @@ from wbc.sim.studies.study_table import StudyTable, study_table
 
 DOCS = Path(__file__).parent
 PLACE = re.compile(r"<!-- table (.+?) -->\n(.*?)<!-- end of table -->\n", re.DOTALL)
+LEFT_OUT = ("features", "distance", "profile_error_m", "profile_error_as_believed_m")
+"""Parts of each swing of a variable sole that packed journals do not have: what was scanned, not what was decided."""
+
 FIGURE = re.compile(r"<!-- figure (.+?) -->\n", re.DOTALL)
 CODE = re.compile(r"with the code `(\w+)`")
 OPTIONS = (
@@ -275,16 +279,25 @@ def pages(folder: Path = DOCS) -> Iterator[Path]:
 
 
 def pack(source: Path, folder: Path = DOCS) -> list[Path]:
-    """Compress the journals of a folder, without the wall-clock timings and one line a trial."""
+    """Compress the journals of a folder: one line a trial, without the wall-clock timings and `LEFT_OUT`."""
     packed = []
     (folder / "journals").mkdir(exist_ok=True)
     for path in sorted(source.glob("*.jsonl")):
         entries: Mapping[str, Entry] = read_journal(path)
-        lines = [replace(entry, clock=None).line() for entry in entries.values()]
+        lines = [_packed(entry).line() for entry in entries.values()]
         target = folder / "journals" / f"{path.name}.xz"
         target.write_bytes(lzma.compress(b"".join(lines), preset=9 | lzma.PRESET_EXTREME))
         packed.append(target)
     return packed
+
+
+def _packed(entry: Entry) -> Entry:
+    """Return an entry as a packed journal has it."""
+    result = entry.result
+    if result is not None and result.get("stiffness"):
+        swings = [{**swing, **dict.fromkeys(LEFT_OUT)} for swing in result["stiffness"]]
+        result = {**result, "stiffness": swings}
+    return replace(entry, clock=None, result=result)
 
 
 def held_out(target: Path, folder: Path = DOCS) -> list[Path]:

@@ -11,7 +11,7 @@ import pytest
 
 from wbc.core.files import read_json
 from wbc.sim.studies.catalog import study_by_name
-from wbc.sim.studies.journal import Entry
+from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
@@ -69,6 +69,18 @@ def made_up(name: str, arms: tuple[str, ...], seeds: int) -> bytes:
         result = {"steps_done": steps, "outcome": "fell"}
         lines.append(Entry(trial.spec.to_json(), "done", result, {"wall_s": 1.0}, None, provenance()).line())
     return b"".join(lines)
+
+
+def test_packed_journals_keep_what_was_decided_and_not_what_was_scanned(tmp_path: Path) -> None:
+    swing = {"wanted_nm_per_rad": 41.0, "features": {"Sz": 0.1}, "profile_error_m": {"mean": 0.1, "p95": 0.2}}
+    spec = next(iter(study_by_name("authority").trials())).spec.to_json()
+    entry = Entry(spec, "done", {"steps_done": 22, "stiffness": [swing]}, {"wall_s": 1.0}, None, provenance())
+    (tmp_path / "j.jsonl").write_bytes(entry.line())
+    (packed,) = read_journal(tables.pack(tmp_path, tmp_path)[0]).values()
+    assert packed.key == entry.key and packed.clock is None and packed.result is not None
+    assert packed.result["steps_done"] == 22
+    (kept,) = packed.result["stiffness"]
+    assert kept["wanted_nm_per_rad"] == 41.0 and kept["features"] is kept["profile_error_m"] is None
 
 
 def test_journals_are_packed_and_partial_tables_and_figures_say_so(
