@@ -249,11 +249,6 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
     return result
 
 
-def tuned_fixed_stiffness() -> dict[str, float]:
-    """Return the fixed stiffness that the study 'tuned_fixed' found best: cell → Nm/rad; empty if it was not run."""
-    return stored_stiffness("tuned_fixed") if (DATA / "tuned_fixed.json").is_file() else {}
-
-
 def stored_stiffness(study: str) -> dict[str, float]:
     """Return the best stiffnesses of a study that the library holds: cell → Nm/rad.
 

@@ -6,16 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from wbc.core.errors import InputError
 from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
-from wbc.sim.studies.stiffness_studies import (
-    DATA,
-    QUESTION_GROUNDS,
-    halfway_heights,
-    stored_stiffness,
-    tuned_fixed_stiffness,
-)
-from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, ground_of
+from wbc.sim.studies.stiffness_studies import QUESTION_GROUNDS, halfway_heights, stored_stiffness
+from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
 from wbc.sim.studies.study_table import StudyTable
 from wbc.sim.walks.presets import FAST_LANDING, FRIZZA, PAPER_GAINS
 
@@ -81,19 +74,12 @@ def _soles() -> dict[str, dict[str, Any]]:
     }
 
 
-def _with_tuned(study: Study, best: Mapping[str, float] | None) -> Study:
-    """Return a study with the arm "tuned fixed" in the cells whose best fixed stiffness is known."""
-    known = tuned_fixed_stiffness() if best is None else best
+def _with_tuned(study: Study) -> Study:
+    """Return a study with the arm "tuned fixed": on each ground the stiffness that 'tuned_fixed' found best there."""
+    best = stored_stiffness("tuned_fixed")
     cells = tuple(
-        replace(
-            cell,
-            arms=None if cell.name in known else tuple(study.arms),
-            arm_values={"tuned fixed": {"stiffness": known[cell.name]}} if cell.name in known else {},
-        )
-        for cell in study.cells
+        replace(cell, arm_values={"tuned fixed": {"stiffness": best[cell.name]}}) for cell in study.cells
     )
-    if all(cell.arms is not None for cell in cells):
-        return study
     return replace(study, cells=cells, arms={**study.arms, "tuned fixed": {"foot": "soft"}})
 
 
@@ -116,13 +102,12 @@ def _table4_cells() -> tuple[Cell, ...]:
     )
 
 
-def fig5(seeds: int = 10, gains: str = "default", *, tuned: Mapping[str, float] | None = None) -> Study:
+def fig5(seeds: int = 10, gains: str = "default") -> Study:
     """Return the paper's experiment 1: walks over unidirectional grounds of four amplitudes and seven cut-offs.
 
     Args:
         seeds: Layouts of each ground and amplitude.
         gains: Law: "default", or "legacy" for the paper's with its gains.
-        tuned: Cell → stiffness of the arm "tuned fixed", Nm/rad; those that the library holds when None.
     """
     study = Study(
         name="fig5" if gains == "default" else f"fig5_{gains}",
@@ -133,16 +118,15 @@ def fig5(seeds: int = 10, gains: str = "default", *, tuned: Mapping[str, float] 
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         reference="soft 5",
     )
-    return _with_tuned(study, tuned) if gains == "default" else study
+    return _with_tuned(study) if gains == "default" else study
 
 
-def table4(seeds: int = 20, gains: str = "default", *, tuned: Mapping[str, float] | None = None) -> Study:
+def table4(seeds: int = 20, gains: str = "default") -> Study:
     """Return the paper's experiment 2: walks over five grounds of four heights, with its decision at 75 %, too.
 
     Args:
         seeds: Layouts of each ground and height.
         gains: Law: "default", or "legacy" for the paper's with its gains.
-        tuned: Cell → stiffness of the arm "tuned fixed", Nm/rad; those that the library holds when None.
     """
     late = {name: value for name, value in FRIZZA["changes"].items() if name.startswith("stiffness.")}
     study = Study(
@@ -154,7 +138,7 @@ def table4(seeds: int = 20, gains: str = "default", *, tuned: Mapping[str, float
         seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
         reference="soft 5",
     )
-    return _with_tuned(study, tuned) if gains == "default" else study
+    return _with_tuned(study) if gains == "default" else study
 
 
 TUNED_CHOICES = (1.0, 5.0, 30.0, 200.0, 2000.0)
@@ -247,28 +231,21 @@ ORACLE_SEED = 1000
 """First seed of the study 'oracle': its stiffnesses come from layouts with smaller seeds."""
 
 
-def oracle(seeds: int = 40, *, best: Mapping[str, float] | None = None) -> Study:
+ORACLE_STIFFNESS = {"boards": 80.0, "cylinder_obstacles": 80.0, "roof_tiles": 5.0, "stones": 5.0}
+"""Stiffness that the oracle sets on each family of its patchwork, Nm/rad: the better one of 5 and 80."""
+
+
+def oracle(seeds: int = 40) -> Study:
     """Return walks of the oracle over a patchwork, beside fixed stiffnesses: the most that scheduling can win.
 
     Args:
         seeds: Layouts.
-        best: Family → stiffness that the oracle sets there, Nm/rad; of the result of the study 'authority' that the
-            library holds when None, and until there is one 5 on roof tiles and stones and 80 elsewhere.
-
-    Raises:
-        InputError: A family of the patchwork without a stiffness.
     """
-    known = _oracle_stiffness() if best is None else best
-    for name in FIRST_FAMILIES:
-        if name not in known:
-            raise InputError(
-                f"the oracle has no stiffness for '{name}'; there are {', '.join(known) or 'none'}"
-            )
     fixed = {f"{k:g}": {"foot": "soft", "stiffness": k} for k in AUTHORITY_STIFFNESSES}
     policy: dict[str, Any] = {
         "foot": "variable",
         "policy": "oracle",
-        "policy_params": {name: float(known[name]) for name in FIRST_FAMILIES},
+        "policy_params": ORACLE_STIFFNESS,
     }
     arms: dict[str, dict[str, Any]] = {"oracle": policy, "model": {"foot": "variable"}, **fixed}
     heights = authority_heights()
@@ -288,12 +265,6 @@ def oracle(seeds: int = 40, *, best: Mapping[str, float] | None = None) -> Study
         seeds=tuple(range(ORACLE_SEED, ORACLE_SEED + seeds)),
         reference="80",
     )
-
-
-def _oracle_stiffness() -> dict[str, float]:
-    if not (DATA / "authority.json").is_file():
-        return {"boards": 80.0, "cylinder_obstacles": 80.0, "roof_tiles": 5.0, "stones": 5.0}
-    return {ground_of(cell): k for cell, k in stored_stiffness("authority").items()}
 
 
 def table_four(table: StudyTable) -> str:

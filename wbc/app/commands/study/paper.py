@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 
 from wbc.app.commands.study.optimize import run_optimisations, save_figures
@@ -22,21 +21,12 @@ from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
-from wbc.sim.studies.paper.experiments import (
-    AUTHORITY_STIFFNESSES,
-    FIRST_FAMILIES,
-    TUNED_CHOICES,
-    fig5,
-    optimisation,
-    oracle,
-    table4,
-    table_four,
-)
+from wbc.sim.studies.paper.experiments import optimisation, table_four
 from wbc.sim.studies.paper.optimization import FIRST_DESIGN, check_journal
 from wbc.sim.studies.paper.optimum import TABLE_II, table_two
 from wbc.sim.studies.provenance import code_version
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy, spread
-from wbc.sim.studies.study import Study, ground_of, merged
+from wbc.sim.studies.study import Study, merged
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import SweepSummary
 
@@ -113,32 +103,12 @@ class PaperOptions:
         """Return the options of the sweep of a part."""
         return RunOptions(journal=self.journal(part), workers=self.workers, cluster=self.cluster)
 
-    def study(self, part: str) -> Study:
-        """Return the study of a part at full scale; stiffnesses that an earlier part has found are its arms."""
-        if part == "oracle":
-            found = self._found("authority", AUTHORITY_STIFFNESSES)
-            best = {ground_of(cell): k for cell, k in found.items()}
-            return oracle(best=best if set(FIRST_FAMILIES) <= set(best) else None)
-        if part in ("fig5", "table4"):
-            tuned = self._found("tuned_fixed", TUNED_CHOICES)
-            return (fig5 if part == "fig5" else table4)(tuned=tuned)
-        return study_by_name(part)
-
     def sized(self, study: Study) -> Study:
         """Return a study at this scale."""
         small = study.scaled(self.scale)
         if self.distance is not None:
             small = replace(small, base=merged(small.base, {"plan": {"distance": self.distance}}))
         return small.narrowed([cell.name for cell in small.cells[: self.cells]])
-
-    def _found(self, part: str, tried: tuple[float, ...]) -> dict[str, float]:
-        """Return the best stiffness of each cell of a part that was walked: the one of those tried nearest to it."""
-        entries = read_journal(self.journal(part))
-        found = labels(self.sized(study_by_name(part)), entries, any_code=self.any_code) if entries else {}
-        return {
-            cell: min(tried, key=lambda k, best=label.stiffness: abs(np.log(k / best)))  # type: ignore[misc]
-            for cell, label in found.items()
-        }
 
 
 @reports
@@ -171,7 +141,7 @@ def paper(*, options: Flat[PaperOptions], output: OutputOptions = Output()) -> R
 
 
 def _study(part: str, options: PaperOptions) -> str:
-    whole = options.study(part)
+    whole = study_by_name(part)
     study = options.sized(whole)
     summary = run_trials(study, options.run(part), any_code=options.any_code)
     entries = read_journal(options.journal(part))
