@@ -200,7 +200,7 @@ def press_hands(spec: HandPressSpec | None = None, **values: Any) -> HandPressRe
 
     Raises:
         UnknownNameError: A field that the spec does not have; the nearest names are given.
-        InputError: A value out of range, a robot without hands, or a force that an arm does not have.
+        InputError: A value out of range, or a robot without hands.
     """
     return HandPressTrial(replace(spec or HandPressSpec(), **values)).run()
 
