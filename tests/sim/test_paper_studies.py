@@ -17,6 +17,7 @@ from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, Journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import (
+    FIRST_FAMILIES,
     TABLE_IV_STEPS,
     authority,
     damping,
@@ -66,6 +67,8 @@ def test_our_table_stands_beside_the_papers() -> None:
 def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
     trials = list(oracle(seeds=1).trials())
     assert {trial.arm for trial in trials} >= {"oracle", "model", "5", "2000"}
+    known = next(dict(trial.spec.policy_params) for trial in trials if trial.arm == "oracle")
+    assert tuple(known) == FIRST_FAMILIES
 
 
 def test_the_whole_of_it_is_at_most_25_000_walks() -> None:
