@@ -5,7 +5,7 @@ Torques are eliminated: τ = M_j a + h_j − J_jᵀ f, so that their limits are 
 
     minimise   ½ Σ weight · (J a − reference)²  +  ½ Σ wrench weight · f²  +  ½ regularisation · a²
     subject to M_b a − J_bᵀ f = −h_b                      the floating base has no motor
-               J_c a = −J̇_c v − damping · J_c v + …       a contact stays where it is (or f = 0)
+               J_c a = −J̇_c v − damping · J_c v + …       a contact stays where it is (or f = 0); a cost if it may yield
                hard tasks
                τ, joint accelerations, wrench cones, collisions … within their bounds
 
@@ -54,7 +54,7 @@ class _ContactSlot:
     """Place of one contact in the QP, views of its values there, and the state that they are written for."""
 
     contact: Contact
-    rows: slice  # its motion rows among the equalities
+    rows: slice  # its equalities: of its motion, or, where that is a cost, of its force while it is off
     columns: slice  # its force variables among all contact forces
     jacobian: Array
     error: Array
@@ -62,13 +62,14 @@ class _ContactSlot:
     stiffness: Array
     damping: Array
     wrench_weight: Array
-    force: Array  # the motion rows over the contact's own force
+    motion_weight: Array | None  # of the motion rows, where they are a cost
+    force: Array  # the equalities over the contact's own force
     cone: Array  # the cone rows over the contact's own force
     cone_upper: Array
     normal_lower: Array
     normal_upper: Array
     partly_free: bool
-    full: Array | None  # Jacobian with the free axes in it, where those keep their force
+    full: Array | None  # Jacobian of the force, where the equalities are not it: free axes that keep theirs, or a cost
     revision: int = -1
     engaged: bool | None = None
 
@@ -111,19 +112,22 @@ class Assembly:
         above = [t for t in selection if not t.hard and t.level < levels[-1]]
         selection = [t for t in selection if t not in above]
         soft = sorted([*soft, *above], key=lambda task: task.level)
+        yielding = [c for c in contacts if c.motion_weight is not None]
         self.level_dims = tuple(_dim([t for t in soft if t.level == level]) for level in levels)
+        self.level_dims = (sum(c.dim for c in yielding) + self.level_dims[0], *self.level_dims[1:])
 
         nv, na = robot.nv, robot.na
         n_force = sum(c.dim for c in contacts)
         n_joint = na if self._joint_limits is not None else 0
         n_cone = sum(c.cone.shape[0] + 1 for c in contacts)  # and the normal force
         base, hard_rows, contact_rows, hard_motion_rows, soft_rows = _consecutive(
-            BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), _dim(soft)
+            BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), sum(self.level_dims)
         )
         torques, joints, cones, other_limits = _consecutive(
             na, n_joint, n_cone, sum(r.dim for r in row_limits)
         )
-        self.problem = p = Problem(nv, na, nv + n_force, soft_rows.start, _dim(soft), other_limits.stop)
+        n_soft = soft_rows.stop - soft_rows.start
+        self.problem = p = Problem(nv, na, nv + n_force, soft_rows.start, n_soft, other_limits.stop)
         p.n_physics = BASE_DOF
         p.equality_groups["floating-base dynamics"] = base
         p.inequality_groups["torque limits"] = torques
@@ -155,8 +159,9 @@ class Assembly:
         self._place_hard_first(hard_first, hard_rows.start)
         if n_joint:
             self._place_joint_limits(joints)
-        self._place_contacts(contacts, contact_rows.start, cones.start)
-        self._place_tasks((*hard_motion, *soft), hard_motion_rows.start)
+        first_soft = self._place_contacts(contacts, contact_rows.start, soft_rows.start, cones.start)
+        self._place_tasks(hard_motion, hard_motion_rows.start)
+        self._place_tasks(soft, first_soft)
         for task in hard_first:
             if isinstance(task, VariableTask):
                 rows = self._places[task.name]
@@ -200,19 +205,21 @@ class Assembly:
         p.inequality_groups["joint limits"] = rows
         self._limit_names += [f"limits of {joint}" for joint in self._robot.joint_names]
 
-    def _place_contacts(self, contacts: Sequence[Contact], at: int, cone_at: int) -> None:
-        """Place the contacts, from an equality and an inequality on."""
+    def _place_contacts(self, contacts: Sequence[Contact], at: int, soft_at: int, cone_at: int) -> int:
+        """Place the contacts, from an equality, a soft row and an inequality on; return the next soft row."""
         p, nv = self.problem, self._robot.nv
         column = nv
         for contact in contacts:
             rows, columns = slice(at, at + contact.dim), slice(column, column + contact.dim)
             cone = slice(cone_at, cone_at + contact.cone.shape[0])
             normal = slice(cone.stop, cone.stop + 1)
-            view = self._view(rows)
+            yields = contact.motion_weight is not None
+            motion = slice(soft_at, soft_at + contact.dim) if yields else rows
+            view = self._view(motion)
             contact.attach(view.velocity)
             p.inequality[normal, column + contact.force_axis] = 1.0
             p.contacts[contact.name] = columns
-            p.equality_groups[f"motion of contact '{contact.name}'"] = rows
+            p.equality_groups[f"{'force' if yields else 'motion'} of contact '{contact.name}'"] = rows
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
             self._limit_names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
             self._limit_names += [f"normal force of {contact.name}"]
@@ -222,22 +229,29 @@ class Assembly:
                     contact=contact,
                     rows=rows,
                     columns=slice(columns.start - nv, columns.stop - nv),
-                    jacobian=p.equality[rows, :nv],
+                    jacobian=p.rows[motion, :nv],
                     error=view.error,
                     drift=view.drift,
                     stiffness=view.stiffness,
                     damping=view.damping,
                     wrench_weight=p.diagonal[columns],
+                    motion_weight=view.weight if yields else None,
                     force=p.equality[rows, columns],
                     cone=p.inequality[cone, columns],
                     cone_upper=p.upper[cone],
                     normal_lower=p.lower[normal],
                     normal_upper=p.upper[normal],
                     partly_free=partly_free,
-                    full=np.zeros((contact.dim, nv)) if contact.free_force and partly_free else None,
+                    full=p.rows[motion, :nv]
+                    if yields
+                    else np.zeros((contact.dim, nv))
+                    if contact.free_force and partly_free
+                    else None,
                 )
             )
             at, column, cone_at = rows.stop, columns.stop, normal.stop
+            soft_at = motion.stop if yields else soft_at
+        return soft_at
 
     def _place_tasks(self, tasks: Sequence[Task], at: int) -> None:
         """Place hard motion tasks and all soft tasks but selections of the last level, from a row on."""
@@ -380,11 +394,12 @@ class Assembly:
             slot.engaged = engaged
             slot.revision = -1
             zero_force = contact.free & (not contact.free_force)
+            yields = slot.motion_weight is not None
             slot.force[:] = np.diag(zero_force.astype(float)) if engaged else np.eye(contact.dim)
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             slot.cone_upper[:] = 0.0 if engaged else 1.0
-            self.problem.set_empty(slot.rows, engaged & contact.free & contact.free_force)
+            self.problem.set_empty(slot.rows, engaged & (yields | (contact.free & contact.free_force)))
             if not engaged:
                 if slot.full is not None:
                     slot.full[:] = 0.0
@@ -395,6 +410,8 @@ class Assembly:
             # Nothing damps a contact that is off: its rows are its forces, and a velocity would ask for one.
             slot.stiffness[:], slot.damping[:] = contact.stiffness, contact.damping if engaged else 0.0
             slot.wrench_weight[:] = contact.wrench_weight
+            if slot.motion_weight is not None:
+                slot.motion_weight[:] = contact.motion_weight
             low, high = contact.normal_force_range if engaged else (-1.0, 1.0)
             slot.normal_lower[:], slot.normal_upper[:] = low, high
 

@@ -117,6 +117,9 @@ class ContactOptions(TypedDict, total=False):
             none by default.
         free_force: Along a free axis, let the force be anything within the cone, as mc_rtc does: for a foot that a CoP
             task turns, whose ankle torque is not zero. When False, the default, it is zero, as on a hinge.
+        motion_weight: Cost of the contact's motion per (m/s²)² and (rad/s²)², scalar or shape (dim,): the contact may
+            then give way, on ground of unknown shape, and can make no QP infeasible. None, the default: the contact
+            does not move, which is a constraint.
     """
 
     min_force: float
@@ -128,6 +131,7 @@ class ContactOptions(TypedDict, total=False):
     active: bool
     free_axes: Sequence[str]
     free_force: bool
+    motion_weight: ArrayLike | None
 
 
 class Contact(ABC):
@@ -140,10 +144,10 @@ class Contact(ABC):
         force_axis: Place of the normal force among the force variables.
         free: Mask of the axes that are not held, shape (dim,).
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
-        revision: Number that changes with the cone, the range of the normal force, gains and wrench weight.
+        revision: Number that changes with the cone, the range of the normal force, gains and weights.
 
     The options of `ContactOptions` are attributes as well; all but `free_axes` and `free_force` can be assigned at any
-    time.
+    time, and `motion_weight` where the contact was made with one.
     """
 
     dim: int
@@ -164,6 +168,7 @@ class Contact(ABC):
         active: bool = True,
         free_axes: Sequence[str] = (),
         free_force: bool = False,
+        motion_weight: ArrayLike | None = None,
     ) -> None:
         self.name = name
         self.frame = frame
@@ -186,6 +191,12 @@ class Contact(ABC):
                 raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
             self.free[AXES.index(axis)] = True
         self._free_force = bool(free_force)
+        self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
+        if motion_weight is not None and self.free.any():
+            raise InputError(
+                f"contact '{name}' has a motion_weight, so that its free axes have a weight of zero there; got free_axes "
+                f"{self.free_axes}"
+            )
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
         self._active = bool(active)
         self._robot: Robot | None = None
@@ -280,6 +291,28 @@ class Contact(ABC):
             )
         self._wrench_weight = np.broadcast_to(weight, (self.dim,))  # read-only
         self.revision += 1
+
+    @property
+    def motion_weight(self) -> Array | None:
+        """Cost of the contact's motion, shape (dim,); None for a constraint. One that has a weight can be given another."""
+        return self._motion_weight
+
+    @motion_weight.setter
+    def motion_weight(self, value: ArrayLike) -> None:
+        if self._motion_weight is None:
+            raise InputError(
+                f"the motion of contact '{self.name}' is a constraint; give motion_weight when the contact is made"
+            )
+        self._motion_weight = self._motion_costs(value)
+        self.revision += 1
+
+    def _motion_costs(self, value: ArrayLike) -> Array:
+        weight = finite_array(f"motion weight of contact '{self.name}'", value)
+        if (weight < 0.0).any() or weight.shape not in ((), (self.dim,)):
+            raise InputError(
+                f"motion weight of contact '{self.name}' must not be negative, scalar or ({self.dim},), got {weight}"
+            )
+        return np.broadcast_to(weight, (self.dim,))  # read-only
 
     @property
     def active(self) -> bool:

@@ -1,0 +1,132 @@
+"""Law of the stepping walk: when and where to put the next foot, in closed form.
+
+The robot is a pendulum that turns about its contact p. The angular momentum L about the contact gives the velocity that
+falls; with the mass m, the height h of the CoM over the contact and ω² = g/h, the divergent component of motion is
+
+    ξ = c + (L_y, −L_x) / (m h ω),        ξ(t) = p + (ξ − p) e^{ωt}   while the contact stays.
+
+L about the contact hardly feels the joints, and an impact at the new contact leaves it as it is: ξ needs no filter.
+
+A walk with the velocity v, the step time T and the distance w between the feet is a periodic orbit of ξ. With E = e^{ωT}
+the offset of ξ from the foot that lands is, at every landing,
+
+    b_x = v_x T / (E − 1)  ahead,        b_y = w / (1 + E) − δ  inwards,  δ = ± v_y T / (E − 1),
+
+and each step begins at E times these offsets, less the step. Time and place follow from ξ at every tick: the step lasts
+until the lateral offset from the stance foot has grown to that of the orbit, and the foot lands so that b is left.
+
+Sources: time and place of steps as feedback: M. Khadiv et al., IEEE T-RO 36(3), 2020; angular momentum about the contact:
+Y. Gong, J. Grizzle, J. Dyn. Sys. Meas. Control 144(12), 2022; the lateral orbit: X. Xiong, A. Ames, IEEE T-RO 38(6), 2022.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from wbc.core.robot import GRAVITY
+from wbc.core.vectors import Vector, add_cross
+
+Point = tuple[float, float]
+"""x, y, m."""
+
+NEAR = 1e-3
+"""Least offset that is divided by, m."""
+
+
+class Divergent(NamedTuple):
+    """Divergent component of motion, by the angular momentum about the contact.
+
+    Attributes:
+        x: In the world, m.
+        y: In the world, m.
+        omega: Natural frequency of the pendulum, 1/s.
+    """
+
+    x: float
+    y: float
+    omega: float
+
+
+def divergent_component(
+    com: Vector, velocity: Vector, spin: Vector, contact: Vector, mass: float, least_height: float
+) -> Divergent:
+    """Return ξ = c + (L_y, −L_x) / (m h ω) with L = k + m (c − p) × ċ.
+
+    Args:
+        com: Centre of mass c in the world, m.
+        velocity: Its velocity ċ, m/s.
+        spin: Angular momentum k about the centre of mass, kg m²/s.
+        contact: Contact point p in the world, m.
+        mass: m, kg.
+        least_height: Height of the CoM over the contact that is counted at least, m.
+    """
+    arm = (com[0] - contact[0], com[1] - contact[1], com[2] - contact[2])
+    momentum = add_cross(spin, arm, (mass * velocity[0], mass * velocity[1], mass * velocity[2]))
+    height = max(arm[2], least_height)
+    omega = math.sqrt(GRAVITY / height)
+    scale = 1.0 / (mass * height * omega)
+    return Divergent(com[0] + momentum[1] * scale, com[1] - momentum[0] * scale, omega)
+
+
+class Orbit(NamedTuple):
+    """Periodic orbit of ξ over steps of the nominal time.
+
+    Attributes:
+        ahead: Offset b_x of ξ ahead of the foot that lands, m.
+        inwards: Offset b_y of ξ from the foot that lands towards the other one, m.
+        outwards: Offset of ξ from the stance foot towards the swing foot at the end of a step, E (w/(1+E) + δ), m.
+    """
+
+    ahead: float
+    inwards: float
+    outwards: float
+
+    @staticmethod
+    def of(velocity: Point, side: float, width: float, time: float, omega: float, share: float = 0.8) -> Orbit:
+        """Return the orbit of a velocity.
+
+        Args:
+            velocity: Forward and left, m/s.
+            side: 1 if the left foot swings, −1 if the right one does.
+            width: Distance w between the feet, m.
+            time: Step time T, s.
+            omega: ω, 1/s.
+            share: Greatest share of w/(1 + E) by which walking sideways shifts the offsets.
+        """
+        growth = math.exp(omega * time)
+        still = width / (1.0 + growth)
+        drift = time / (growth - 1.0)
+        shift = min(max(side * velocity[1] * drift, -share * still), share * still)
+        return Orbit(velocity[0] * drift, still - shift, growth * (still + shift))
+
+
+def remaining_time(offset: float, orbit: Orbit, omega: float, least: float, over: float) -> float:
+    """Return the time until the offset has grown to that of the orbit, ln(outwards / offset) / ω, s.
+
+    Args:
+        offset: Offset of ξ from the stance foot towards the swing foot, m.
+        orbit: The orbit.
+        omega: ω, 1/s.
+        least: Offset below which it no longer grows to that side in any useful time, m: infinity is returned.
+        over: Offset beyond the stance foot from which the swing foot must close up at once, m: 0 is returned.
+    """
+    if offset > least:
+        return max(math.log(orbit.outwards / max(offset, NEAR)) / omega, 0.0)
+    return 0.0 if offset < -over else math.inf
+
+
+def foothold(contact: Point, dcm: Divergent, remaining: float, offset: Point) -> Point:
+    """Return the place where a foot lands so that an offset is left: p + (ξ − p) e^{ω t} − b.
+
+    Args:
+        contact: p, m.
+        dcm: ξ.
+        remaining: Time t to the landing, s.
+        offset: b in the world, m.
+    """
+    growth = math.exp(dcm.omega * remaining)
+    return (
+        contact[0] + (dcm.x - contact[0]) * growth - offset[0],
+        contact[1] + (dcm.y - contact[1]) * growth - offset[1],
+    )

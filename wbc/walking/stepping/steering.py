@@ -1,0 +1,158 @@
+"""Steering of a stepping walk: a velocity or a goal becomes the velocity of the next steps, held to a path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from wbc.walking.planning.sources import Velocity, checked_velocity
+from wbc.walking.stepping.law import Point
+from wbc.walking.stepping.settings import SteppingSettings
+
+
+class Steps(NamedTuple):
+    """Velocity of the next steps.
+
+    Attributes:
+        velocity: Forward and left, m/s.
+        turn: rad/s.
+        go: True if the robot is to walk; False brings it to a stand.
+    """
+
+    velocity: Point
+    turn: float
+    go: bool
+
+
+class Steering:
+    """Steering of one walk.
+
+    Attributes:
+        target: Commanded velocity: forward (m/s), left (m/s), turn (rad/s); None for a stand, or with a goal.
+        goal: Place (m) and heading (rad) to walk to; None without one.
+        heading: Heading of the pelvis and of the next steps, rad.
+        velocity: Velocity of the steps now, forward and left, m/s.
+    """
+
+    def __init__(self, settings: SteppingSettings, heading: float, dt: float) -> None:
+        """Begin with a stand.
+
+        Args:
+            settings: Settings in SI units.
+            heading: Heading at the start, rad.
+            dt: Control period, s.
+        """
+        self._s, self._dt = settings, dt
+        self.target: Velocity | None = None
+        self.goal: tuple[float, float, float] | None = None
+        self.heading = heading
+        self.velocity: Point = (0.0, 0.0)
+        self._path: Point | None = None
+        self._line: tuple[Point, float] | None = None  # from where the walk to a goal began, and its direction
+        self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
+        sideways = 0.8 * (settings.width - settings.gap) / settings.step_time
+        self._most = (settings.fastest, min(sideways, settings.fastest_aside), settings.fastest_turn)
+
+    def command(self, velocity: Sequence[float] | None) -> None:
+        """Take a velocity, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand.
+
+        Raises:
+            InputError: Not three finite numbers.
+        """
+        checked = checked_velocity(velocity)
+        self.target, self.goal = (checked if velocity is not None and any(checked) else None), None
+
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Take a goal: place (m) and heading (rad). A far one is walked to along the line from here."""
+        self.target, self.goal, self._line = None, (x, y, yaw), None
+
+    @property
+    def pending(self) -> bool:
+        """True while a velocity or a goal asks for steps."""
+        return self.target is not None or self.goal is not None
+
+    def rest(self, place: Point) -> None:
+        """Start again from a stand at a place, m."""
+        self.velocity, self._path, self._missing = (0.0, 0.0), place, 0.0
+
+    def update(self, place: Point, speed: Point) -> Steps:
+        """Compute one tick of a robot that steps.
+
+        Args:
+            place: Centre of mass over the ground, m.
+            speed: Its velocity in the world, m/s.
+
+        Returns:
+            The velocity of the next steps, which changes by the acceleration at most.
+        """
+        s, dt = self._s, self._dt
+        forward, left, turn = self._wanted(place)
+        change = s.acceleration * dt
+        x, y = self.velocity
+        x += min(max(forward - x, -change), change)
+        y += min(max(left - y, -change), change)
+        self.velocity = (x, y)
+        self.heading += turn * dt
+        held = self._held(place, turn)
+        self._make_up(held, speed)
+        return Steps((held[0] + self._missing, held[1]), turn, self.pending)
+
+    def _wanted(self, place: Point) -> Velocity:
+        """Return the velocity that target or goal ask for, within the limits."""
+        if self.goal is None:
+            return self.limited(self.target) if self.target is not None else (0.0, 0.0, 0.0)
+        s, (x, y, yaw) = self._s, self.goal
+        dx, dy = x - place[0], y - place[1]
+        distance = math.hypot(dx, dy)
+        if distance > s.near:
+            if self._line is None:
+                self._line = place, math.atan2(dy, dx)
+            off = math.remainder(self._line[1] - self.heading, 2.0 * math.pi)
+            return self.limited((s.cruise * max(0.0, math.cos(off)) ** 4, 0.0, off / s.goal_time))
+        self._line, self._path = None, place  # a near goal is walked to as one stands
+        off = math.remainder(yaw - self.heading, 2.0 * math.pi)
+        if distance < s.arrived and abs(off) < s.arrived_turn:
+            self.goal = None
+            return (0.0, 0.0, 0.0)
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        ahead, aside = (cos * dx + sin * dy) / s.goal_time, (cos * dy - sin * dx) / s.goal_time
+        return self.limited((min(max(ahead, -s.cruise), s.cruise), aside, off / s.goal_time))
+
+    def limited(self, velocity: Velocity) -> Velocity:
+        """Return the part of a velocity that can be walked."""
+        (x, y, turn), (fastest, aside, most_turn) = velocity, self._most
+        return (
+            min(max(x, -self._s.fastest_back), fastest),
+            min(max(y, -aside), aside),
+            min(max(turn, -most_turn), most_turn),
+        )
+
+    def _held(self, place: Point, turn: float) -> Point:
+        """Return the velocity of the steps with the way back to the path, whose point moves on beside the robot."""
+        s, (x, y) = self._s, self.velocity
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        if self._line is not None:
+            (from_x, from_y), direction = self._line
+            cos, sin = math.cos(direction), math.sin(direction)
+            along = cos * (place[0] - from_x) + sin * (place[1] - from_y)
+            self._path = from_x + cos * along, from_y + sin * along
+            cos, sin = math.cos(self.heading), math.sin(self.heading)
+        path = place if self._path is None else self._path
+        path = (path[0] + (cos * x - sin * y) * self._dt, path[1] + (sin * x + cos * y) * self._dt)
+        dx, dy = place[0] - path[0], place[1] - path[1]
+        ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+        # A robot that walks is never behind its path; one that walks sideways or turns takes it along.
+        along = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
+        across = 0.0 if y == 0.0 and turn == 0.0 else aside * min(self._dt / s.path_lag, 1.0)
+        self._path = (path[0] + cos * along - sin * across, path[1] + sin * along + cos * across)
+        most = s.drift_speed
+        back = -s.drift_gain * (ahead - along), -s.drift_gain * aside
+        return x + min(max(back[0], -most), most), y + min(max(back[1], -most), most)
+
+    def _make_up(self, asked: Point, speed: Point) -> None:
+        """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
+        s, (cos, sin) = self._s, (math.cos(self.heading), math.sin(self.heading))
+        short = asked[0] - cos * speed[0] - sin * speed[1]
+        missing = self._missing + short * self._dt / s.speed_lag
+        self._missing = min(max(missing, -s.speed_bias), s.speed_bias)

@@ -1,0 +1,121 @@
+"""Reference of the swing foot, which is replanned at every tick because its landing moves at every tick."""
+
+from __future__ import annotations
+
+from wbc.walking.stepping.law import Point
+from wbc.walking.stepping.settings import SteppingSettings
+
+MOST_ACCELERATION = 40.0
+"""Greatest acceleration of a foot that follows its landing, m/s²: four times gravity."""
+
+
+class SwingReference:
+    """Place, velocity and acceleration of the swing foot over the ground, and its height.
+
+    Along the ground: a quintic from the reference as it is to rest at the landing; near the end a critically damped
+    follower. In height: up to the apex, down to below the expected ground, and from the end of the step on down at the
+    search speed, whatever the time of the step does then.
+
+    Attributes:
+        place: Reference over the ground, m.
+        velocity: m/s.
+        acceleration: m/s².
+        height: Height, its velocity and its acceleration, m, m/s and m/s².
+    """
+
+    def __init__(self, settings: SteppingSettings, dt: float) -> None:
+        """Start at the origin; `lift` begins a swing.
+
+        Args:
+            settings: Settings in SI units.
+            dt: Control period, s.
+        """
+        self._s, self._dt = settings, dt
+        self.lift((0.0, 0.0, 0.0))
+
+    def lift(self, start: tuple[float, float, float]) -> None:
+        """Begin a swing from a place at rest, m."""
+        self.hold(start)
+        self._from = start[2]
+        self._lost_at: float | None = None  # time at which the search began, s
+        self._search_from = start[2]
+        self.height = (start[2], 0.0, 0.0)
+
+    def hold(self, place: tuple[float, float, float]) -> None:
+        """Rest over the ground at a place, m."""
+        self.place, self.velocity, self.acceleration = (place[0], place[1]), (0.0, 0.0), (0.0, 0.0)
+
+    def travel(self, elapsed: float, time: float, landing: Point) -> None:
+        """Move on by one period towards a landing.
+
+        Args:
+            elapsed: Time since lift-off, s.
+            time: Time of the step, s.
+            landing: m.
+        """
+        dt, left = self._dt, self._s.settle * time - elapsed
+        if left > 1.25 * self._s.follow:
+            coordinates = [
+                _quintic(*now, to, left, dt)
+                for *now, to in zip(self.place, self.velocity, self.acceleration, landing, strict=True)
+            ]
+        else:
+            coordinates = [
+                _follow(x, v, to, self._s.follow, dt)
+                for x, v, to in zip(self.place, self.velocity, landing, strict=True)
+            ]
+        (x, vx, ax), (y, vy, ay) = coordinates
+        self.place, self.velocity, self.acceleration = (x, y), (vx, vy), (ax, ay)
+
+    def rise(self, elapsed: float, time: float, ground: float) -> None:
+        """Set the height.
+
+        Args:
+            elapsed: Time since lift-off, s.
+            time: Time of the step, s.
+            ground: Expected height of the ground, m.
+        """
+        s = self._s
+        high = max(self._from, ground)
+        apex = s.apex * time
+        if self._lost_at is None and elapsed >= time:
+            self._lost_at = elapsed
+            self._search_from = min(self.height[0], high + 0.36 * s.swing_height)
+        if self._lost_at is not None:
+            deepest = ground - s.search
+            z = self._search_from - s.search_speed * (elapsed - self._lost_at)
+            self.height = (z, -s.search_speed, 0.0) if z > deepest else (deepest, 0.0, 0.0)
+        elif elapsed < apex:
+            self.height = _cubic(self._from, s.lift_speed, high + s.swing_height, 0.0, apex, elapsed)
+        else:
+            self.height = _cubic(
+                high + s.swing_height, 0.0, ground - s.aim, -s.landing_speed, time - apex, elapsed - apex
+            )
+
+
+def _quintic(x: float, v: float, a: float, to: float, left: float, dt: float) -> tuple[float, float, float]:
+    """Return the state after a period of the quintic that comes to rest at `to` after `left`, by its jerk now."""
+    jerk = (60.0 * (to - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
+    return x + (v + 0.5 * a * dt) * dt, v + a * dt, a + jerk * dt
+
+
+def _follow(x: float, v: float, to: float, lag: float, dt: float) -> tuple[float, float, float]:
+    """Return the state after a period of a critically damped follower with a bounded acceleration."""
+    a = ((to - x) / lag - 2.0 * v) / lag
+    a = min(max(a, -MOST_ACCELERATION), MOST_ACCELERATION)
+    v += a * dt
+    return x + v * dt, v, a
+
+
+def _cubic(
+    start: float, start_speed: float, end: float, end_speed: float, duration: float, time: float
+) -> tuple[float, float, float]:
+    """Return position, velocity and acceleration at a time of the cubic between two positions and velocities."""
+    s = min(max(time / duration, 0.0), 1.0)
+    cubic = 2.0 * (start - end) + duration * (start_speed + end_speed)
+    square = 3.0 * (end - start) - duration * (2.0 * start_speed + end_speed)
+    return (
+        start + (start_speed * duration + (square + cubic * s) * s) * s,
+        start_speed + (2.0 * square + 3.0 * cubic * s) * s / duration,
+        (2.0 * square + 6.0 * cubic * s) / (duration * duration),
+    )
