@@ -28,7 +28,7 @@ _NO_CORRECTION = FootCorrection(math.nan, math.nan, math.nan)
 
 
 class WalkSource(Source):
-    """Phase, references and stabilizer of a walk; NaN and null in ticks without a reference, or without a stabilizer.
+    """Phase, references and stabilizer of a walk; NaN and null without a reference or a stabilizer.
 
     A tick is written with one assignment for single values and one for arrays, in the order of the columns.
 
