@@ -152,7 +152,7 @@ def _drive(
     """Drive from a stand until a fall or for a time."""
     trial = WalkTrial(replace(spec.walk, noise_seed=int(rng.integers(2**31))))
     plant, walking = trial.plant, trial.walking
-    limits = walking.driver.settings
+    limits = walking.settings.drive
     low = (-limits.fastest_back, -limits.fastest[1], -limits.fastest[2])
     force = spec.push * plant.robot.mass / PUSH_DURATION
     draw, push, path = 2.0, spec.every, 0.0

@@ -13,9 +13,9 @@ from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import SIDES
 from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.progress import Progress, WalkingLike
+from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.walk import WalkReference
 
 EXCURSION = 0.06
@@ -44,7 +44,7 @@ class _Moment(NamedTuple):
     duration: float
     stance: int
     rotation: list[float]  # of the stance sole, row by row
-    dcm_error: list[float]  # target minus measured
+    dcm_error: list[float] | None  # target minus measured; None without a stabilizer
 
     @property
     def share(self) -> float:
@@ -52,11 +52,14 @@ class _Moment(NamedTuple):
         return min(1.0, self.elapsed / self.duration) if self.duration > 0.0 else 0.0
 
     @property
-    def dcm(self) -> tuple[float, float]:
-        """DCM measured minus reference, forward and outward seen from the stance foot, m."""
+    def dcm(self) -> tuple[float, float] | None:
+        """DCM measured minus reference, forward and outward seen from the stance foot, m; None without its error."""
+        return None if self.dcm_error is None else self.seen(-self.dcm_error[0], -self.dcm_error[1])
+
+    def seen(self, x: float, y: float) -> tuple[float, float]:
+        """Return a horizontal vector of the world, forward and outward seen from the stance foot."""
         yaw = math.atan2(self.rotation[3], self.rotation[0])
         c, s = math.cos(yaw), math.sin(yaw)
-        x, y = -self.dcm_error[0], -self.dcm_error[1]
         left = c * y - s * x
         return c * x + s * y, left if self.stance == 0 else -left
 
@@ -70,7 +73,7 @@ class _Moment(NamedTuple):
 class WalkMeter:
     """The figures of one walk."""
 
-    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+    def __init__(self, plant: Plant, walking: WalkingLike) -> None:
         """Begin without any tick.
 
         Args:
@@ -93,25 +96,21 @@ class WalkMeter:
         self._impact_until = -math.inf
         self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
         self._landed = 0
+        self._swing: int | None = None  # foot in the air in the last recorded tick
         self._middle = -1  # last step whose middle has been recorded
         self._reference: WalkReference | None = None  # of the last recorded tick
 
     def update(self, measurement: Measurement) -> None:
         """Record a tick, before the plant moves on."""
         reference, output = self._walking.reference, self._walking.output
-        if reference is None or output is None or reference is self._reference:
+        if reference is None or reference is self._reference:
             return  # the controller has had no good measurement, yet or this time
         self._reference = reference
-        (x, y, _), (desired_x, desired_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
-        distance = math.hypot(desired_x - x, desired_y - y)
-        if math.isfinite(distance):  # there is none in the air
-            self._zmp.append(distance)
-        x, y, _ = output.errors.com.tolist()
-        self._com.append(math.hypot(x, y))
-        dcm_error = output.errors.dcm.tolist()
-        self._dcm.append(math.hypot(*dcm_error))
+        progress = self._walking.progress
+        dcm_error = None if output is None else self._record_errors(reference, output)
         self._record_events(reference.events, measurement)
-        self._record_stance(dcm_error)
+        self._swing = progress.swing
+        self._record_stance(progress, dcm_error)
 
     def after_step(self) -> None:
         """Record the joint torques, after the plant has moved on."""
@@ -120,8 +119,20 @@ class WalkMeter:
         np.divide(torque, self._limits, out=ratio)
         self._effort.append(float(ratio[ratio.argmax()]))
 
+    def _record_errors(self, reference: WalkReference, output: StabilizerOutput) -> list[float]:
+        """Record the errors of a stabilizer, and return that of the DCM, target minus measured, m."""
+        (x, y, _), (desired_x, desired_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
+        distance = math.hypot(desired_x - x, desired_y - y)
+        if math.isfinite(distance):  # there is none in the air
+            self._zmp.append(distance)
+        x, y, _ = output.errors.com.tolist()
+        self._com.append(math.hypot(x, y))
+        dcm_error: list[float] = output.errors.dcm.tolist()
+        self._dcm.append(math.hypot(*dcm_error))
+        return dcm_error
+
     def _record_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
-        phases, now = self._walking.walk.phases, measurement.time
+        now = measurement.time
         used = measurement if measurement.sole_wrench is not None else self._walking.control.measurement
         assert used is not None  # there is a reference: the tick had a good measurement
         self._forces.append(used.wrenches[:, 2].tolist())
@@ -129,7 +140,7 @@ class WalkMeter:
             self._events[event] += 1
             if event in TOUCHED:
                 self._impact_until = now + IMPACT_TIME
-                self._landed = SIDES.index(phases.plan.steps[phases.step - 1].side)
+                self._landed = self._landed if self._swing is None else self._swing
                 self._hit(max(forces[self._landed] for forces in self._forces))
         if now <= self._impact_until:
             self._hit(self._forces[-1][self._landed])
@@ -138,30 +149,28 @@ class WalkMeter:
         """Update the greatest force of the landings, N."""
         self._impact = force if self._impact is None else max(force, self._impact)
 
-    def _record_stance(self, dcm_error: list[float]) -> None:
+    def _record_stance(self, progress: Progress, dcm_error: list[float] | None) -> None:
         """Record the tilt of the stance sole and the DCM error; its contact area once a step."""
-        phases, plant = self._walking.walk.phases, self._plant
-        phase, step, steps = phases.phase, phases.step, phases.plan.steps
-        stance = 1 - SIDES.index(steps[min(step, len(steps) - 1)].side) if steps else 0
+        plant, stance = self._plant, progress.stance
         rotation = plant.data.site_xmat[plant.sole_sites[stance]].tolist()
         moment = _Moment(
             plant.time,
-            phases.completed + 1,
-            phase,
-            phases.elapsed,
-            phases.duration,
+            progress.steps_done + 1,
+            progress.phase,
+            progress.elapsed,
+            progress.duration,
             stance,
             rotation,
             dcm_error,
         )
         self._moments.append(moment)
-        if phase is not Phase.SINGLE:
+        if progress.phase is not Phase.SINGLE:
             return
         roll, pitch = moment.tilt
         self._roll.append(abs(roll))
         self._pitch.append(abs(pitch))
-        if self._middle != phases.completed and moment.share >= 0.5:
-            self._middle = phases.completed
+        if self._middle != progress.steps_done and moment.share >= 0.5:
+            self._middle = progress.steps_done
             self._area.append(self._contact_area(stance))
 
     def _contact_area(self, stance: int) -> float:
@@ -172,17 +181,24 @@ class WalkMeter:
         return hull_and_area(points[:, :2])[1]
 
     def fall(self, reason: str) -> Fall:
-        """Return a fall that has just been detected, with its onset."""
-        phases = self._walking.walk.phases
+        """Return a fall that has just been detected, with its onset.
+
+        Without DCM errors the onset is the fall itself, and its direction that of the pelvis' true velocity.
+        """
+        progress = self._walking.progress
         level = np.eye(3).ravel().tolist()
-        now = _Moment(self._plant.time, phases.completed + 1, phases.phase, 0.0, 0.0, 0, level, [0.0, 0.0])
+        now = _Moment(
+            self._plant.time, progress.steps_done + 1, progress.phase, 0.0, 0.0, 0, level, [0.0, 0.0]
+        )
         moments = list(self._moments) or [now]
         onset = moments[-1]
         for moment in reversed(moments):
-            if math.hypot(*moment.dcm) < EXCURSION:
+            if moment.dcm is None or math.hypot(*moment.dcm) < EXCURSION:
                 break
             onset = moment
-        forward, outward, roll, pitch = (value + 0.0 for value in (*onset.dcm, *onset.tilt))  # no -0.0
+        x, y = self._plant.data.qvel[:2].tolist()
+        way = onset.seen(x, y) if onset.dcm is None else onset.dcm
+        forward, outward, roll, pitch = (value + 0.0 for value in (*way, *onset.tilt))  # no -0.0
         if abs(outward) >= abs(forward):
             direction = "outward" if outward > 0.0 else "inward"
         else:
@@ -194,8 +210,8 @@ class WalkMeter:
             onset.step,
             onset.phase.value,
             onset.share,
-            forward,
-            outward,
+            None if onset.dcm is None else forward,
+            None if onset.dcm is None else outward,
             direction,
             roll,
             pitch,

@@ -10,10 +10,10 @@ from wbc.core.errors import InputError
 from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
-from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.sources import checked_velocity
+from wbc.walking.progress import WalkingLike
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
@@ -146,7 +146,7 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
 class Drive:
     """Commanded velocities of a walk that is under way."""
 
-    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl) -> None:
+    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingLike) -> None:
         """Begin with the first row.
 
         Args:

@@ -12,9 +12,8 @@ from wbc.core.errors import InputError
 from wbc.core.settings import Count, NonNegative, Positive, Share, settings
 from wbc.sim.balance.push_recovery import PUSH_DURATION
 from wbc.sim.plant.plant import Plant
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event
+from wbc.walking.progress import WalkingLike
 
 LIFT_OFFS = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
 """Events that begin a step."""
@@ -50,17 +49,15 @@ class WalkPush:
 class PushSchedule:
     """The pushes of a walk that have not begun yet."""
 
-    def __init__(self, pushes: Sequence[WalkPush], plant: Plant, walking: WalkingControl, gait: Gait) -> None:
+    def __init__(self, pushes: Sequence[WalkPush], plant: Plant, walking: WalkingLike) -> None:
         """Keep all pushes for later.
 
         Args:
             pushes: The pushes.
             plant: Plant that is pushed.
-            walking: Controller, for the lift-offs.
-            gait: Gait of the plan, for the duration of a step; a robot that is steered has its own.
+            walking: Controller, for the lift-offs and the duration of a step.
         """
         self._pending, self._plant, self._walking = list(pushes), plant, walking
-        self._cycle = gait.single_support + gait.double_support
         self._lift_off: dict[int, tuple[float, float]] = {}  # step, from 1 → time and duration of the step, s
 
     def update(self) -> None:
@@ -69,11 +66,8 @@ class PushSchedule:
             return
         reference, now = self._walking.reference, self._plant.time
         if reference is not None and any(event in LIFT_OFFS for event in reference.events):
-            cycle = self._cycle
-            if self._walking.driver.source is not None:
-                gait = self._walking.walk.phases.plan.gait
-                cycle = gait.single_support + gait.double_support
-            self._lift_off.setdefault(self._walking.steps_done + 1, (now, cycle))
+            progress = self._walking.progress
+            self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
         for push in [push for push in self._pending if now >= self._due(push) - 1e-9]:
             self._pending.remove(push)
             force = push.impulse * self._plant.robot.mass / push.duration

@@ -40,6 +40,8 @@ class Touchdowns:
 class Fall:
     """A fall and its onset: the last time that the DCM left its reference by 60 mm.
 
+    Without a stabilizer there is no DCM error, and the onset is the fall itself.
+
     Attributes:
         reason: Height, tilt, DCM or solver: see `wbc.walking.falls.FallReason`.
         time: Time at which the robot counted as fallen, s.
@@ -47,9 +49,10 @@ class Fall:
         step: Number of the step at the onset, from 1; one more than the last at the end of the walk.
         phase: "single support", "double support" or "standing".
         share: Share of that phase that was over.
-        dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference.
-        dcm_outward: Excursion over the stance foot to the outside, m.
-        direction: The larger of both: forward, backward, outward or inward.
+        dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference; None without a stabilizer.
+        dcm_outward: Excursion over the stance foot to the outside, m; likewise.
+        direction: The larger of both, or without them of the pelvis' true velocity: forward, backward, outward or
+            inward.
         sole_roll: Tilt of the stance sole across, rad.
         sole_pitch: Tilt of the stance sole along, toe down positive, rad.
     """
@@ -60,8 +63,8 @@ class Fall:
     step: int
     phase: str
     share: float
-    dcm_forward: float
-    dcm_outward: float
+    dcm_forward: float | None
+    dcm_outward: float | None
     direction: str
     sole_roll: float
     sole_pitch: float

@@ -11,7 +11,7 @@ from wbc.feet.sensing.scan import Profile
 from wbc.feet.soles.sole import SIDES
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.scheduling.record import StepStiffness
-from wbc.walking.control import WalkingControl
+from wbc.walking.progress import WalkingLike
 
 
 class StiffnessMeter:
@@ -22,7 +22,7 @@ class StiffnessMeter:
     estimated pose.
     """
 
-    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+    def __init__(self, plant: Plant, walking: WalkingLike) -> None:
         """Begin without any step.
 
         Args:

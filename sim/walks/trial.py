@@ -35,6 +35,7 @@ from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason
+from wbc.walking.progress import WalkingLike
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
@@ -86,14 +87,13 @@ class WalkTick:
 
     Attributes:
         plant: The plant in the state that was measured; it moves on after the hooks.
-        walking: The controller, with reference and stabilizer output of this tick, or of the last one whose measurement
-            was good.
+        walking: The controller, with the references of this tick, or of the last one whose measurement was good.
         measurement: Readings of the sensors.
         command: Command to the drives.
     """
 
     plant: Plant
-    walking: WalkingControl
+    walking: WalkingLike
     measurement: Measurement
     command: Command
 
@@ -146,7 +146,7 @@ class WalkTrial:
             observer.reset(prepared.configuration)
             robot.update(prepared.configuration, np.zeros(robot.nv))
             standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
-            self.walking = WalkingControl(
+            self.walking: WalkingLike = WalkingControl(
                 robot,
                 prepared.plan,
                 spec.period,
@@ -164,7 +164,7 @@ class WalkTrial:
         self._falls = TrueFallDetector(self.plant.robot, limits)
         self._origin = self._middle()
         self._drive = Drive(spec.plan.drive, self.walking)
-        self._pushes = PushSchedule(spec.pushes, self.plant, self.walking, prepared.plan.gait)
+        self._pushes = PushSchedule(spec.pushes, self.plant, self.walking)
 
     def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
         """Walk to the end, a fall or the time limit; once only.

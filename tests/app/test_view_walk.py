@@ -27,7 +27,7 @@ from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.log import Log
 from wbc.app.scene import Annotations, Layer, PlantSource, make_layers
 from wbc.app.scene.colours import STIFFEST, stiffness_colour
-from wbc.app.scene.footsteps import FootstepsLayer, all_feet
+from wbc.app.scene.footsteps import FootstepsLayer
 from wbc.app.scene.layers import CORNERS, RangeLayer
 from wbc.app.scene.marks import LIFT
 from wbc.app.scene.shapes import HIDDEN, ROOT
@@ -38,6 +38,7 @@ from wbc.app.view.user_input import MAX_BYTES, MAX_MESSAGE, UserInput, unpack
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, walk
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 
 GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
@@ -54,6 +55,11 @@ def tick(trial: WalkTrial) -> Any:
     command = trial.walking.command(measurement)
     trial.plant.step(command)
     return measurement
+
+
+def all_feet(plan: FootstepPlan) -> list[Footstep]:
+    """First swing foot, first stance foot, and all landings of a plan."""
+    return [plan.lift_off(0), plan.stance(0), *plan.steps]
 
 
 class Picture:

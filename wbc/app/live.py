@@ -17,7 +17,7 @@ from wbc.sim.plant.plant import Plant
 if TYPE_CHECKING:
     from wbc.app.view import WatchWalk
     from wbc.sim.walks import WalkTrial
-    from wbc.walking.control import WalkingControl
+    from wbc.walking.progress import WalkingLike
 
 BROWSER_TIME = 20.0
 """Longest time that a run waits for a page to be opened, s."""
@@ -55,7 +55,7 @@ class LiveView:
             raise InputError("host and port are those of the live view: they need --view")
 
     @contextmanager
-    def show(self, plant: Plant, walking: WalkingControl | None = None) -> Iterator[ShownRun]:
+    def show(self, plant: Plant, walking: WalkingLike | None = None) -> Iterator[ShownRun]:
         """Show a plant if `view` is set.
 
         Args:

@@ -29,6 +29,7 @@ from wbc.walking.planning.sources import (
     Standing,
     VelocitySource,
 )
+from wbc.walking.progress import Progress, WalkingLike
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.stabilizer.admittance import FootCorrection
@@ -45,6 +46,8 @@ __all__ = [
     # Control: a measurement in, a command out
     "WalkingControl",
     "WalkingControlSettings",
+    "WalkingLike",
+    "Progress",
     # Arms: hands that go to targets
     "Arms",
     "ArmSettings",

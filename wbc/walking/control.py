@@ -43,6 +43,7 @@ from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, check_
 from wbc.walking.planning.reach import Reach, bent_height
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import FootstepSource, Velocity
+from wbc.walking.progress import Progress, schedule_stiffness
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.bias import BiasEstimator
 from wbc.walking.stabilizer.distribution import WrenchDistribution
@@ -207,6 +208,22 @@ class WalkingControl:
         """True when the walk is over: finished, or ended by a fall."""
         return self.finished or self.fallen is not None
 
+    @property
+    def progress(self) -> Progress:
+        """Phase and steps now."""
+        phases = self.walk.phases
+        steps, gait, swing = phases.plan.steps, phases.plan.gait, phases.swing
+        return Progress(
+            phases.phase,
+            None if swing is None else SIDES.index(swing),
+            1 - SIDES.index(steps[min(phases.step, len(steps) - 1)].side) if steps else 0,
+            phases.completed,
+            phases.elapsed,
+            phases.duration,
+            steps[phases.step :],
+            gait.single_support + gait.double_support,
+        )
+
     def stop(self) -> None:
         """Come to a stand safely."""
         self.driver.stop()
@@ -279,7 +296,9 @@ class WalkingControl:
         now = self.control.measurement
         if self.control.failing or now is None:
             return replace(command, sole_stiffness=self.stiffness.command)
-        return replace(command, sole_stiffness=self._schedule_stiffness(self.stiffness, now))
+        estimate = self.control.observer.robot
+        soles = schedule_stiffness(self.stiffness, self.progress, self.dt, estimate, now)
+        return replace(command, sole_stiffness=soles)
 
     # Steps of a tick
 
@@ -413,15 +432,6 @@ class WalkingControl:
         torques: Array = np.dot(problem.torque_matrix, x)
         torques += problem.torque_bias
         return torques
-
-    def _schedule_stiffness(self, scheduler: StiffnessScheduler, measurement: Measurement) -> Array:
-        """Stiffness of both soles, Nm/rad, from the state of the swing."""
-        phases = self.walk.phases
-        progress = min(phases.elapsed / max(phases.duration, self.dt), 1.0)
-        remaining = max(phases.duration - phases.elapsed, 0.0)
-        landing = None if phases.swing is None else phases.plan.steps[phases.step].position
-        estimate = self.control.observer.robot
-        return scheduler.update(phases.swing, progress, remaining, estimate, measurement, landing)
 
     def _support_area(self) -> tuple[Array, Array]:
         """Half-planes of the hull of both soles as they are now, for the fall test."""

@@ -53,6 +53,15 @@ the soles' stiffness. Figures are the result's. The rest is the loop around, the
 making of the result.
 """
 
+WALK_PARTS = (
+    ("driver", "update", "footsteps"),
+    ("walk", "update", "references"),
+    ("stabilizer", "update", "stabilizer"),
+    *(("tasks", method, "targets") for method in ("move_feet", "move_com", "turn_trunk", "switch")),
+    ("falls", "update", "fall test"),
+)
+"""Attribute, method and part of what a controller that walks may have."""
+
 HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}
 """Names of hooks that the commands use; another one is called after its class."""
 
@@ -208,14 +217,14 @@ def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]
         (control.observer, "update", "observer"),
         (control.observer, "commanded", "observer"),
         (control.monitor, "update", "monitor"),
-        (walking.driver, "update", "footsteps"),
-        (walking.walk, "update", "references"),
-        (walking.stabilizer, "update", "stabilizer"),
-        *((walking.tasks, method, "targets") for method in ("move_feet", "move_com", "turn_trunk", "switch")),
+        *(
+            (getattr(walking, owner), method, part)
+            for owner, method, part in WALK_PARTS
+            if getattr(walking, owner, None) is not None
+        ),
         (controller.robot, "update", MODEL),
         (control.gate, "pass_on", "gate"),
         (control.gate, "pass_on_with_gains", "gate"),
-        (walking.falls, "update", "fall test"),
         (walking, "command", TICK),
         (trial.meter, "update", "figures"),
         (trial.meter, "after_step", "figures"),

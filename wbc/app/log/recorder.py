@@ -16,7 +16,7 @@ from wbc.app.log.columns import XY, XYZ, Columns, Signal
 from wbc.app.log.header import make_header
 from wbc.app.log.sources import sources_for
 from wbc.app.log.stiffness import StiffnessSource
-from wbc.app.log.tick import Control, Source, Tick
+from wbc.app.log.tick import Control, Source, Tick, drives_of
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError
@@ -26,7 +26,6 @@ from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import WalkHook
-from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
     from wbc.sim import GroundTruth, MujocoLoop
@@ -126,7 +125,7 @@ class Recorder(WalkHook):
             InputError: The recording has ended, or an added signal whose name is taken, whose value cannot be stored or
                 whose length has changed.
         """
-        drives = control.control if isinstance(control, WalkingControl) else control
+        drives = drives_of(control)
         loop = None if plant is None or isinstance(plant, Plant) else plant
         self._record(
             Tick(

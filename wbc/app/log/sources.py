@@ -27,7 +27,6 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.errors import Array
 from wbc.core.qp.solution import Solution
 from wbc.sim.plant.plant import Plant
-from wbc.walking.control import WalkingControl
 from wbc.walking.load import HeldLoad
 
 
@@ -40,7 +39,7 @@ def sources_for(columns: Columns, tick: Tick) -> list[Source]:
     """
     sources: list[Source] = [ClockSource(columns)]
     estimate, omega = None if tick.estimate is None else EstimateSource(columns, tick), None
-    if estimate is not None and isinstance(tick.control, WalkingControl):
+    if estimate is not None and tick.walking is not None:
         walk = WalkSource(columns, tick, estimate.com, estimate.com_velocity)
         omega = walk.omega
         sources.append(walk)
@@ -211,7 +210,7 @@ class OutsideSource(Source):
 
 def _load(tick: Tick) -> HeldLoad | None:
     """Return the load of a walk; None where none is expected."""
-    return tick.control.load if isinstance(tick.control, WalkingControl) else None
+    return None if tick.walking is None else tick.walking.load
 
 
 class SolverSource(Source):

@@ -12,13 +12,13 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.walking.control import WalkingControl
+from wbc.walking.progress import WalkingLike
 
 if TYPE_CHECKING:
     from wbc.robots import RobotDescription
     from wbc.sim import GroundTruth, MujocoLoop, Plant
 
-Control = PositionControl | TorqueControl | WalkingControl
+Control = PositionControl | TorqueControl | WalkingLike
 """Controllers that answer a measurement with a command."""
 
 
@@ -50,8 +50,13 @@ class Tick(NamedTuple):
     @property
     def drives(self) -> PositionControl | TorqueControl | None:
         """Position or torque control, also that inside a walk; None for a controller of one's own."""
+        return None if self.control is None else drives_of(self.control)
+
+    @property
+    def walking(self) -> WalkingLike | None:
+        """Controller of a walk; None for any other."""
         control = self.control
-        return control.control if isinstance(control, WalkingControl) else control
+        return None if isinstance(control, (PositionControl, TorqueControl)) else control
 
     @property
     def controller(self) -> Controller | None:
@@ -65,6 +70,11 @@ class Tick(NamedTuple):
             return self.controller.robot
         assert self.model is not None
         return self.model
+
+
+def drives_of(control: Control) -> PositionControl | TorqueControl:
+    """Return position or torque control, also that inside a walk."""
+    return control if isinstance(control, (PositionControl, TorqueControl)) else control.control
 
 
 class Source(ABC):

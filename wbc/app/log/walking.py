@@ -12,7 +12,9 @@ import pinocchio as pin
 from wbc.app.log.columns import QUATERNION, WRENCH, WRENCH_UNITS, XY, XYZ, Columns, foot_names
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
-from wbc.walking.control import WalkingControl
+from wbc.walking.progress import WalkingLike
+from wbc.walking.stabilizer.admittance import FootCorrection
+from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.walk import WalkReference
 
 _NONE = (math.nan,) * 5
@@ -21,9 +23,12 @@ _NONE = (math.nan,) * 5
 _NO_VELOCITY = (math.nan,) * 3
 """Commanded velocity of a robot whose footsteps come from elsewhere."""
 
+_NO_CORRECTION = FootCorrection(math.nan, math.nan, math.nan)
+"""Correction of a foot in a walk without a stabilizer."""
+
 
 class WalkSource(Source):
-    """Phase, references and stabilizer of a walk; NaN and null in ticks without a reference.
+    """Phase, references and stabilizer of a walk; NaN and null without a reference or a stabilizer.
 
     A tick is written with one assignment for single values and one for arrays, in the order of the columns.
 
@@ -81,7 +86,7 @@ class WalkSource(Source):
         self._velocity = columns.group("com/reference_velocity", XYZ, "m/s", "world")
         columns.group("com/reference_acceleration", XYZ, "m/s²", "world")
         columns.group("zmp/reference", XYZ, "m", "world")
-        columns.group("zmp/desired", XYZ, "m", "of the desired net wrench, world")
+        desired = columns.group("zmp/desired", XYZ, "m", "of the desired net wrench, world")
         columns.group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world")
         columns.group("stabilizer/dcm_error", XY, "m", "target minus measured, world")
         columns.group("stabilizer/dcm_error_average", XY, "m", "world")
@@ -92,6 +97,8 @@ class WalkSource(Source):
         for foot in feet:
             about = "desired by the stabilizer, sole frame"
             columns.group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about)
+        output = columns.since(desired.start)
+        self._no_output = (np.full(output.stop - output.start, math.nan),)
         for foot in feet:
             name = f"foot/{foot}/reference"
             columns.group(f"{name}/position", XYZ, "m", "sole centre, world")
@@ -101,27 +108,27 @@ class WalkSource(Source):
         return columns.since(self._com.start)
 
     def write(self, tick: Tick, row: Array) -> None:
-        walk = tick.control
-        assert isinstance(walk, WalkingControl)
+        walk = tick.walking
+        assert walk is not None
         reference, output = walk.reference, walk.output
-        if reference is None or output is None:
+        if reference is None:
             row[self._values] = row[self._arrays] = math.nan
             return
-        pendulum, errors = reference.pendulum, output.errors
-        left, right = output.corrections
+        pendulum = reference.pendulum
+        left, right = (_NO_CORRECTION, _NO_CORRECTION) if output is None else output.corrections
         row[self._values] = (
             self._phase_number(reference),
             self._events(walk, reference),
             reference.step,
             walk.steps_done,
             reference.heading,
-            *self._next_step(walk, reference),
+            *self._next_step(walk),
             pendulum.omega,
             *(walk.lean.angle if walk.lean is not None else (0.0, 0.0)),
             *(walk.bias.bias.tolist() if walk.bias is not None else (0.0, 0.0)),
             *(walk.velocity or _NO_VELOCITY),
             *walk.granted_velocity,
-            output.in_air,
+            math.nan if output is None else output.in_air,
             reference.contact[0],
             left.roll,
             left.pitch,
@@ -136,15 +143,7 @@ class WalkSource(Source):
             pendulum.com_velocity,
             pendulum.com_acceleration,
             pendulum.zmp,
-            output.zmp,
-            output.measured_zmp,
-            errors.dcm,
-            errors.average,
-            errors.rate,
-            output.com_acceleration,
-            output.net_wrench,
-            output.com_offset,
-            output.feet.wrenches.ravel(),
+            *(self._no_output if output is None else _arrays(output)),
         ]
         for motion in reference.feet:
             parts += (pin.SE3ToXYZQUAT(motion.placement), motion.velocity)
@@ -156,7 +155,7 @@ class WalkSource(Source):
             self._phase = (reference.phase, self._columns.text(reference.phase.value))
         return self._phase[1]
 
-    def _events(self, walk: WalkingControl, reference: WalkReference) -> float:
+    def _events(self, walk: WalkingLike, reference: WalkReference) -> float:
         """Return the index of the text of this tick's events; NaN without any."""
         fallen = walk.fallen is not None and not self._fallen
         if not reference.events and not fallen:
@@ -167,12 +166,12 @@ class WalkSource(Source):
             events.append(f"fallen: {walk.fallen.value}")
         return self._columns.text("; ".join(events))
 
-    def _next_step(self, walk: WalkingControl, reference: WalkReference) -> tuple[float, ...]:
+    def _next_step(self, walk: WalkingLike) -> tuple[float, ...]:
         """Return side (index of its text) and pose of the next landing."""
-        steps = walk.walk.phases.plan.steps
-        if reference.step >= len(steps):
+        upcoming = walk.progress.upcoming
+        if not upcoming:
             return _NONE
-        step = steps[reference.step]
+        step = upcoming[0]
         if step is not self._step[0]:
             self._step = (step, (self._columns.text(step.side), step.x, step.y, step.z, step.yaw))
         return self._step[1]
@@ -184,3 +183,19 @@ class WalkSource(Source):
             (self._dcm_estimated, *self._estimated),
         ):
             rows[:, dcm] = rows[:, com][:, :2] + rows[:, velocity][:, :2] / omega
+
+
+def _arrays(output: StabilizerOutput) -> tuple[Array, ...]:
+    """Return the arrays of a stabilizer's output, in the order of the columns."""
+    errors = output.errors
+    return (
+        output.zmp,
+        output.measured_zmp,
+        errors.dcm,
+        errors.average,
+        errors.rate,
+        output.com_acceleration,
+        output.net_wrench,
+        output.com_offset,
+        output.feet.wrenches.ravel(),
+    )

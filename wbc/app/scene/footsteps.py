@@ -13,11 +13,11 @@ from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.marks import LIFT, LINE, outline, polygon, rectangle, ribbon, ribbon_edges
 from wbc.app.scene.shapes import HIDDEN, ROOT, Colour
 from wbc.core.errors import Array
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, other
+from wbc.walking.planning.footsteps import SIDES, Footstep, other
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.walking.control import WalkingControl
+    from wbc.walking.progress import WalkingLike
 
 MAX_STEPS = 128
 """Largest number of footsteps of each kind; of a longer walk the last ones, and half as many to come."""
@@ -37,7 +37,7 @@ class FootstepsLayer(Layer):
     Both have the same indices: 0 is the first swing foot, 1 the first stance foot, 2 the first landing.
     """
 
-    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+    def __init__(self, plant: Plant, walking: WalkingLike) -> None:
         """Make marks for all steps, and for one that a stop may add.
 
         Args:
@@ -46,14 +46,15 @@ class FootstepsLayer(Layer):
         """
         super().__init__()
         self._plant, self._walking = plant, walking
-        plan = walking.walk.phases.plan
-        # A robot that stands may be steered: to places that are not known yet.
-        self._count = min(MAX_STEPS, 2 * ((len(plan) + 4) // 2)) if len(plan) else DRIVEN_STEPS
+        progress = walking.progress
+        steps = progress.steps_done + len(progress.upcoming)
+        # A robot that is steered goes to places that are not known yet.
+        self._count = DRIVEN_STEPS if walking.steered else min(MAX_STEPS, 2 * ((steps + 4) // 2))
         # In longer walks the marks are reused.
-        self._ahead = self._count if self._count >= len(plan) + 3 else self._count // 2
+        self._ahead = self._count if self._count >= steps + 3 else self._count // 2
         self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
         soles = [rectangle(foot.fit.sole.length, foot.fit.sole.width) for foot in plant.feet]
-        first = plan.steps[0].side if plan.steps else SIDES[0]
+        first = progress.upcoming[0].side if progress.upcoming else SIDES[0]
         self._planned, self._real = [], []
         for i in range(self._count):
             side = first if i % 2 == 0 else other(first)
@@ -62,32 +63,33 @@ class FootstepsLayer(Layer):
             self._real.append(self.add(f"footsteps/real_{i}", polygon(corners), translucent(colour)))
         self.legend = FOOTSTEP_LEGEND
         self._path: deque[Array] | None = None
-        if not len(plan):
+        if walking.steered:
             self._path = deque(maxlen=PATH_POINTS)
             self.add("footsteps/path", ribbon(np.zeros((2 * PATH_MARKS, 3))), PATH_COLOUR, deformable=True)
             self.legend = (*FOOTSTEP_LEGEND, ("path of the robot", PATH_COLOUR))
         self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._first = first
-        self._offset = self._skipped = (
-            0  # indices left out where a side has stepped twice, with a stand between
-        )
-        self._end, self._step = 0, -1
-        self._plan: FootstepPlan | None = None
-        self._feet: list[Footstep] = []
+        robot = walking.controller.robot
+        self._start = {
+            side: Footstep.of(side, robot.placement(sole.frame))
+            for side, sole in zip(SIDES, robot.soles, strict=True)
+        }
+        self._skipped = 0  # indices left out where a side has stepped twice, with a stand between
+        self._end = 0
+        self._marked: tuple[int, tuple[Footstep, ...]] | None = None  # steps done, and planned landings
 
     def fill(self, matrices: Array, annotations: Annotations) -> None:  # noqa: D102
-        phases = self._walking.walk.phases
-        step = phases.step
-        if phases.plan is not self._plan or step != self._step:  # plans are replaced, never changed
-            self._plan, self._step, self._feet = phases.plan, step, all_feet(phases.plan)
-            forgotten = phases.completed - step  # steps that a walk that is steered has forgotten
-            if (forgotten + self._skipped) % 2 != (self._feet[0].side != self._first):
-                self._skipped += 1
-            self._offset = forgotten + self._skipped
-            self._mark_plan(self._feet, step)
-        for i in (step + 1,) if phases.swing is not None else (step, step + 1):
-            self._real_at[(i + self._offset) % self._count] = self._pose(self._feet[i].side)
+        progress = self._walking.progress
+        side = progress.swing_side or (progress.upcoming[0].side if progress.upcoming else None)
+        if side is not None and side != self._side(progress.steps_done + self._skipped):
+            self._skipped += 1
+        present = progress.steps_done + self._skipped  # index of the foot that swings, or swings next
+        if self._marked is None or self._marked != (present, progress.upcoming):
+            self._marked = present, progress.upcoming
+            self._mark_plan(present, progress.upcoming)
+        for i in (present + 1,) if progress.swing is not None else (present, present + 1):
+            self._real_at[i % self._count] = self._pose(self._side(i))
         matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
         annotations.text += walk_lines(self._walking)
         if self._path is not None:
@@ -102,21 +104,27 @@ class FootstepsLayer(Layer):
                 np.array(path), 2.0 * LINE, PATH_MARKS
             )
 
-    def _mark_plan(self, feet: list[Footstep], step: int) -> None:
-        """Move the marks of future steps to their planned placements.
+    def _side(self, index: int) -> str:
+        """Return the side of the foot with an index."""
+        return self._first if index % 2 == 0 else other(self._first)
+
+    def _mark_plan(self, present: int, upcoming: tuple[Footstep, ...]) -> None:
+        """Move the marks of future steps to their planned placements; those of landed feet stay.
 
         Args:
-            feet: All feet of the plan.
-            step: Index of the present or next step.
+            present: Index of the foot that swings, or swings next.
+            upcoming: Planned landings.
         """
-        # The marks of landed feet stay: the plan then holds the real landings.
-        offset = self._offset
-        future = range(step + 2 if step + offset else 0, min(len(feet), step + 2 + self._ahead))
-        for i in future:
-            self._planned_at[(i + offset) % self._count] = _mark(feet[i])
-        for i in range(future.stop + offset, self._end):
+        feet = upcoming[: self._ahead]
+        for i, foot in enumerate(feet, present + 2):
+            self._planned_at[i % self._count] = _mark(foot)
+        if present == 0:
+            for i in range(2):
+                self._planned_at[i] = _mark(self._start[self._side(i)])
+        end = present + 2 + len(feet)
+        for i in range(end, self._end):
             self._planned_at[i % self._count] = HIDDEN  # a stop has shortened the plan
-        self._end = future.stop + offset
+        self._end = end
 
     def _pose(self, side: str) -> Array:
         """Return the real placement of a sole."""
@@ -127,23 +135,18 @@ class FootstepsLayer(Layer):
         return pose
 
 
-def all_feet(plan: FootstepPlan) -> list[Footstep]:
-    """Return the first swing foot, the first stance foot, and all landings of a plan."""
-    if not plan.steps:
-        return [plan.left, plan.right]
-    return [plan.lift_off(0), plan.stance(0), *plan.steps]
-
-
-def walk_lines(walking: WalkingControl) -> list[str]:
+def walk_lines(walking: WalkingLike) -> list[str]:
     """Return step, phase, DCM error and outcome of a walk as lines of text."""
-    phases = walking.walk.phases
-    total = len(phases.plan)
-    swing = "" if phases.swing is None else f": {phases.swing} foot swings"
-    lines = [f"step {min(phases.step + 1, total)} of {total}, {phases.phase.value}{swing}"]
-    if walking.driver.source is not None:
+    progress = walking.progress
+    total = progress.steps_done + len(progress.upcoming)
+    now = progress.phase.value
+    if progress.swing_side is not None:
+        now += f": {progress.swing_side} foot swings"
+    lines = [f"step {min(progress.steps_done + 1, total)} of {total}, {now}"]
+    if walking.steered:
         forward, left, turn = walking.granted_velocity
         lines = [
-            f"step {phases.completed + 1}, {phases.phase.value}{swing}",
+            f"step {progress.steps_done + 1}, {now}",
             f"granted {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
         ]
     if walking.output is not None:
@@ -151,7 +154,7 @@ def walk_lines(walking: WalkingControl) -> list[str]:
         lines.append(f"DCM {1e3 * math.hypot(float(error[0]), float(error[1])):.0f} mm off its reference")
     if walking.fallen is not None:
         lines.append(f"FALLEN: {walking.fallen.name.lower()}")
-    elif walking.finished and walking.driver.source is None:
+    elif walking.finished and not walking.steered:
         lines.append("finished")
     return lines
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.feet import FootParts
     from wbc.sim import Plant
-    from wbc.walking.control import WalkingControl
+    from wbc.walking.progress import WalkingLike
 
 CORNERS, POINTS = 24, 64
 """Largest number of corners of the support polygon and of points of a scanned profile."""
@@ -56,7 +56,7 @@ MIN_LOAD_SHARE = 0.005
 """Contacts that bear less than this share of the robot's weight are no corners of the support polygon."""
 
 
-def make_layers(plant: Plant, scene: Scene, walking: WalkingControl | None = None) -> tuple[Layer, ...]:
+def make_layers(plant: Plant, scene: Scene, walking: WalkingLike | None = None) -> tuple[Layer, ...]:
     """Return all layers that a run has data for.
 
     Args:
@@ -77,7 +77,7 @@ def make_layers(plant: Plant, scene: Scene, walking: WalkingControl | None = Non
 class BalanceLayer(Layer):
     """DCM and support polygon of the ground truth, ZMP and DCM as planned."""
 
-    def __init__(self, plant: Plant, com_height: float, walking: WalkingControl | None) -> None:
+    def __init__(self, plant: Plant, com_height: float, walking: WalkingLike | None) -> None:
         """Make the markers.
 
         Args:
@@ -88,7 +88,7 @@ class BalanceLayer(Layer):
         super().__init__()
         self._plant, self._walking = plant, walking
         self._min_load = MIN_LOAD_SHARE * plant.robot.mass * GRAVITY
-        self._omega = natural_frequency(com_height) if walking is None else walking.walk.omega
+        self._omega = natural_frequency(com_height)
         self._level = float(plant.terrain.surface.floor)
         mark, none = disc(com_height), np.zeros((CORNERS, 3))
         self.add("support/polygon", polygon(none), SUPPORT_COLOUR, on_top=True, deformable=True)
@@ -110,9 +110,10 @@ class BalanceLayer(Layer):
         corners = hull_and_area(points[:, :2])[0]
         lifted = np.column_stack([corners, np.full(len(corners), self._level + LIFT)])
         annotations.shapes[f"{ROOT}/support/polygon"] = polygon_corners(lifted, CORNERS)
-        dcm = truth.com[:2] + truth.com_velocity[:2] / self._omega
-        matrices[self._dcm] = translation(float(dcm[0]), float(dcm[1]), self._level + LIFT)
         reference = None if self._walking is None else self._walking.reference
+        omega = self._omega if reference is None else reference.pendulum.omega
+        dcm = truth.com[:2] + truth.com_velocity[:2] / omega
+        matrices[self._dcm] = translation(float(dcm[0]), float(dcm[1]), self._level + LIFT)
         if reference is not None:
             x, y, z = reference.pendulum.zmp
             matrices[self._planned_zmp] = translation(x, y, z + LIFT)
@@ -123,7 +124,7 @@ class BalanceLayer(Layer):
 class OutsideLayer(Layer):
     """Outside force as estimated, with the weight of the load in the models: a rod from the middle of the hands."""
 
-    def __init__(self, walking: WalkingControl, scene: Scene) -> None:
+    def __init__(self, walking: WalkingLike, scene: Scene) -> None:
         """Make the rod.
 
         Args:
@@ -157,7 +158,7 @@ class OutsideLayer(Layer):
 class SolesLayer(Layer):
     """Colour of the soles by their stiffness."""
 
-    def __init__(self, plant: Plant, walking: WalkingControl | None) -> None:
+    def __init__(self, plant: Plant, walking: WalkingLike | None) -> None:
         """Find the hinges of variable stiffness, and their bodies."""
         super().__init__()
         self._model, self._walking = plant.model, walking
@@ -187,7 +188,7 @@ class RangeLayer(Layer):
         measurement: The latest measurement.
     """
 
-    def __init__(self, plant: Plant, walking: WalkingControl | None) -> None:
+    def __init__(self, plant: Plant, walking: WalkingLike | None) -> None:
         """Find the sensors."""
         super().__init__()
         self.measurement: Measurement | None = None
@@ -200,7 +201,7 @@ class RangeLayer(Layer):
             self.add(f"range/scan_{i}", points, SCAN_COLOUR, on_top=True, deformable=True)
         self._hits: list[list[Array]] = [[] for _ in self._sites]
         self._scanned = [False for _ in self._sites]
-        self._swing: str | None = None
+        self._swing: int | None = None
         self._steps = 0
         if walking is not None and walking.stiffness is not None:
             self.legend = (("range ray", RAY_COLOUR), ("ground as scanned", SCAN_COLOUR))
@@ -215,7 +216,7 @@ class RangeLayer(Layer):
                 start = data.site_xpos[site].copy()
                 end = start + distance * data.site_xmat[site].reshape(3, 3)[:, 2]
                 matrices[self._ray[i]] = segment(start, end)
-                if self._swing is not None and SIDES.index(self._swing) == i:
+                if self._swing == i:
                     self._hits[i].append(end)
             if not self._hits[i] and not self._scanned[i]:
                 continue
@@ -228,9 +229,9 @@ class RangeLayer(Layer):
         walking = self._walking
         if walking is None:
             return
-        swing = walking.walk.phases.swing
+        swing = walking.progress.swing
         if swing is not None and swing != self._swing:
-            self._hits[SIDES.index(swing)] = []
+            self._hits[swing] = []
         self._swing = swing
         scheduler = walking.stiffness
         if scheduler is not None and scheduler.steps:

@@ -6,7 +6,7 @@ intervention with its time, and results say that there were any.
     push        a push on the torso, from the robot's front, back or sides
     stop        the walk stops safely, with the present step
     drive       velocity of a robot that is steered: forward, left and turn; a stand when no page that may is left
-    gains       of the stabilizer, from the next tick on
+    gains       of the stabilizer, where the controller has one, from the next tick on
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing
 
@@ -27,7 +27,7 @@ from wbc.feet import VariableStiffnessFoot
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.walking.control import WalkingControl
+    from wbc.walking.progress import WalkingLike
 
 _log = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class LiveControls:
         message: Outcome of the last request, for the page.
     """
 
-    def __init__(self, plant: Plant | None, walking: WalkingControl | None) -> None:
+    def __init__(self, plant: Plant | None, walking: WalkingLike | None) -> None:
         """Find the controls that the run has.
 
         Args:
@@ -76,7 +76,9 @@ class LiveControls:
         if plant is not None:
             self._actions["push"] = self._push
             if walking is not None:
-                self._actions |= {"stop": self._stop, "gain": self._set_gain}
+                self._actions["stop"] = self._stop
+                if walking.stabilizer is not None:
+                    self._actions["gain"] = self._set_gain
                 if walking.steered:
                     self._actions["drive"] = self._drive
                 if isinstance(plant.foot, VariableStiffnessFoot):
@@ -95,7 +97,7 @@ class LiveControls:
             forward, left, turn = limits.fastest
             controls["drive"] = {"forward": forward, "back": limits.fastest_back, "left": left, "turn": turn}
         if "gain" in self._actions:
-            assert self._walking is not None
+            assert self._walking is not None and self._walking.stabilizer is not None
             gains = self._walking.stabilizer.gains
             controls["gains"] = [
                 {"name": name, "unit": unit, "value": _first(getattr(gains, name))}
@@ -174,6 +176,7 @@ class LiveControls:
         name = choose("gain", str(request.get("name")), GAINS)
         value = _number(f"gain '{name}'", request.get("value"))
         stabilizer = self._walking.stabilizer
+        assert stabilizer is not None
         stabilizer.gains = replace(stabilizer.gains, **{name: value})
         return {"name": name, "value": _first(getattr(stabilizer.gains, name))}
 

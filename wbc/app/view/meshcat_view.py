@@ -35,7 +35,7 @@ from wbc.sim.terrain import Terrain
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.sim import GroundTruth, MujocoLoop
-    from wbc.walking.control import WalkingControl
+    from wbc.walking.progress import WalkingLike
 
 PAUSE_TICK = 0.02
 """Period at which a paused run checks whether it may go on, s."""
@@ -68,7 +68,7 @@ class MeshcatView:
         self,
         source: Plant | MujocoLoop | RobotDescription,
         *,
-        walking: WalkingControl | None = None,
+        walking: WalkingLike | None = None,
         terrain: Terrain | None = None,
         host: str = "127.0.0.1",
         port: int | None = None,
