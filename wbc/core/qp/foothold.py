@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Unpack
 
 import numpy as np
@@ -11,17 +12,23 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, check_options, finite_array, finite_scalar, positive
 from wbc.core.qp.contact import Contact, ContactOptions, friction_pyramid
 from wbc.core.robot import Robot
+from wbc.core.vectors import add_cross
 
 HOLD = (1000.0, 1000.0, 1000.0, 3.0, 3.0, 3.0)
 """Default cost of a foothold's motion: its centre stays, while the sole may turn about it, as on a stone."""
+
+UPRIGHT = 1e-3
+"""Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
 
 
 class Foothold(Contact):
     """A sole that stands on a point, a line or an area that nobody knows.
 
     Its motion is a cost, so that it can make no QP infeasible. The centre of pressure stays within a small box around
-    the centre of the foothold, and a yaw moment within a torsional friction. Wrench and motion are those of the
-    foothold's centre, in the axes of the sole.
+    the centre of the foothold, and a yaw moment within a torsional friction.
+
+    Wrench and motion are those of the foothold's centre. Forces are in level axes, x along the sole: how a sole tilts on
+    a stone does not tell the normal of the ground. Moments are in the axes of the sole, whose edges bound them.
 
     Cost 10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² by default, damping 12 1/s, no stiffness.
     """
@@ -54,7 +61,7 @@ class Foothold(Contact):
         self._torsion = positive(f"torsion of contact '{sole}' (m)", torsion)
         self._half = (0.0, 0.0)  # of the box
         self._centre = np.zeros(3)
-        self._placement_of_centre = pin.SE3.Identity()
+        self._change = np.eye(6)  # from the sole's origin in world axes to the centre in its axes
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
         chosen: ContactOptions = {
             "wrench_weight": weight,
@@ -111,22 +118,31 @@ class Foothold(Contact):
         self.revision += 1
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows of the centre, in the axes of the sole; see `Contact.evaluate`."""
-        model, data, local = self._model, self._data, pin.LOCAL
+        """Fill the motion rows of the centre: linear in the level axes, angular in those of the sole."""
+        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        rotation, change = self._placement.rotation, self._change
+        (a, b, _), (c, d, _), (e, f, _) = rotation.tolist()
         x, y, _ = self._centre.tolist()
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
-        drift[:] = pin.getFrameAcceleration(model, data, self._id, local).vector
+        arm = px, py, pz = a * x + b * y, c * x + d * y, e * x + f * y
+        level = math.hypot(a, c)
+        cos, sin = (a / level, c / level) if level > UPRIGHT else (1.0, 0.0)
+        change[0, 0] = change[1, 1] = cos
+        change[0, 1], change[1, 0] = sin, -sin
+        # Rows of [level axes] · (linear + angular × arm).
+        change[:3, 3:] = (
+            (-sin * pz, cos * pz, sin * px - cos * py),
+            (-cos * pz, -sin * pz, sin * py + cos * px),
+            (py, -px, 0.0),
+        )
+        change[3:, 3:] = rotation.T
+        jacobian[:] = change.dot(pin.getFrameJacobian(model, data, self._id, world))
+        spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
+        bend = add_cross((0.0, 0.0, 0.0), spin, add_cross((0.0, 0.0, 0.0), spin, arm))
+        acceleration = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
+        acceleration[:3] += bend
+        np.dot(change, acceleration, out=drift)
+        error[:] = 0.0
         if self.stiffness > 0.0:
-            error[:] = pin.log6(self._placement.actInv(self._target)).vector
-            _move(error, x, y)
-        else:
-            error[:] = 0.0
-        _move(jacobian, x, y)
-        _move(drift, x, y)
-
-
-def _move(motion: Array, x: float, y: float) -> None:
-    """Move motion vectors, rows [linear; angular], from the origin to (x, y, 0): linear + angular × (x, y, 0)."""
-    motion[0] -= y * motion[5]
-    motion[1] += x * motion[5]
-    motion[2] += y * motion[3] - x * motion[4]
+            target = self._target
+            error[:3] = change[:3, :3].dot(target.act(self._centre) - self._placement.act(self._centre))
+            error[3:] = pin.log3(rotation.T.dot(target.rotation))
