@@ -13,8 +13,9 @@ from typing import Any
 import fuzzing
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 import wbc
 from wbc.app.cli import BAD_INPUT, main
@@ -60,7 +61,7 @@ PLAIN = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=5000, derandomize=True)
+@examples(40, deadline=5000)
 @given(st.data())
 @pytest.mark.parametrize(
     "kind", [Gait, StabilizerGains, BalanceGains, PhysicsSettings, GroundContact, WalkSpec]

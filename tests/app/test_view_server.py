@@ -14,9 +14,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pages import PAUSE, Answer, close_code, facts, get, page_url
+from properties import examples
 from tornado.websocket import websocket_connect
 
 import wbc
@@ -249,7 +250,7 @@ def trial() -> WalkTrial:
     return WalkTrial(WalkSpec(foot="variable", timestep=0.0025))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(order=ORDERS | JSON_VALUES)
 def test_no_order_raises_in_the_control_loop(trial: WalkTrial, order: Any) -> None:
     controls = LiveControls(trial.plant, trial.walking)

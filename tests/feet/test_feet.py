@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from scipy.spatial.transform import Rotation
 
 from wbc.core.changes import changed
@@ -318,7 +319,7 @@ stiffness = st.floats(1.0, 2000.0)
 
 
 @given(actuators, stiffness, stiffness, st.lists(st.floats(0.0, 0.3), min_size=1, max_size=6))
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_actuator_does_not_depend_on_how_time_is_cut(
     actuator: StiffnessActuator, start: float, command: float, pieces: list[float]
 ) -> None:
@@ -331,7 +332,7 @@ def test_actuator_does_not_depend_on_how_time_is_cut(
 
 
 @given(actuators, stiffness, stiffness, st.floats(1e-4, 0.5))
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_actuator_moves_towards_its_command_no_faster_than_it_can(
     actuator: StiffnessActuator, start: float, command: float, duration: float
 ) -> None:

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from scipy import signal, stats
 
 from wbc.core.errors import InputError, UnknownNameError
@@ -113,7 +114,7 @@ def test_k_counts_lines() -> None:
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(8, 120))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_agrees_with_scipy_and_direct_sums(seed: int, n: int) -> None:
     z = rough(n, seed)[0]
     r, d = roughness(grid(n), z, PLAIN), z - z.mean()
@@ -153,7 +154,7 @@ def test_the_corrected_slope_is_the_integral_of_the_spectrum_where_the_ground_is
     slope=st.floats(-0.5, 0.5),
     place=st.floats(-200, 200),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_place_lift_and_slope_do_not_matter_and_scale_does_as_it_should(
     scale: float, lift: float, slope: float, place: float
 ) -> None:
@@ -277,7 +278,7 @@ def test_a_wave_as_long_as_the_foot_keeps_half_of_its_height() -> None:
 
 
 @given(a=st.floats(-1.0, 1.0), b=st.floats(-1.0, 1.0), n=st.integers(8, 100))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_the_filter_keeps_level_ground_and_is_linear_and_blind_to_direction(
     a: float, b: float, n: int
 ) -> None:

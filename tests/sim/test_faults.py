@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from faults import CHANGES, faults, run
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 import wbc
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
@@ -150,7 +151,7 @@ GARBAGE = st.one_of(
 NAMES = (*SIGNALS, *OPTIONAL)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@examples(150)
 @given(data=st.data())
 def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.DataObject) -> None:
     logging.disable(logging.CRITICAL)

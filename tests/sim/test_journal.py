@@ -13,8 +13,9 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim import WalkSpec
@@ -77,7 +78,7 @@ def test_a_later_line_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
     assert only.status == "done"
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.data())
 def test_a_torn_last_line_is_cut_off_wherever_it_is_torn(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

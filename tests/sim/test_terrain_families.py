@@ -9,8 +9,9 @@ from typing import Annotated
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive
@@ -45,7 +46,7 @@ def _peaks(t: Terrain) -> Array:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(seed=st.integers(0, 2**40), share=st.floats(0.05, 1.0))
 def test_amplitude_is_highest_minus_lowest_point(name: str, seed: int, share: float) -> None:
     t = terrain(name, amplitude=share * terrain(name).amplitude, seed=seed)

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from wbc.core.errors import InputError, UnknownNameError, WbcError
 from wbc.core.robot import Robot, Sole
@@ -504,7 +505,7 @@ def test_an_early_landing_is_written_down() -> None:
     lag=st.floats(0.0, 0.1),
     decide_at=st.sampled_from([0.5, 0.75, 0.9]),
 )
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_what_is_commanded_is_reached(wanted: float, rate: float, lag: float, decide_at: float) -> None:
     """Whatever rate and lag: the command is what the actuator can settle to, so it is reached when the foot lands."""
     foot = VariableStiffnessFoot(stiffness=40.0, actuator=StiffnessActuator(rate, lag))

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.robots import load
@@ -60,7 +61,7 @@ def test_three_metres_are_22_steps_and_end_side_by_side() -> None:
     check_plan(plan, ROBOT)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.floats(-0.15, 0.15), st.floats(-0.05, 0.05), st.floats(-0.2, 0.2), st.integers(1, 8))
 def test_plans_mirror_and_follow_the_world(vx: float, vy: float, turn: float, steps: int) -> None:
     first = "left"

@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import qpsolvers
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
@@ -134,7 +135,7 @@ def test_the_zmp_target_is_inward_on_both_feet() -> None:
 # Heights
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.tuples(*[st.floats(-1, 1)] * 6), st.floats(0.1, 2.0))
 def test_quintics_hit_both_ends(v: tuple[float, ...], duration: float) -> None:
     q = Quintic(v[:3], v[3:], duration)

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
@@ -255,7 +256,7 @@ def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> 
 errors_of = st.floats(-0.03, 0.03)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     errors_of, errors_of, errors_of, st.floats(0, 8), st.floats(0, 20), st.floats(0, 2), st.integers(0, 100)
 )

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.walking.pattern.swing import SwingFoot
@@ -55,7 +56,7 @@ def test_a_foot_leaves_late_to_a_stair_above_and_arrives_early_over_one_below() 
 tilts = st.floats(-0.3, 0.3)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.floats(-0.3, 0.4), st.floats(0.0, 0.2), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5), tilts, tilts)
 def test_it_is_smooth_from_start_to_landing(
     x: float, y: float, z: float, yaw: float, pitch: float, roll: float

@@ -1,0 +1,33 @@
+"""Profiles of hypothesis, and the number of examples of a property test.
+
+The default profile draws the same examples in every run, on every machine: a run that is red stays red. The profile
+`long` draws new ones at random, ten times as many: `HYPOTHESIS_PROFILE=long pytest tests/feet`.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from hypothesis import settings
+
+PERCENT = 100
+"""Number of examples of a profile that keeps the counts of the tests."""
+
+settings.register_profile("default", max_examples=PERCENT, derandomize=True, deadline=None)
+settings.register_profile("long", max_examples=10 * PERCENT, derandomize=False, deadline=None)
+
+
+def load_profile() -> None:
+    """Load the profile that the environment variable HYPOTHESIS_PROFILE names; the default one without it."""
+    settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+
+def examples(count: int, **changes: Any) -> settings:
+    """Return the settings of a property test: the profile's, with a number of examples of its own.
+
+    Args:
+        count: Number of examples in the default profile.
+        **changes: Other settings that differ from the profile's.
+    """
+    return settings(max_examples=count * settings().max_examples // PERCENT, **changes)
