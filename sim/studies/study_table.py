@@ -159,7 +159,9 @@ def _ending_text(cell: TableCell) -> str:
     parts = [share_text(cell.outcomes.get("completed", 0), total) if total else "0 of 0 completed"]
     parts += [f"{n} {reason}" for reason, n in sorted(cell.fall_reasons.items(), key=lambda item: -item[1])]
     parts += [f"{n} {direction}" for direction, n in sorted(cell.directions.items(), key=lambda i: -i[1])]
-    parts += [f"{cell.outcomes[name]} {name}" for name in ("unfinished",) if cell.outcomes.get(name)]
+    parts += [
+        f"{cell.outcomes[name]} {name}" for name in ("strayed", "unfinished") if cell.outcomes.get(name)
+    ]
     bad = ("diverged", "timeout", "crashed", "missing")
     parts += [f"{cell.statuses[name]} {name}" for name in bad if cell.statuses.get(name)]
     return ", ".join(parts)

@@ -158,7 +158,7 @@ def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
 
 @settings(kw_only=True)
 class WalkPushLimitSpec:
-    """Search for the largest push from which a walk recovers, by bisection.
+    """Search for the largest push from which a walk recovers, by bisection: it does all its steps, wherever they end.
 
     Bisection takes recovery to be monotonic; the result lies within `resolution` of a change.
 
@@ -214,7 +214,7 @@ class _Diverged(Exception):  # noqa: N818 - it is a result
 
 
 def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
-    """Find the largest push from which a walk recovers, that is, completes its plan."""
+    """Find the largest push from which a walk recovers, that is, does all its steps, wherever they end."""
     begin = time.perf_counter()
     tried: list[tuple[float, bool, int, str | None]] = []
     seconds = 0.0
@@ -223,7 +223,7 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
         nonlocal seconds
         result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
         seconds += result.seconds
-        done = result.outcome == "completed"
+        done = result.outcome in ("completed", "strayed")
         tried.append((impulse, done, result.steps_done, result.fall_reason))
         if result.outcome == "diverged":
             raise _Diverged

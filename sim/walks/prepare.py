@@ -17,10 +17,11 @@ from wbc.robots.description import RobotDescription
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.settings import TrialSettings
 from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
 
@@ -54,6 +55,17 @@ class PreparedWalk:
         robot = self.controller_description.robot()
         robot.update(self.configuration, np.zeros(robot.nv))
         return robot
+
+    def arrival(self) -> Arrival | None:
+        """Return the goal and the track of the plan; None for a walk that is driven, which has neither."""
+        plan = self.plan
+        if not plan.steps:
+            return None
+        left, right = plan.final
+        x, y, _ = (0.5 * (left.position + right.position)).tolist()
+        stands = [(plan.left, plan.right), *((plan.stance(i), step) for i, step in enumerate(plan.steps))]
+        track = [(0.5 * (a.x + b.x), 0.5 * (a.y + b.y)) for a, b in stands]
+        return Arrival((x, y, mean_heading(left.yaw, right.yaw)), track)
 
     @property
     def time_limit(self) -> float:

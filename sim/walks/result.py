@@ -95,7 +95,7 @@ class WalkResult:
 
     Errors are horizontal distances |reference − measured|, both axes together, in every tick until the walk ended,
     fell or diverged; the ZMP is the one that the unfiltered foot sensors give, CoM and DCM are estimated, without
-    ground truth. Distance, drift, heading, sole tilt, contact area and torques are true.
+    ground truth. Distance, drift, heading, errors of goal and track, sole tilt, contact area and torques are true.
 
     Attributes:
         robot: Name.
@@ -105,8 +105,10 @@ class WalkResult:
         terrain: Family of the ground.
         amplitude: Amplitude of the ground, m.
         seed: Seed of ground and sensors.
-        outcome: completed, fell, diverged or unfinished. A simulation that diverged is no fall and no success; an
-            unfinished walk neither ended nor fell within its time limit.
+        outcome: completed, strayed, fell, diverged or unfinished. A walk is completed by a robot that has done all its
+            steps, stands at its goal and has kept to its track (`wbc.sim.walks.arrival`); one that has done them and
+            is elsewhere has strayed. A simulation that diverged is no fall and no success; an unfinished walk neither
+            ended nor fell within its time limit. A driven walk has no goal and cannot stray.
         steps_planned: Number of steps of the plan.
         steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
         J: Objective of the paper's optimisation, see `objective`.
@@ -118,6 +120,8 @@ class WalkResult:
         distance: Displacement of the feet along their first heading, m.
         drift: Displacement of the feet to the left, m.
         yaw_error: Heading of the pelvis minus that of the reference, rad.
+        goal_error: Distance of the middle of the feet from that of the plan's last stand, m; None for a driven walk.
+        track_error: Greatest distance of that middle from the planned way, m; None for a driven walk.
         zmp_error: m.
         com_error: m; of the stabilizer's CoM, less the bias that it has estimated.
         dcm_error: The same of the DCM, m.
@@ -158,6 +162,8 @@ class WalkResult:
     distance: float
     drift: float
     yaw_error: float
+    goal_error: float | None
+    track_error: float | None
     zmp_error: Spread
     com_error: Spread
     dcm_error: Spread

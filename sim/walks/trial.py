@@ -22,6 +22,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, VariableStiffnessFoot
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import Plant
+from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
@@ -163,6 +164,8 @@ class WalkTrial:
         limits = PelvisLimits.walking(pelvis, prepared.settings.falls)
         self._falls = TrueFallDetector(self.plant.robot, limits)
         self._origin = self._middle()
+        self._arrival = prepared.arrival()
+        self._steered = self.walking.steered
         self._drive = Drive(spec.plan.drive, self.walking)
         self._pushes = PushSchedule(spec.pushes, self.plant, self.walking)
 
@@ -223,6 +226,8 @@ class WalkTrial:
                 diverged = f"estimated speeds beyond any robot's before {plant.time:.4f} s"
             if diverged is not None:
                 break
+            if self._arrival is not None:
+                self._arrival.update(self._middle())
             if reason is not None:
                 fall = meter.fall(reason.name.lower())
                 break
@@ -244,12 +249,17 @@ class WalkTrial:
 
     def _result(self, fall: Fall | None, diverged: str | None, clock: WallClock) -> WalkResult:
         walking = self.walking
+        # A robot that a hook has steered on the way has another goal than its plan's.
+        arrival = None if walking.steered and not self._steered else self._arrival
         if diverged is not None:
             outcome = "diverged"
         elif fall is not None:
             outcome = "fell"
+        elif not self._drive.over:
+            outcome = "unfinished"
         else:
-            outcome = "completed" if self._drive.over else "unfinished"
+            there = arrival is None or arrival.arrived(self._middle(), self._heading())
+            outcome = "completed" if there else "strayed"
         driven = self.spec.plan.drive is not None
         planned = walking.steps_done if driven else len(self._prepared.plan)
         figures = self.meter.figures()
@@ -264,7 +274,8 @@ class WalkTrial:
             fall=fall,
             diverged=diverged,
             seconds=self.plant.time,
-            **self._travel(),
+            **self._travel(arrival),
+            track_error=None if arrival is None else arrival.track_error,
             **figures,
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=walking.control.failures,
@@ -281,22 +292,26 @@ class WalkTrial:
         """Return the middle between the true soles, shape (2,), m."""
         return np.asarray(np.mean(self.plant.data.site_xpos[list(self.plant.sole_sites), :2], axis=0))
 
-    def _travel(self) -> dict[str, Any]:
-        """Return the true displacement of the feet, and the error of the pelvis' heading."""
+    def _heading(self) -> float:
+        """Return the true heading of the pelvis, rad."""
+        w, i, j, k = self.plant.data.qpos[3:7].tolist()
+        return math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+
+    def _travel(self, arrival: Arrival | None) -> dict[str, Any]:
+        """Return the true displacement of the feet, their distance from the goal, and the error of the heading."""
         q = self.plant.data.qpos
         if not np.isfinite(q[:7]).all():
-            return {"distance": math.nan, "drift": math.nan, "yaw_error": math.nan}
+            return dict.fromkeys(("distance", "drift", "yaw_error", "goal_error"), math.nan)
         yaw = self.spec.start[2]
         c, s = math.cos(yaw), math.sin(yaw)
         dx, dy = (self._middle() - self._origin).tolist()
-        w, i, j, k = q[3:7].tolist()
-        heading = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
         reference = self.walking.reference
         desired = yaw if reference is None else reference.heading
         return {
             "distance": c * dx + s * dy,
             "drift": c * dy - s * dx,
-            "yaw_error": math.remainder(heading - desired, 2.0 * math.pi),
+            "yaw_error": math.remainder(self._heading() - desired, 2.0 * math.pi),
+            "goal_error": None if arrival is None else arrival.error(self._middle()),
         }
 
 

@@ -18,6 +18,9 @@ REASONS = {
 }
 """Reason of a fall → words."""
 
+ENDS = {"completed": "walked", "strayed": "STRAYED", "unfinished": "NOT DONE:"}
+"""Outcome of a walk without a fall → word."""
+
 
 def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     """Return the text of a result."""
@@ -40,8 +43,12 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
             f"tilted by {math.degrees(fall.sole_roll):.1f}° roll, {math.degrees(fall.sole_pitch):.1f}° pitch"
         )
     else:
-        verb = "walked" if result.outcome == "completed" else "NOT DONE: "
-        lines.append(f"  {verb}    {steps} in {result.seconds:.1f} s")
+        verb = ENDS[result.outcome]
+        lines.append(f"  {verb:<9} {steps} in {result.seconds:.1f} s")
+    if result.outcome == "strayed":
+        lines[-1] += (
+            f", {result.goal_error:.2f} m from the goal, up to {result.track_error:.2f} m off the track"
+        )
     down = result.touchdowns
     lines += [
         f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "

@@ -1,0 +1,65 @@
+"""Arrival of a walk: whether the robot has come to its goal, and has kept to its track on the way.
+
+All places are true ones, of the simulation: a robot whose estimate has drifted does all its steps and is elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, finite_array
+
+GOAL_DISTANCE = 0.5
+"""Greatest distance of the middle of the feet from the goal, and from the track on the way, m: beyond, the robot stands
+or walks beside the place that it was sent to, by more than two widths of its feet."""
+
+GOAL_TURN = math.radians(45.0)
+"""Greatest error of the pelvis' heading at the goal, rad."""
+
+
+class Arrival:
+    """Comparison of a walk with its goal and its track.
+
+    Attributes:
+        goal: Place of the middle of the feet at the end, and heading there: x, y (m) and yaw (rad) in the world.
+        track: Middles of the feet in order, joined by straight lines, shape (n, 2), m.
+        track_error: Greatest distance of the middle of the feet from the track so far, m.
+    """
+
+    def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
+        """Begin a walk.
+
+        Args:
+            goal: x, y (m) and yaw (rad) in the world.
+            track: Places in the world, shape (n, 2) with at least one row, m.
+        """
+        self.goal = goal
+        self.track = finite_array("track (m)", track)
+        self.track_error = 0.0
+        self._begins = self.track[:-1] if len(self.track) > 1 else self.track
+        self._ways = np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))
+        self._squares = np.maximum((self._ways**2).sum(axis=1), 1e-12)
+
+    def update(self, middle: Array) -> None:
+        """Compare the middle of the feet, shape (2,), m, with the track."""
+        arm = middle - self._begins
+        share = np.clip((arm * self._ways).sum(axis=1) / self._squares, 0.0, 1.0)
+        away = arm - share[:, None] * self._ways
+        self.track_error = max(self.track_error, math.sqrt(float((away**2).sum(axis=1).min())))
+
+    def error(self, middle: Array) -> float:
+        """Return the distance of the middle of the feet, shape (2,), from the goal, m."""
+        return math.hypot(middle[0] - self.goal[0], middle[1] - self.goal[1])
+
+    def arrived(self, middle: Array, heading: float) -> bool:
+        """Return true if a robot that stands there is at its goal and has kept to its track.
+
+        Args:
+            middle: Middle of the feet, shape (2,), m.
+            heading: Of the pelvis, rad.
+        """
+        turned = abs(math.remainder(heading - self.goal[2], 2.0 * math.pi))
+        return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN
