@@ -11,6 +11,7 @@ from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.sources import checked_velocity
 from wbc.walking.progress import WalkingLike
@@ -34,7 +35,8 @@ class WalkPlan:
 
     Attributes:
         distance: Straight on, m; backwards when negative.
-        velocity: Forward (m/s), left (m/s) and turn (rad/s).
+        velocity: Forward (m/s), left (m/s) and turn (rad/s); steps are quicker at higher speed, as those of a drive
+            (`Gait.for_speed`).
         steps: Number of steps of a walk with a velocity.
         turn: On the spot to the left, rad.
         stairs: Climb (or descend) the stairs of the terrain: "together" brings both feet onto each stair,
@@ -88,6 +90,7 @@ class WalkPlan:
             return walk_distance(start, self.distance, first=first)
         if self.velocity is not None:
             assert self.steps is not None
+            start = replace(start, gait=Gait.for_speed(self.velocity, start.gait))
             return walk_velocity(start, self.velocity, self.steps, first=self.first)
         if self.turn is not None:
             if self.first is not None:

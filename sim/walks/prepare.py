@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -102,6 +102,8 @@ def prepare(
     gait, notes = gait.on_grid(period)
     ground = stairs if stairs is not None else terrain_by_name("flat")
     steps = plan.build(FootstepPlan.standing(model, gait), ground)
+    gait, more = steps.gait.on_grid(period)  # that of a velocity
+    steps, notes = replace(steps, gait=gait), notes + more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
     walking = WalkingControl(model, steps, period, settings, extent=extent)

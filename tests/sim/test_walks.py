@@ -28,9 +28,12 @@ from wbc.sim.walks import (
     walk,
 )
 from wbc.walking.falls import FallReason
-from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.planners import walk_velocity
+from wbc.walking.planning.reach import Reach
+from wbc.walking.planning.sources import DriveSettings, Standing, VelocitySource
 
 TWO_STEPS = WalkPlan(distance=0.1)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3)
@@ -433,6 +436,44 @@ def test_specs_are_values() -> None:
     assert json.dumps(same.to_json()) == json.dumps(other.to_json())
     assert WalkSpec.from_json(json.loads(json.dumps(same.to_json()))) == same
     assert same != WalkSpec()
+
+
+@pytest.mark.parametrize(
+    "velocity", [(0.1, 0.0, 0.0), (-0.15, 0.0, 0.0), (0.0, 0.075, 0.0), (0.05, 0.03, -0.2)]
+)
+def test_a_slow_walk_takes_the_steps_of_its_gait(velocity: tuple[float, float, float]) -> None:
+    for gait in (Gait(), Gait(single_support=0.7, swing_height=0.05)):
+        spec = WalkSpec(plan=WalkPlan(velocity=velocity, steps=4), gait=gait)
+        robot = spec.prepare().robot()
+        assert spec.prepare().plan == walk_velocity(FootstepPlan.standing(robot, gait), velocity, 4)
+
+
+@pytest.mark.parametrize("period", [0.005, 0.002])
+def test_a_quick_walk_takes_the_steps_of_a_driven_robot(period: float) -> None:
+    """A velocity of 0.4 m/s is out of reach in the time of slow steps."""
+    spec = WalkSpec(plan=WalkPlan(velocity=(0.4, 0.0, 0.0), steps=6), control_period=period)
+    prepared = spec.prepare()
+    robot = prepared.robot()
+    left, right = ((sole.length, sole.width) for sole in robot.soles)
+    source = VelocitySource(Reach.of(robot), (left, right), DriveSettings(acceleration=(9, 9, 9)))
+    source.target = (0.4, 0.0, 0.0)
+    start = FootstepPlan.standing(robot, Gait())
+    driven = source.footsteps(Standing(start, None, 0, False, 0.0))
+    gait = prepared.plan.gait
+    assert gait == driven.gait and gait.single_support < 0.5
+    ways = [b.x - a.x for a, b in zip(prepared.plan.steps[:6], prepared.plan.steps[1:6], strict=False)]
+    assert ways == pytest.approx([0.4 * (gait.single_support + gait.double_support)] * 5)
+    slow = WalkSpec(plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=6), control_period=period).prepare()
+    assert prepared.nominal_time < 0.7 * slow.nominal_time
+    with pytest.raises(InputError, match="within reach"):  # explicit values win
+        replace(spec, gait=Gait(single_support=0.9, double_support=0.29))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
+def test_a_quick_walk_arrives(robot: str) -> None:
+    result = walk(robot=robot, velocity=(0.4, 0.0, 0.0), steps=12, seed=100)
+    assert result.outcome == "completed" and result.distance > 0.9 * 12 * 0.4 * 0.57
 
 
 def test_changes_reach_the_controller() -> None:

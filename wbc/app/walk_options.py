@@ -55,7 +55,8 @@ class WalkOptions:
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
         distance: Distance straight on, m; 3 m when no other plan is given.
-        velocity: Walk with a velocity instead: forward (m/s), left (m/s), turn (rad/s).
+        velocity: Walk with a velocity instead: forward (m/s), left (m/s), turn (rad/s); steps are quicker at higher
+            speed.
         velocity_file: Walk with velocities over time instead: a CSV file with the columns time (s), forward (m/s),
             left (m/s) and turn (rad/s); the last row is a stand.
         drive: Drive the robot from the live page instead, with arrow keys, the stick or a gamepad; shows the view.

@@ -41,7 +41,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
 def walk_velocity(
     start: FootstepPlan, velocity: Sequence[float], steps: int, *, first: str | None = None
 ) -> FootstepPlan:
-    """Walk with a velocity.
+    """Walk with a velocity, in the time that steps take in the gait; `Gait.for_speed` gives the gait of a velocity.
 
     Sideways and turning, the foot on the side of the motion opens by two steps' worth and the other closes.
 
