@@ -152,8 +152,8 @@ def _drive(
     """Drive from a stand until a fall or for a time."""
     trial = WalkTrial(replace(spec.walk, noise_seed=int(rng.integers(2**31))))
     plant, walking = trial.plant, trial.walking
-    limits = walking.settings.drive
-    low = (-limits.fastest_back, -limits.fastest[1], -limits.fastest[2])
+    forward, back, aside, turn = walking.velocity_limits
+    low, high = (-back, -aside, -turn), (forward, aside, turn)
     force = spec.push * plant.robot.mass / PUSH_DURATION
     draw, push, path = 2.0, spec.every, 0.0
     place = plant.data.qpos[:2].copy()
@@ -162,7 +162,7 @@ def _drive(
         check()
         if plant.time >= draw - 1e-9:
             draw += spec.draw
-            velocity, stands = rng.uniform(low, limits.fastest), rng.random() < spec.rest
+            velocity, stands = rng.uniform(low, high), rng.random() < spec.rest
             walking.velocity = None if stands else velocity.tolist()
         if plant.time >= push - 1e-9:
             push += spec.every

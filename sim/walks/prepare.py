@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots import load
@@ -19,11 +19,12 @@ from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import WalkPlan
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
+from wbc.walking.stepping.control import SteppingControl
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,9 @@ class PreparedWalk:
         foot: The foot.
         settings: Settings.
         configuration: Configuration of the controller's robot at the start, shape (nq,).
-        plan: Footsteps, with timings on the grid of the control period.
+        plan: Footsteps, with timings on the grid of the control period; none of a stepping walk.
+        way: Footsteps that lead to the goal; those of the plan, or, of a stepping walk, those that it does not take.
+        orders: Velocities over time, as rows of `WalkPlan.drive`; None for a walk along a plan or to a goal.
         nominal_time: Duration of the walk as planned, s.
         notes: Changes that made it walkable.
     """
@@ -44,9 +47,11 @@ class PreparedWalk:
     plant_description: RobotDescription
     controller_description: RobotDescription
     foot: Foot
-    settings: TrialSettings
+    settings: TrialSettings | SteppingTrialSettings
     configuration: Array
     plan: FootstepPlan
+    way: FootstepPlan
+    orders: tuple[tuple[float, float, float, float], ...] | None
     nominal_time: float
     notes: tuple[str, ...]
 
@@ -58,8 +63,8 @@ class PreparedWalk:
 
     def arrival(self) -> Arrival | None:
         """Return the goal and the track of the plan; None for a walk that is driven, which has neither."""
-        plan = self.plan
-        if not plan.steps:
+        plan = self.way
+        if self.orders is not None or not plan.steps:
             return None
         left, right = plan.final
         x, y, _ = (0.5 * (left.position + right.position)).tolist()
@@ -83,7 +88,7 @@ def prepare(
     foot: Foot,
     plan: WalkPlan,
     gait: Gait,
-    settings: TrialSettings,
+    settings: TrialSettings | SteppingTrialSettings,
     period: float,
     start: tuple[float, float, float],
     extent: tuple[float, float, float, float] | None,
@@ -106,6 +111,12 @@ def prepare(
     steps, notes = replace(steps, gait=gait), notes + more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
+    if isinstance(settings, SteppingTrialSettings):
+        orders, time = _orders(plan, steps, SteppingControl(model, period, settings))
+        still = replace(steps, steps=())
+        return PreparedWalk(
+            plant_description, description, foot, settings, q, still, steps, orders, time, notes
+        )
     walking = WalkingControl(model, steps, period, settings, extent=extent)
     check_plan(steps, model, walking.walk.reach, extent)
     swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
@@ -114,7 +125,36 @@ def prepare(
         time = (
             plan.drive[-1][0] + 2.0 * (gait.single_support + gait.double_support) + gait.final_double_support
         )
-    return PreparedWalk(plant_description, description, foot, settings, q, steps, time, notes)
+    return PreparedWalk(
+        plant_description, description, foot, settings, q, steps, steps, plan.drive, time, notes
+    )
+
+
+def _orders(
+    plan: WalkPlan, way: FootstepPlan, walking: SteppingControl
+) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
+    """Return what a stepping walk is told, velocities or None for the goal at the end of a way, and its nominal time, s.
+
+    Raises:
+        InputError: A plan that states footsteps.
+    """
+    for name in ("footsteps", "stairs"):
+        if getattr(plan, name) is not None:
+            raise InputError(
+                f"a stepping walk takes no {name}: it decides each step as it goes; choose the law 'lipm'"
+            )
+    s = walking.gait.settings
+    pause = s.shift_time + 8.0 * s.step_time  # to set off and to stop
+    orders = plan.drive
+    if plan.velocity is not None and plan.steps is not None:
+        end = s.shift_time + plan.steps * s.step_time
+        orders = ((0.0, *plan.velocity), (end, 0.0, 0.0, 0.0))
+    if orders is not None:
+        return orders, orders[-1][0] + pause
+    left, right = way.final
+    length = math.dist(0.5 * (left.position + right.position), 0.5 * (way.left.position + way.right.position))
+    turn = abs(math.remainder(mean_heading(left.yaw, right.yaw) - way.left.yaw, 2.0 * math.pi))
+    return None, length / (0.7 * s.cruise) + 2.0 * turn / s.fastest_turn + pause
 
 
 def moved(configuration: Array, start: tuple[float, float, float]) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field, replace
+from typing import Literal
 
 from wbc.core.changes import Changes, changed, normal_changes
 from wbc.core.control import Mode
@@ -17,10 +18,14 @@ from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.distribution import DistributionSettings
 from wbc.walking.stabilizer.gains import StabilizerGains
+from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
 from wbc.walking.walk import WalkSettings
 
 PRESETS = ("default", "legacy")
 """Names of presets: the best settings on all soles, and mc_rtc's plain law."""
+
+Law = Literal["lipm", "stepping"]
+"""Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each step as it goes."""
 
 DERIVED = {
     "mode": "the option 'mode'",
@@ -73,20 +78,55 @@ class TrialSettings(WalkingControlSettings):
         )
 
 
-def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> TrialSettings:
+@settings
+class SteppingTrialSettings(SteppingControlSettings):
+    """Settings of a simulated stepping walk: those of the controller, and those of what surrounds it.
+
+    Attributes:
+        observer: Settings of the base estimator.
+        physics: Settings of the simulator.
+        stiffness: Timing of the stiffness policy of variable soles: scan, decision, command.
+        range_sensor: Range sensor under each toe of such soles; perfect with the sensor noise "none".
+    """
+
+    observer: ObserverSettings = OBSERVER
+    physics: PhysicsSettings = field(default_factory=PhysicsSettings)
+    stiffness: StiffnessTiming = field(default_factory=StiffnessTiming)
+    range_sensor: RangeSensor = field(default_factory=lambda: RangeSensor(noise=0.001, resolution=0.001))
+
+
+def preset_of(law: Law, gains: str) -> TrialSettings | SteppingTrialSettings:
+    """Return the settings that a walk begins with.
+
+    Args:
+        law: Law of the steps.
+        gains: Name of a preset.
+
+    Raises:
+        UnknownNameError: No such preset of this law.
+    """
+    if law == "lipm":
+        return TrialSettings.preset(gains)
+    choose("gains of a stepping walk", gains, PRESETS[:1])
+    return SteppingTrialSettings()
+
+
+def trial_settings(
+    law: Law, preset: str, changes: Changes, mode: Mode, timestep: float
+) -> TrialSettings | SteppingTrialSettings:
     """Return a preset with changes that `checked_changes` returned."""
-    trial = changed(TrialSettings.preset(preset), changes)
+    trial = changed(preset_of(law, preset), changes)
     return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
 
 
-def checked_changes(preset: str, changes: Changes) -> Changes:
+def checked_changes(law: Law, preset: str, changes: Changes) -> Changes:
     """Return changes in their normal form.
 
     Raises:
         UnknownNameError: No such preset or setting.
         InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
     """
-    normal = normal_changes(TrialSettings.preset(preset), changes)
+    normal = normal_changes(preset_of(law, preset), changes)
     for path, _ in normal:
         if path in DERIVED:
             raise InputError(f"'{path}' is not a setting to be changed, it follows from {DERIVED[path]}")

@@ -29,7 +29,13 @@ from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.push import WalkPush
-from wbc.sim.walks.settings import TrialSettings, checked_changes, trial_settings
+from wbc.sim.walks.settings import (
+    Law,
+    SteppingTrialSettings,
+    TrialSettings,
+    checked_changes,
+    trial_settings,
+)
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
 from wbc.walking.planning.gait import Gait
 
@@ -84,7 +90,9 @@ class WalkSpec:
             None.
         timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
-        gait: Sizes and timings of steps.
+        gait: Sizes and timings of steps of a LIPM walk.
+        law: Law of the steps: "lipm" plans footsteps and holds them with a stabilizer; "stepping" decides place and time
+            of each step as it goes.
         gains: Preset of settings: "default" or "legacy".
         changes: Settings that differ from the preset; see `wbc.sim.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
@@ -114,6 +122,7 @@ class WalkSpec:
     timestep: Annotated[Positive, "s"] = 0.001
     plan: WalkPlan = field(default_factory=WalkPlan)
     gait: Gait = field(default_factory=Gait)
+    law: Law = "lipm"
     gains: str = "default"
     changes: NamedValues = ()
     start: Annotated[tuple[float, float, float], "m, m, rad"] = (0.0, 0.0, 0.0)
@@ -124,7 +133,10 @@ class WalkSpec:
             object.__setattr__(self, name, value)
 
         store("robot", stamped(self.robot))
-        store("mode", chosen_mode(load(self.robot).with_servos(self.servo), self.mode))
+        description = load(self.robot).with_servos(self.servo)
+        if self.law == "stepping" and self.mode is None:  # on stiff servos it walks on the flat alone
+            store("mode", "hybrid")
+        store("mode", chosen_mode(description, self.mode))
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(
                 f"a seed must be below 2**63, got seed {self.seed} and noise_seed {self.noise_seed}"
@@ -138,7 +150,7 @@ class WalkSpec:
         self.things()
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
-        store("changes", checked_changes(self.gains, self.changes))
+        store("changes", checked_changes(self.law, self.gains, self.changes))
         policy, params = checked_policy(
             self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
         )
@@ -148,7 +160,7 @@ class WalkSpec:
         steps = len(prepared.plan)
         for push in self.pushes:
             body_frame(push.body, prepared.robot())
-            if push.step is not None and push.step > steps and self.plan.drive is None:
+            if push.step is not None and push.step > steps > 0 and self.plan.drive is None:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
 
     @property
@@ -197,14 +209,14 @@ class WalkSpec:
         """Least and greatest x, least and greatest y of the ground, m; None for the floor, which has no end."""
         return None if self.terrain == "flat" else self.ground().extent
 
-    def settings(self) -> TrialSettings:
+    def settings(self) -> TrialSettings | SteppingTrialSettings:
         """Return preset and changes as settings."""
         assert self.mode is not None
         stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
         given = dict(self.changes)
         delays = {f"observer.{k}": v for k, v in stated.items() if v > 0.0 and f"observer.{k}" not in given}
         changes = as_changes({**given, **delays})
-        return trial_settings(self.gains, changes, self.mode, self.timestep)
+        return trial_settings(self.law, self.gains, changes, self.mode, self.timestep)
 
     def prepare(self) -> PreparedWalk:
         """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""
@@ -242,6 +254,8 @@ class WalkSpec:
             del data["machine"]
         if not self.servo:
             del data["servo"]
+        if self.law == "lipm":
+            del data["law"]
         for name in ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes"):
             data[name] = dict(data[name])
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}

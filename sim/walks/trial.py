@@ -28,7 +28,7 @@ from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.push import PushSchedule
 from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objective
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
@@ -37,6 +37,7 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason
 from wbc.walking.progress import WalkingLike
+from wbc.walking.stepping.control import SteppingControl
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
@@ -141,24 +142,11 @@ class WalkTrial:
         with threadpool_limits(1):
             robot = prepared.robot()
             self.plant = _plant(spec, prepared, robot)
-            # Only a walk on torques needs more of the estimate than where its parts are and how they move.
-            adopt = spec.mode != "position"
-            observer = Observer(robot, prepared.settings.observer, adopt=adopt, dynamics=False)
-            observer.reset(prepared.configuration)
-            robot.update(prepared.configuration, np.zeros(robot.nv))
-            standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
-            self.walking: WalkingLike = WalkingControl(
-                robot,
-                prepared.plan,
-                spec.period,
-                prepared.settings,
-                observer=observer,
-                stiffness=_scheduler(spec, prepared, robot, policy),
-                extent=spec.extent,
-            )
+            scheduler = _scheduler(spec, prepared, robot, policy)
+            self.walking, height = _walking(spec, prepared, robot, scheduler)
+        standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
         self.meter = WalkMeter(self.plant, self.walking)
         self.sole_meter = None if self.walking.stiffness is None else StiffnessMeter(self.plant, self.walking)
-        height = prepared.settings.com_height
         lowering = 0.0 if height is None else max(0.0, standing_com - height)
         pelvis = float(self.plant.data.qpos[2]) - self._ground() - lowering
         limits = PelvisLimits.walking(pelvis, prepared.settings.falls)
@@ -166,7 +154,9 @@ class WalkTrial:
         self._origin = self._middle()
         self._arrival = prepared.arrival()
         self._steered = self.walking.steered
-        self._drive = Drive(spec.plan.drive, self.walking)
+        if self._arrival is not None and self._steered:
+            self.walking.go_to(*self._arrival.goal)
+        self._drive = Drive(prepared.orders, self.walking)
         self._pushes = PushSchedule(spec.pushes, self.plant, self.walking)
 
     def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
@@ -260,8 +250,7 @@ class WalkTrial:
         else:
             there = arrival is None or arrival.arrived(self._middle(), self._heading())
             outcome = "completed" if there else "strayed"
-        driven = self.spec.plan.drive is not None
-        planned = walking.steps_done if driven else len(self._prepared.plan)
+        planned = len(self._prepared.plan) or walking.steps_done
         figures = self.meter.figures()
         return WalkResult(
             **(identity(self.spec) | {"policy": self._policy}),
@@ -315,6 +304,33 @@ class WalkTrial:
         }
 
 
+def _walking(
+    spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
+) -> tuple[WalkingLike, float | None]:
+    """Return the controller of a robot that stands at the start, and the height of its CoM while it walks, m."""
+    settings, adopt = prepared.settings, spec.mode != "position"
+    if isinstance(settings, SteppingTrialSettings):
+        observer = Observer(robot, settings.observer, adopt=adopt)
+        observer.reset(prepared.configuration)
+        robot.update(prepared.configuration, np.zeros(robot.nv))
+        stepping = SteppingControl(robot, spec.period, settings, observer=observer, stiffness=scheduler)
+        return stepping, stepping.gait.scale.height
+    # Only a walk on torques needs more of the estimate than where its parts are and how they move.
+    observer = Observer(robot, settings.observer, adopt=adopt, dynamics=False)
+    observer.reset(prepared.configuration)
+    robot.update(prepared.configuration, np.zeros(robot.nv))
+    walking = WalkingControl(
+        robot,
+        prepared.plan,
+        spec.period,
+        settings,
+        observer=observer,
+        stiffness=scheduler,
+        extent=spec.extent,
+    )
+    return walking, settings.com_height
+
+
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
     """Return the plant, its robot where the controller's robot is."""
     plant = Plant(
@@ -343,7 +359,7 @@ def _name(policy: PolicyLike) -> str:
     return policy.__name__ if hasattr(policy, "__name__") else type(policy).__name__
 
 
-def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None:
+def _range_sensor(spec: WalkSpec, settings: TrialSettings | SteppingTrialSettings) -> RangeSensor | None:
     """Return the range sensor under each toe; None for soles without a policy."""
     if spec.policy is None:
         return None

@@ -17,6 +17,7 @@ from wbc.core.files import csv_rows, read_text
 from wbc.core.settings import from_json, settings
 from wbc.sim.plant.settings import Machine
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
+from wbc.sim.walks.settings import Law
 from wbc.walking.planning.gait import Gait
 
 STONES_AMPLITUDE = 0.02
@@ -65,8 +66,10 @@ class WalkOptions:
         turn: Turn on the spot instead, to the left, degrees.
         stairs: Climb the stairs of the terrain instead: together (both feet on each stair) or alternate.
         first: Side that steps first.
+        law: Gait: lipm plans footsteps and holds them with a stabilizer; stepping decides place and time of each step
+            as it goes, for ground that carries at points.
         mode: Command of the drives: position and velocity, torque, or both on soft servos (hybrid).
-            Position when not given, hybrid where the description says that the servos are soft.
+            Position when not given, hybrid where the description says that the servos are soft, or the gait is stepping.
         servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
         control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
@@ -109,6 +112,7 @@ class WalkOptions:
     turn: float | None = None
     stairs: Literal["together", "alternate"] | None = None
     first: Literal["left", "right"] | None = None
+    law: Annotated[Law, Parameter(name="--gait")] = WalkSpec.law
     mode: Mode | None = WalkSpec.mode
     servo: tuple[str, ...] = ()
     machine: Machine = field(default_factory=Machine)
@@ -163,6 +167,7 @@ class WalkOptions:
                 first=self.first,
             ),
             gait=self.gait,
+            law=self.law,
             gains=self.gains,
             changes=tuple(read_changes(self.set).items()),
             pushes=tuple(read_push(text) for text in self.push),

@@ -43,7 +43,7 @@ from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, check_
 from wbc.walking.planning.reach import Reach, bent_height
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import FootstepSource, Velocity
-from wbc.walking.progress import Progress, schedule_stiffness
+from wbc.walking.progress import Progress, VelocityLimits, schedule_stiffness
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.bias import BiasEstimator
 from wbc.walking.stabilizer.distribution import WrenchDistribution
@@ -223,6 +223,12 @@ class WalkingControl:
             steps[phases.step :],
             gait.single_support + gait.double_support,
         )
+
+    @property
+    def velocity_limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
+        (forward, aside, turn), back = self.settings.drive.fastest, self.settings.drive.fastest_back
+        return VelocityLimits(forward, back, aside, turn)
 
     def stop(self) -> None:
         """Come to a stand safely."""

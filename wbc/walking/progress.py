@@ -22,7 +22,7 @@ from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
 from wbc.walking.planning.footsteps import SIDES, Footstep
 from wbc.walking.planning.phases import Phase
-from wbc.walking.planning.sources import DriveSettings, Velocity
+from wbc.walking.planning.sources import Velocity
 from wbc.walking.stabilizer.bias import BiasEstimator
 from wbc.walking.stabilizer.lean import Lean
 from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
@@ -63,12 +63,20 @@ class Progress(NamedTuple):
         return self.upcoming[0] if self.swing is not None and self.upcoming else None
 
 
-class SteeringSettings(Protocol):
-    """Settings of any controller that walks."""
+class VelocityLimits(NamedTuple):
+    """Greatest velocities that are granted.
 
-    @property
-    def drive(self) -> DriveSettings:
-        """Limits of the velocity."""
+    Attributes:
+        forward: m/s.
+        back: m/s.
+        aside: m/s.
+        turn: rad/s.
+    """
+
+    forward: float
+    back: float
+    aside: float
+    turn: float
 
 
 class WalkingLike(Protocol):
@@ -129,8 +137,8 @@ class WalkingLike(Protocol):
         """Control period, s."""
 
     @property
-    def settings(self) -> SteeringSettings:
-        """Settings."""
+    def velocity_limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
 
     @property
     def progress(self) -> Progress:

@@ -93,9 +93,8 @@ class LiveControls:
             controls["stop"] = True
         if "drive" in self._actions:
             assert self._walking is not None
-            limits = self._walking.settings.drive
-            forward, left, turn = limits.fastest
-            controls["drive"] = {"forward": forward, "back": limits.fastest_back, "left": left, "turn": turn}
+            forward, back, aside, turn = self._walking.velocity_limits
+            controls["drive"] = {"forward": forward, "back": back, "left": aside, "turn": turn}
         if "gain" in self._actions:
             assert self._walking is not None and self._walking.stabilizer is not None
             gains = self._walking.stabilizer.gains

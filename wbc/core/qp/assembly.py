@@ -69,7 +69,9 @@ class _ContactSlot:
     normal_lower: Array
     normal_upper: Array
     partly_free: bool
-    full: Array | None  # Jacobian of the force, where the equalities are not it: free axes that keep theirs, or a cost
+    full: (
+        Array | None
+    )  # Jacobian of the force, where the equalities are not it: free axes that keep theirs, or a cost
     revision: int = -1
     engaged: bool | None = None
 

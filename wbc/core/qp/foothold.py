@@ -113,7 +113,9 @@ class Foothold(Contact):
         length, width = self._half
         self.cone[:4, :3] = friction_pyramid(self._friction)
         self.cone[4:, 2] = [-width, -width, -length, -length, -self._torsion, -self._torsion]
-        for i, axis in enumerate((3, 4, 5)):  # |m_x| ≤ half width · f_z, |m_y| ≤ half length · f_z, |m_z| ≤ torsion · f_z
+        for i, axis in enumerate(
+            (3, 4, 5)
+        ):  # |m_x| ≤ half width · f_z, |m_y| ≤ half length · f_z, |m_z| ≤ torsion · f_z
             self.cone[4 + 2 * i : 6 + 2 * i, axis] = [1.0, -1.0]
         self.revision += 1
 

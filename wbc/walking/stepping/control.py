@@ -1,14 +1,14 @@
 """A stepping walk as whole-body control: a measurement in, a command out.
 
-    gait        place and time of the next step, swing foot, height of the CoM   `wbc.walking.stepping.gait`
-    tasks       these as targets of tasks and contacts                           `wbc.walking.stepping.tasks`
-    controller  all tasks and contacts as one QP                                 `wbc.core.qp.controller`
+gait        place and time of the next step, swing foot, height of the CoM   `wbc.walking.stepping.gait`
+tasks       these as targets of tasks and contacts                           `wbc.walking.stepping.tasks`
+controller  all tasks and contacts as one QP                                 `wbc.core.qp.controller`
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated
 
 import numpy as np
@@ -26,10 +26,13 @@ from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.planning.footsteps import heading
+from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.sources import Velocity
+from wbc.walking.progress import Progress, VelocityLimits, schedule_stiffness
 from wbc.walking.stepping.gait import BodyState, SteppingGait, StepReference
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.stepping.tasks import SteppingGains, SteppingTasks
@@ -79,6 +82,8 @@ class SteppingControl:
         tasks: The tasks and contacts.
         arms: Hands, which can be given targets at any tick.
         control: Position, torque or hybrid control, with the observer.
+        stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
+        output: None: no stabilizer runs; so are `stabilizer`, `lean`, `bias`, `hands` and `load`.
         reference: References of the last tick with a good measurement; None before the first one.
         time: Time since the start, s.
     """
@@ -91,6 +96,7 @@ class SteppingControl:
         settings: SteppingControlSettings | None = None,
         *,
         observer: Observer | None = None,
+        stiffness: StiffnessScheduler | None = None,
     ) -> None:
         """Make all parts for a robot that stands.
 
@@ -99,6 +105,7 @@ class SteppingControl:
             dt: Control period, s.
             settings: Settings; the defaults when None.
             observer: Estimates the robot's state; a new one when None.
+            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
 
         Raises:
             InputError: A robot without two feet, or steps that cannot be walked.
@@ -122,16 +129,41 @@ class SteppingControl:
             observer = observer or Observer(robot, OBSERVER, adopt=True)
             kind = HybridControl if s.mode == "hybrid" else TorqueControl
             self.control = kind(self.controller, observer, prepare=self._prepare, safety=s.safety)
+        self.stiffness = stiffness
         self.reference: StepReference | None = None
         self.time = 0.0
         estimate = self.control.observer.robot
         self._frames = tuple(estimate.placement(sole.frame) for sole in estimate.soles)
         self._torso = estimate.placement(estimate.torso_frame)
 
+    output = stabilizer = lean = bias = hands = load = None
+
     @property
     def finished(self) -> bool:
-        """True when the robot stands and nothing asks for steps."""
-        return self.gait.standing and not self.gait.steering.pending
+        """True when nothing asks for steps and the robot has stood for as long as a step takes."""
+        return self.gait.stands and not self.gait.steering.pending
+
+    @property
+    def steered(self) -> bool:
+        """True: no footsteps are planned."""
+        return True
+
+    @property
+    def progress(self) -> Progress:
+        """Phase and steps now."""
+        gait, reference = self.gait, self.reference
+        if reference is None:
+            return Progress(Phase.STANDING, None, gait.stance, 0, 0.0, 0.0, (), gait.settings.step_time)
+        return Progress(
+            reference.phase,
+            1 - reference.stance if reference.phase is Phase.SINGLE else None,
+            reference.stance,
+            reference.step,
+            reference.elapsed,
+            reference.duration,
+            () if reference.landing is None else (reference.landing,),
+            gait.settings.step_time,
+        )
 
     @property
     def fallen(self) -> FallReason | None:
@@ -172,6 +204,11 @@ class SteppingControl:
         turn = 0.0 if steering.target is None else steering.limited(steering.target)[2]
         return (*steering.velocity, turn)
 
+    @property
+    def velocity_limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
+        return self.gait.steering.limits
+
     @checked
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place and stand there.
@@ -196,7 +233,14 @@ class SteppingControl:
         self.time += self.dt
         command = self.control.command(measurement)
         self._detect_fall()
-        return command
+        if self.stiffness is None:
+            return command
+        now = self.control.measurement
+        if self.control.failing or now is None:
+            return replace(command, sole_stiffness=self.stiffness.command)
+        estimate = self.control.observer.robot
+        soles = schedule_stiffness(self.stiffness, self.progress, self.dt, estimate, now)
+        return replace(command, sole_stiffness=soles)
 
     def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
         """Set all targets of this tick."""
@@ -227,5 +271,3 @@ class SteppingControl:
             torso_up=np.array(self._torso.rotation[:, 2]),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
-
-

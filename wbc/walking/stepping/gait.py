@@ -140,9 +140,9 @@ class SteppingGait:
         self._ground_gain = lag_gain(dt, s.ground_lag)
 
     @property
-    def standing(self) -> bool:
-        """True while the robot stands."""
-        return self._mode is _Mode.STANDING
+    def stands(self) -> bool:
+        """True once the robot has stood for as long as a step takes."""
+        return self._mode is _Mode.STANDING and self._elapsed >= self.settings.step_time
 
     @property
     def stance(self) -> int:
@@ -374,9 +374,7 @@ class SteppingGait:
             self._swing.hold(_tuple(state.places[swing]))
         return ()
 
-    def _takes_over(
-        self, state: BodyState, dcm: Divergent, orbit: Orbit, offset: float, side: float
-    ) -> bool:
+    def _takes_over(self, state: BodyState, dcm: Divergent, orbit: Orbit, offset: float, side: float) -> bool:
         """Return True if the foot in contact is to carry: the DCM is near enough, or it cannot wait."""
         s, (x, y, _) = self.settings, self._centre_of_pressure(state, 1 - self._stance)
         inwards = -side * self._aside(dcm.x - x, dcm.y - y)

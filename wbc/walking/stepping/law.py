@@ -83,7 +83,9 @@ class Orbit(NamedTuple):
     outwards: float
 
     @staticmethod
-    def of(velocity: Point, side: float, width: float, time: float, omega: float, share: float = 0.8) -> Orbit:
+    def of(
+        velocity: Point, side: float, width: float, time: float, omega: float, share: float = 0.8
+    ) -> Orbit:
         """Return the orbit of a velocity.
 
         Args:

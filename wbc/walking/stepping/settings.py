@@ -225,7 +225,14 @@ class SteppingSettings:
             InputError: Steps that cannot be walked: shorter than a swing, or within the other foot.
         """
         h, omega = scale.height, scale.omega
-        units = {"1/ω": 1.0 / omega, "h": h, "hω": h * omega, "g": GRAVITY, "mg": scale.weight, "leg": scale.leg}
+        units = {
+            "1/ω": 1.0 / omega,
+            "h": h,
+            "hω": h * omega,
+            "g": GRAVITY,
+            "mg": scale.weight,
+            "leg": scale.leg,
+        }
         units |= {"ω": omega, "ankle": scale.ankle}
         changes: dict[str, float | tuple[float, float]] = {}
         for name, hint in typing.get_type_hints(type(self), include_extras=True).items():

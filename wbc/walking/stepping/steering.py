@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from wbc.walking.planning.sources import Velocity, checked_velocity
+from wbc.walking.progress import VelocityLimits
 from wbc.walking.stepping.law import Point
 from wbc.walking.stepping.settings import SteppingSettings
 
@@ -33,6 +34,7 @@ class Steering:
         goal: Place (m) and heading (rad) to walk to; None without one.
         heading: Heading of the pelvis and of the next steps, rad.
         velocity: Velocity of the steps now, forward and left, m/s.
+        limits: Greatest velocities that are granted.
     """
 
     def __init__(self, settings: SteppingSettings, heading: float, dt: float) -> None:
@@ -49,10 +51,12 @@ class Steering:
         self.heading = heading
         self.velocity: Point = (0.0, 0.0)
         self._path: Point | None = None
-        self._line: tuple[Point, float] | None = None  # from where the walk to a goal began, and its direction
+        self._line: tuple[Point, float] | None = (
+            None  # from where the walk to a goal began, and its direction
+        )
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
-        sideways = 0.8 * (settings.width - settings.gap) / settings.step_time
-        self._most = (settings.fastest, min(sideways, settings.fastest_aside), settings.fastest_turn)
+        aside = min(0.8 * (settings.width - settings.gap) / settings.step_time, settings.fastest_aside)
+        self.limits = VelocityLimits(settings.fastest, settings.fastest_back, aside, settings.fastest_turn)
 
     def command(self, velocity: Sequence[float] | None) -> None:
         """Take a velocity, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand.
@@ -121,9 +125,9 @@ class Steering:
 
     def limited(self, velocity: Velocity) -> Velocity:
         """Return the part of a velocity that can be walked."""
-        (x, y, turn), (fastest, aside, most_turn) = velocity, self._most
+        (x, y, turn), (forward, back, aside, most_turn) = velocity, self.limits
         return (
-            min(max(x, -self._s.fastest_back), fastest),
+            min(max(x, -back), forward),
             min(max(y, -aside), aside),
             min(max(turn, -most_turn), most_turn),
         )
