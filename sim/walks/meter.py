@@ -14,9 +14,8 @@ from wbc.core.signals import Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.progress import Progress, WalkingLike
+from wbc.walking.progress import Progress, ReferenceLike, WalkingLike
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.walk import WalkReference
 
 EXCURSION = 0.06
 """DCM error at the onset of a fall, m: the threshold of a first study of 108 falls."""
@@ -98,7 +97,7 @@ class WalkMeter:
         self._landed = 0
         self._swing: int | None = None  # foot in the air in the last recorded tick
         self._middle = -1  # last step whose middle has been recorded
-        self._reference: WalkReference | None = None  # of the last recorded tick
+        self._reference: ReferenceLike | None = None  # of the last recorded tick
 
     def update(self, measurement: Measurement) -> None:
         """Record a tick, before the plant moves on."""
@@ -119,7 +118,7 @@ class WalkMeter:
         np.divide(torque, self._limits, out=ratio)
         self._effort.append(float(ratio[ratio.argmax()]))
 
-    def _record_errors(self, reference: WalkReference, output: StabilizerOutput) -> list[float]:
+    def _record_errors(self, reference: ReferenceLike, output: StabilizerOutput) -> list[float]:
         """Record the errors of a stabilizer, and return that of the DCM, target minus measured, m."""
         (x, y, _), (desired_x, desired_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
         distance = math.hypot(desired_x - x, desired_y - y)

@@ -133,7 +133,7 @@ def prepare(
 def _orders(
     plan: WalkPlan, way: FootstepPlan, walking: SteppingControl
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
-    """Return what a stepping walk is told, velocities or None for the goal at the end of a way, and its nominal time, s.
+    """Return the velocities of a stepping walk, None for the goal at the end of a way, and its nominal time, s.
 
     Raises:
         InputError: A plan that states footsteps.

@@ -25,7 +25,7 @@ PRESETS = ("default", "legacy")
 """Names of presets: the best settings on all soles, and mc_rtc's plain law."""
 
 Law = Literal["lipm", "stepping"]
-"""Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each step as it goes."""
+"""Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes."""
 
 DERIVED = {
     "mode": "the option 'mode'",

@@ -91,8 +91,8 @@ class WalkSpec:
         timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
-        law: Law of the steps: "lipm" plans footsteps and holds them with a stabilizer; "stepping" decides place and time
-            of each step as it goes.
+        law: Law of the steps: "lipm" plans footsteps and holds them with a stabilizer; "stepping" decides place and
+            time of each step as it goes.
         gains: Preset of settings: "default" or "legacy".
         changes: Settings that differ from the preset; see `wbc.sim.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).

@@ -20,13 +20,14 @@ from wbc.walking.falls import FallReason
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
+from wbc.walking.pattern.lipm import Pendulum
+from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import SIDES, Footstep
-from wbc.walking.planning.phases import Phase
+from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.sources import Velocity
 from wbc.walking.stabilizer.bias import BiasEstimator
 from wbc.walking.stabilizer.lean import Lean
 from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
-from wbc.walking.walk import WalkReference
 
 
 class Progress(NamedTuple):
@@ -77,6 +78,38 @@ class VelocityLimits(NamedTuple):
     back: float
     aside: float
     turn: float
+
+
+class ReferenceLike(Protocol):
+    """References of one tick of any walk; `wbc.walking.WalkReference` describes the fields."""
+
+    @property
+    def pendulum(self) -> Pendulum:
+        """CoM, contact point and their derivatives."""
+
+    @property
+    def feet(self) -> tuple[FootMotion, FootMotion]:
+        """Motions of left and right sole."""
+
+    @property
+    def contact(self) -> tuple[bool, bool]:
+        """True for each foot on the ground, left and right."""
+
+    @property
+    def heading(self) -> float:
+        """Heading of pelvis and torso, rad."""
+
+    @property
+    def phase(self) -> Phase:
+        """Phase of the feet."""
+
+    @property
+    def step(self) -> int:
+        """Index of the step that swings, or that swings next."""
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Events of this tick."""
 
 
 class WalkingLike(Protocol):
@@ -145,7 +178,7 @@ class WalkingLike(Protocol):
         """Phase and steps now."""
 
     @property
-    def reference(self) -> WalkReference | None:
+    def reference(self) -> ReferenceLike | None:
         """References of the last tick with a good measurement; None before the first one."""
 
     @property

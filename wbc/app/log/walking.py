@@ -12,10 +12,9 @@ import pinocchio as pin
 from wbc.app.log.columns import QUATERNION, WRENCH, WRENCH_UNITS, XY, XYZ, Columns, foot_names
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
-from wbc.walking.progress import WalkingLike
+from wbc.walking.progress import ReferenceLike, WalkingLike
 from wbc.walking.stabilizer.admittance import FootCorrection
 from wbc.walking.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.walk import WalkReference
 
 _NONE = (math.nan,) * 5
 """Side and landing after the last step."""
@@ -149,13 +148,13 @@ class WalkSource(Source):
             parts += (pin.SE3ToXYZQUAT(motion.placement), motion.velocity)
         np.concatenate(parts, out=row[self._arrays])
 
-    def _phase_number(self, reference: WalkReference) -> int:
+    def _phase_number(self, reference: ReferenceLike) -> int:
         """Return the index of the phase's text."""
         if reference.phase is not self._phase[0]:
             self._phase = (reference.phase, self._columns.text(reference.phase.value))
         return self._phase[1]
 
-    def _events(self, walk: WalkingLike, reference: WalkReference) -> float:
+    def _events(self, walk: WalkingLike, reference: ReferenceLike) -> float:
         """Return the index of the text of this tick's events; NaN without any."""
         fallen = walk.fallen is not None and not self._fallen
         if not reference.events and not fallen:

@@ -194,7 +194,7 @@ class Contact(ABC):
         self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
         if motion_weight is not None and self.free.any():
             raise InputError(
-                f"contact '{name}' has a motion_weight, so that its free axes have a weight of zero there; got free_axes "
+                f"contact '{name}' has a motion_weight: give its free axes a weight of zero there; got free_axes "
                 f"{self.free_axes}"
             )
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
@@ -294,7 +294,7 @@ class Contact(ABC):
 
     @property
     def motion_weight(self) -> Array | None:
-        """Cost of the contact's motion, shape (dim,); None for a constraint. One that has a weight can be given another."""
+        """Cost of the contact's motion, shape (dim,), to which another may be assigned; None for a constraint."""
         return self._motion_weight
 
     @motion_weight.setter

@@ -27,8 +27,8 @@ class Foothold(Contact):
     Its motion is a cost, so that it can make no QP infeasible. The centre of pressure stays within a small box around
     the centre of the foothold, and a yaw moment within a torsional friction.
 
-    Wrench and motion are those of the foothold's centre. Forces are in level axes, x along the sole: how a sole tilts on
-    a stone does not tell the normal of the ground. Moments are in the axes of the sole, whose edges bound them.
+    Wrench and motion are those of the foothold's centre. Forces are in level axes, x along the sole: how a sole tilts
+    on a stone does not tell the normal of the ground. Moments are in the axes of the sole, whose edges bound them.
 
     Cost 10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² by default, damping 12 1/s, no stiffness.
     """

@@ -415,7 +415,7 @@ class SteppingGait:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
-        """Return the greatest normal force of each foot: the one that has stood unloads, the one that waits has a share."""
+        """Return the greatest normal force of each foot: one that has stood unloads, one that waits has a share."""
         s, swing = self.settings, 1 - self._stance
         most = [s.most_force, s.most_force]
         most[swing] = 0.0

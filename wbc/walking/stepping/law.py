@@ -7,16 +7,17 @@ falls; with the mass m, the height h of the CoM over the contact and ω² = g/h,
 
 L about the contact hardly feels the joints, and an impact at the new contact leaves it as it is: ξ needs no filter.
 
-A walk with the velocity v, the step time T and the distance w between the feet is a periodic orbit of ξ. With E = e^{ωT}
-the offset of ξ from the foot that lands is, at every landing,
+A walk with the velocity v, the step time T and the distance w between the feet is a periodic orbit of ξ. With
+E = e^{ωT} the offset of ξ from the foot that lands is, at every landing,
 
     b_x = v_x T / (E − 1)  ahead,        b_y = w / (1 + E) − δ  inwards,  δ = ± v_y T / (E − 1),
 
 and each step begins at E times these offsets, less the step. Time and place follow from ξ at every tick: the step lasts
 until the lateral offset from the stance foot has grown to that of the orbit, and the foot lands so that b is left.
 
-Sources: time and place of steps as feedback: M. Khadiv et al., IEEE T-RO 36(3), 2020; angular momentum about the contact:
-Y. Gong, J. Grizzle, J. Dyn. Sys. Meas. Control 144(12), 2022; the lateral orbit: X. Xiong, A. Ames, IEEE T-RO 38(6), 2022.
+Sources: time and place of steps as feedback: M. Khadiv et al., IEEE T-RO 36(3), 2020; angular momentum about the
+contact: Y. Gong, J. Grizzle, J. Dyn. Sys. Meas. Control 144(12), 2022; the lateral orbit: X. Xiong, A. Ames,
+IEEE T-RO 38(6), 2022.
 """
 
 from __future__ import annotations

@@ -234,7 +234,7 @@ class SteppingSettings:
             "leg": scale.leg,
         }
         units |= {"ω": omega, "ankle": scale.ankle}
-        changes: dict[str, float | tuple[float, float]] = {}
+        changes: dict[str, typing.Any] = {}
         for name, hint in typing.get_type_hints(type(self), include_extras=True).items():
             unit = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, str)), "")
             value = getattr(self, name)

@@ -56,8 +56,8 @@ class SwingReference:
         dt, left = self._dt, self._s.settle * time - elapsed
         if left > 1.25 * self._s.follow:
             coordinates = [
-                _quintic(*now, to, left, dt)
-                for *now, to in zip(self.place, self.velocity, self.acceleration, landing, strict=True)
+                _quintic(x, v, a, to, left, dt)
+                for x, v, a, to in zip(self.place, self.velocity, self.acceleration, landing, strict=True)
             ]
         else:
             coordinates = [
