@@ -299,6 +299,37 @@ def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radi
     assert worst[False][0] > 2e-3 and worst[False][1] > 4e-3  # a sole taken for flat
 
 
+def spinning(seconds: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
+    """On one foot that spins by 0.4 rad within a second under a body that keeps its heading, and rests then."""
+    robot = biped()
+    dt, times = 0.005, 0.005 * np.arange(round(seconds / 0.005) + 2)
+    qs = np.zeros((len(times), robot.nq))
+    for k, t in enumerate(times):
+        q = np.array(robot.half_sitting)
+        q[7 + robot.joint_index("left_hip_yaw")] = 0.2 * (1 - np.cos(np.pi * min(t, 1.0)))
+        robot.update(q, np.zeros(robot.nv))
+        q[:3] -= robot.placement("left_sole").translation
+        qs[k] = q
+    rest = np.zeros((len(times), 2))
+    sensors, vs = measurements(robot, qs, dt, {"left": rest, "right": rest}, np.ones(len(times)))
+    return sensors, qs[1:-1], vs
+
+
+def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests() -> None:
+    sensors, qs, _ = spinning(21.0)
+    bias = np.array([0.0, 0.0, 0.002])  # rad/s, 0.04 rad over the whole time
+    sensors = [replace(s, angular_velocity=s.angular_velocity + bias) for s in noisy(sensors, 1)]
+    yaws = {}
+    for spin in (ObserverSettings().spin, 100.0):
+        observer = Observer(biped(), ObserverSettings(spin=spin))
+        observer.reset(qs[0])
+        yaws[spin] = [pin.rpy.matrixToRpy(observer.update(s).placement("base").rotation)[2] for s in sensors]
+    robust, trusting = yaws.values()
+    assert np.abs(robust).max() < 0.01, "the foot has turned by 0.4 rad, the body has not"
+    assert abs(robust[-1] - robust[len(robust) // 2]) < 2e-3, "a foot at rest holds the yaw against the bias"
+    assert abs(trusting[-1]) > 0.2, "without the rule the turn of the foot is taken for one of the body"
+
+
 @pytest.mark.parametrize("axis", [0, 1], ids=["sideways", "forwards"])
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_a_gyroscope_that_is_wrong_is_told_from_a_foot_that_turns(radius: float, axis: int) -> None:

@@ -4,7 +4,8 @@ Each loaded foot has one point at rest on the ground, its anchor. The anchor is 
 measured centre of pressure (CoP) and moves over the sole with it, so a foot may roll over its edge, over a stone or on
 soft phalanges: the sole need not be flat or parallel to the ground. The base position follows from both anchors, each
 weighted by its load; the joint velocities with the anchors at rest give the base velocity, which the IMU smooths
-(`wbc.core.estimation.inertial`).
+(`wbc.core.estimation.inertial`). The headings of the feet bound the drift of the gyroscope's yaw, except of a foot that
+spins: on one stone, or on an edge, a sole has no area that resists torsion, and its heading says nothing of the body's.
 
 For a rigid sole that rolls without slip the construction is exact; a sole that deforms leaves the velocity
 that its material point at the centre of pressure has.
@@ -29,7 +30,7 @@ from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot, checked_configuration
-from wbc.core.settings import NonNegative, settings
+from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned, turned_all
 
@@ -54,6 +55,9 @@ class ObserverSettings:
         load_time_constant: Low-pass of the normal forces, s; 0 for none.
         cop_time_constant: Low-pass of the CoPs, s; 0 for none.
         slip_time_constant: Time constant with which anchors of loaded feet settle when their distance changes, s.
+        spin: Speed of a foot about the vertical, by encoders and gyroscope, from which its heading is no reference for
+            the yaw until it rests again, rad/s. Five times the noise of a foot at rest: the encoder of a hip yaw joint
+            has 0.0125 rad/s, the gyroscope 0.002 rad/s.
         reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
         measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
             delay, to when a command will take effect.
@@ -68,6 +72,7 @@ class ObserverSettings:
     load_time_constant: Annotated[NonNegative, "s"] = 0.01
     cop_time_constant: Annotated[NonNegative, "s"] = 0.02
     slip_time_constant: Annotated[NonNegative, "s"] = 0.2
+    spin: Annotated[Positive, "rad/s"] = 0.1
     reference_time_constant: Annotated[NonNegative, "s"] = 0.1
     measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
     command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
@@ -388,7 +393,7 @@ class Observer:
         points: Sequence[Vector],
         ahead: Sequence[Vector],
     ) -> tuple[Array | None, float]:
-        """Return what anchors at rest say of the base, and update the rotations of the feet.
+        """Return what anchors at rest say of the base; update rotations of the feet and headings of feet that spin.
 
         Args:
             base: Rotation of the base.
@@ -420,7 +425,10 @@ class Observer:
                     self.stance_rotation = rotations[-1]
             x, y, z = add_cross(sliding, spin, point)
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-            yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
+            if abs(rz + spin[2]) > self.settings.spin:
+                self._anchor_yaw[i] = _yaw(axis)
+            else:
+                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
         self.foot_rotation = _common(rotations)
         return np.array((vx, vy, vz)), yaw_error
 
