@@ -378,9 +378,9 @@ class SteppingGait:
         """Return True if the foot in contact is to carry: the DCM is near enough, or it cannot wait."""
         s, (x, y, _) = self.settings, self._centre_of_pressure(state, 1 - self._stance)
         inwards = -side * self._aside(dcm.x - x, dcm.y - y)
-        (cos, sin), forward = self._direction, self.steering.velocity[0]
-        ahead = cos * (dcm.x - x) + sin * (dcm.y - y)
-        runs_away = abs(ahead) > s.ahead and inwards < s.ahead_side and ahead * forward > 0.0
+        cos, sin = self._direction
+        ahead = math.copysign(1.0, orbit.ahead) * (cos * (dcm.x - x) + sin * (dcm.y - y))
+        runs_away = ahead > abs(orbit.ahead) + s.ahead and inwards < s.ahead_side
         return (
             inwards <= s.patience * orbit.inwards
             or self._elapsed > s.longest
@@ -505,13 +505,13 @@ class SteppingGait:
         )
 
     def _swing_motion(self, yaw: float) -> FootMotion:
-        """Return the reference of the swing foot, level along, with its toes up."""
+        """Return the reference of the swing foot, which stays level."""
         swing = self._swing
         (x, y), (u, v), (a, b) = swing.place, swing.velocity, swing.acceleration
         z, rise, push = swing.height
         velocity, acceleration = np.zeros(6), np.zeros(6)
         velocity[:3], acceleration[:3] = (u, v, rise), (a, b, push)
-        rotation: Array = pin.rpy.rpyToMatrix(0.0, -self.settings.toe_up, yaw)
+        rotation: Array = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
         return FootMotion(pin.SE3(rotation, np.array((x, y, z))), velocity, acceleration)
 
 

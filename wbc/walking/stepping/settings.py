@@ -129,7 +129,6 @@ class SteppingSettings:
         landing_speed: Speed with which it arrives there.
         search_speed: Speed with which it sinks on from the end of the step.
         search: Greatest depth under the ground at which it looks for it.
-        toe_up: Angle of the toes up in the swing.
         settle: Share of the step after which the foot no longer plans its way, but follows its landing.
         follow: Time constant with which it does.
         early: Share of the step from which a force is a contact.
@@ -138,7 +137,8 @@ class SteppingSettings:
         held: Force on the other foot above which that is no flight.
         lost_time: Time after a contact in which it is not lost.
         patience: Lateral offset of the DCM, over that at the end of a step, at which a foot in contact takes over.
-        ahead: Offset of the DCM in the direction of the walk beyond which it takes over at once.
+        ahead: Offset of the DCM in the direction of the walk, over that at the end of a step, beyond which it does at
+            once.
         ahead_side: Lateral offset up to which it does.
         share: Greatest force of a foot that is in contact and waits.
         unload: Time in which the foot that has stood is unloaded.
@@ -155,7 +155,7 @@ class SteppingSettings:
     """
 
     bend: Annotated[NonNegative, "leg"] = 0.162
-    step_time: Annotated[Positive, "1/ω"] = 1.455
+    step_time: Annotated[Positive, "1/ω"] = 1.65
     shortest: Annotated[Positive, "1/ω"] = 0.81
     longest: Annotated[Positive, "1/ω"] = 2.02
     time_lag: Annotated[NonNegative, "1/ω"] = 0.12
@@ -164,7 +164,7 @@ class SteppingSettings:
     widest: Annotated[Positive, "h"] = 0.90
     reach: Annotated[Positive, "h"] = 0.667
     acceleration: Annotated[Positive, "g"] = 0.03
-    fastest: Annotated[Positive, "hω"] = 0.41
+    fastest: Annotated[Positive, "hω"] = 0.33
     fastest_back: Annotated[Positive, "hω"] = 0.21
     fastest_aside: Annotated[Positive, "hω"] = 0.15
     fastest_turn: Annotated[Positive, "ω"] = 0.25
@@ -191,7 +191,6 @@ class SteppingSettings:
     landing_speed: Annotated[NonNegative, "hω"] = 0.103
     search_speed: Annotated[Positive, "hω"] = 0.165
     search: Annotated[NonNegative, "h"] = 0.20
-    toe_up: Annotated[float, "rad"] = 0.1
     settle: Share = 0.92
     follow: Annotated[Positive, "1/ω"] = 0.162
     early: Share = 0.5
@@ -200,7 +199,7 @@ class SteppingSettings:
     held: Annotated[NonNegative, "mg"] = 0.18
     lost_time: Annotated[NonNegative, "1/ω"] = 0.12
     patience: Annotated[Positive, ""] = 1.15
-    ahead: Annotated[Positive, "h"] = 0.167
+    ahead: Annotated[Positive, "h"] = 0.09
     ahead_side: Annotated[Positive, "h"] = 0.233
     share: Annotated[Positive, "mg"] = 0.3
     unload: Annotated[Positive, "1/ω"] = 0.20
