@@ -51,7 +51,9 @@ class PointMass:
         ticks: All ticks until now.
     """
 
-    def __init__(self, scale: Scale = SCALE, dt: float = 0.004, settings: SteppingSettings | None = None) -> None:
+    def __init__(
+        self, scale: Scale = SCALE, dt: float = 0.004, settings: SteppingSettings | None = None
+    ) -> None:
         """Stand at the origin, heading along x."""
         self.scale, self.dt = scale, dt
         self.gait = SteppingGait(settings or SteppingSettings(), scale, 0.0, dt)
@@ -98,7 +100,10 @@ class PointMass:
         com, speed = self.com[:2], self.speed
         if reference.balanced:
             acceleration: Array = reference.pendulum.com_acceleration[:2]
-            self.com[:2], self.speed = com + speed * dt + 0.5 * acceleration * dt**2, speed + acceleration * dt
+            self.com[:2], self.speed = (
+                com + speed * dt + 0.5 * acceleration * dt**2,
+                speed + acceleration * dt,
+            )
             self._load = [0.5, 0.5]
             return
         stance = reference.stance

@@ -14,7 +14,9 @@ SETTINGS = SteppingSettings().in_si(SCALE)
 TIME = SETTINGS.step_time
 
 
-def swing(landing: tuple[float, float], *, seconds: float, ground: float = 0.0, move: float = 0.0) -> np.ndarray:
+def swing(
+    landing: tuple[float, float], *, seconds: float, ground: float = 0.0, move: float = 0.0
+) -> np.ndarray:
     """Places, velocities and accelerations (x, y, z) at all ticks, shape (ticks, 3, 3); the landing moves half way."""
     reference, rows = SwingReference(SETTINGS, DT), []
     reference.lift((0.0, 0.0, 0.0))
@@ -39,7 +41,9 @@ def test_velocity_and_acceleration_are_derivatives_of_the_place() -> None:
     place, velocity, acceleration = motion[:, 0], motion[:, 1], motion[:, 2]
     middle = slice(3, round(0.6 * TIME / DT))  # before the foot follows its landing
     np.testing.assert_allclose(np.gradient(place, DT, axis=0)[middle], velocity[middle], atol=0.03)
-    np.testing.assert_allclose(np.gradient(velocity, DT, axis=0)[middle, :2], acceleration[middle, :2], atol=2.0)
+    np.testing.assert_allclose(
+        np.gradient(velocity, DT, axis=0)[middle, :2], acceleration[middle, :2], atol=2.0
+    )
     assert np.abs(np.diff(place[:, 2])).max() < 2.0 * DT, "the height does not jump"
 
 

@@ -12,7 +12,14 @@ from task_factory import make_robot
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stepping import BodyState, Scale, SteppingGait, SteppingGains, SteppingSettings, StepReference
+from wbc.walking.stepping import (
+    BodyState,
+    Scale,
+    SteppingGains,
+    SteppingGait,
+    SteppingSettings,
+    StepReference,
+)
 from wbc.walking.stepping.tasks import SteppingTasks
 
 DT = 0.002
