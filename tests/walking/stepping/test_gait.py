@@ -235,6 +235,19 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
     np.testing.assert_allclose(body.com[:2], 0.0, atol=0.01)
 
 
+@pytest.mark.parametrize("speed", [0.55, 0.6, 0.7, 0.8])
+def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(speed: float) -> None:
+    """A wide stand has no room to the side, however well the DCM lies between the feet."""
+    body = PointMass()
+    body.run(0.7)
+    body.speed += [0.0, speed]
+    ticks = body.run(4.0)
+    stopped = next(tick for tick in ticks if Event.STOPPED in tick.reference.events)
+    left, right = (frame.translation for frame in stopped.frames)
+    assert np.linalg.norm(left - right) <= body.gait.settings.stop_length
+    assert body.gait.stands
+
+
 def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -> None:
     body = PointMass()
     body.run(0.6)
