@@ -11,7 +11,7 @@ from typing import Any
 import wbc
 from wbc.app import MeshcatView, WatchWalk
 from wbc.sim import TrueFallDetector
-from wbc.walking import WalkingControl
+from wbc.walking import WalkingLike
 
 BROWSER_TIME = 20.0
 """Longest time that a run with `--view` waits for a page to be opened, s."""
@@ -26,9 +26,7 @@ class Options(argparse.Namespace):
     port: int | None
 
     @contextlib.contextmanager
-    def watch(
-        self, plant: wbc.Plant, walking: WalkingControl | None = None
-    ) -> Iterator[MeshcatView | NoView]:
+    def watch(self, plant: wbc.Plant, walking: WalkingLike | None = None) -> Iterator[MeshcatView | NoView]:
         """Show the plant (and the walk) in the browser, in real time, if `--view` was given."""
         if not self.view:
             yield NoView()

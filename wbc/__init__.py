@@ -18,6 +18,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
 from wbc.core.qp.contact import PointContact, SoleContact, rectangle_wrench_cone
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.foothold import Foothold
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.qp.task import MotionTask
 from wbc.core.robot import Robot
@@ -53,6 +54,7 @@ __all__ = [
     "MotionTask",
     "SoleContact",
     "PointContact",
+    "Foothold",
     "JointLimits",
     "TorqueLimits",
     "SelfCollisionLimit",

@@ -32,6 +32,7 @@ WALKING = (
     "walk_tune",
     "drive",
     "reach_walking",
+    "step_over_stones",
 )
 NAMES = (*STANDING, *WALKING)
 
@@ -210,6 +211,11 @@ def test_walk_sets_its_soles(load: Load) -> None:
     assert own["policy"] == "SofterWhereItIsRough" and own["decided"] > 0
     assert 2.0 <= own["softest_nm_per_rad"] <= own["stiffest_nm_per_rad"] <= 60.0
     assert walk(module, "--distance", "0.35", "--policy", "fixed")["stiffest_nm_per_rad"] == 5.0
+
+
+def test_step_over_stones_comes_through_a_push(load: Load) -> None:
+    result = walk(load("step_over_stones"), "--distance", "0.6")
+    assert 0.6 <= result["forward_m"] < 1.2 and abs(result["aside_m"]) < 0.3 and result["pushed"]
 
 
 def test_walk_climbs(load: Load) -> None:

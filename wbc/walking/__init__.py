@@ -39,6 +39,8 @@ from wbc.walking.stabilizer.gains import StabilizerGains
 from wbc.walking.stabilizer.lean import Lean, LeanSettings
 from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.stabilizer.zmp import NoContactForceError, cop, net_wrench, zmp
+from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
+from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.tasks import TaskGains
 from wbc.walking.walk import Walk, WalkReference, WalkSettings
 
@@ -48,6 +50,10 @@ __all__ = [
     "WalkingControlSettings",
     "WalkingLike",
     "Progress",
+    # A walk that balances by its steps
+    "SteppingControl",
+    "SteppingControlSettings",
+    "SteppingSettings",
     # Arms: hands that go to targets
     "Arms",
     "ArmSettings",

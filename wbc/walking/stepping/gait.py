@@ -395,10 +395,9 @@ class SteppingGait:
         self._contact = None
         self.steps_done += 1
         self._since_stand += 1
-        cos, sin = self._direction
-        length = abs(cos * (left[0] - right[0]) + sin * (left[1] - right[1]))
+        apart = math.hypot(left[0] - right[0], left[1] - right[1])
         slow = math.hypot(*self.steering.velocity) < s.stop_speed
-        if not go and slow and length < s.stop_length and self._outside(state, dcm, s.stop_box) <= 0.0:
+        if not go and slow and apart < s.stop_length and self._outside(state, dcm, s.stop_box) <= 0.0:
             self._enter(_Mode.STANDING)
             self.steering.rest(self._middle(state))
             return (Event.STOPPED,)

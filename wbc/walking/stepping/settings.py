@@ -150,7 +150,7 @@ class SteppingSettings:
         rest: Time from the shift to the first step, and least time of a stand.
         stand_gain: Feedback of the DCM while the robot stands.
         stop_speed: Walking velocity below which the robot may stop.
-        stop_length: Greatest length of the last step.
+        stop_length: Greatest distance between the feet after the last step: a wide stand has no room to the side.
         stop_box: Share of the standing box within which the DCM must be to stop.
     """
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from wbc.walking.stepping.law import Point
 from wbc.walking.stepping.settings import SteppingSettings
 
@@ -59,13 +61,19 @@ class SwingReference:
                 _quintic(x, v, a, to, left, dt)
                 for x, v, a, to in zip(self.place, self.velocity, self.acceleration, landing, strict=True)
             ]
+            (x, vx, ax), (y, vy, ay) = coordinates
+            self.place, self.velocity, self.acceleration = (x, y), (vx, vy), (ax, ay)
         else:
-            coordinates = [
-                _follow(x, v, to, self._s.follow, dt)
-                for x, v, to in zip(self.place, self.velocity, landing, strict=True)
-            ]
-        (x, vx, ax), (y, vy, ay) = coordinates
-        self.place, self.velocity, self.acceleration = (x, y), (vx, vy), (ax, ay)
+            self._follow(landing)
+
+    def _follow(self, landing: Point) -> None:
+        """Move on by one period as a critically damped follower with a bounded acceleration."""
+        dt, lag, (x, y), (u, v) = self._dt, self._s.follow, self.place, self.velocity
+        a, b = ((landing[0] - x) / lag - 2.0 * u) / lag, ((landing[1] - y) / lag - 2.0 * v) / lag
+        share = MOST_ACCELERATION / max(math.hypot(a, b), MOST_ACCELERATION)
+        a, b = share * a, share * b
+        u, v = u + a * dt, v + b * dt
+        self.place, self.velocity, self.acceleration = (x + u * dt, y + v * dt), (u, v), (a, b)
 
     def rise(self, elapsed: float, time: float, ground: float) -> None:
         """Set the height.
@@ -97,14 +105,6 @@ def _quintic(x: float, v: float, a: float, to: float, left: float, dt: float) ->
     """Return the state after a period of the quintic that comes to rest at `to` after `left`, by its jerk now."""
     jerk = (60.0 * (to - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
     return x + (v + 0.5 * a * dt) * dt, v + a * dt, a + jerk * dt
-
-
-def _follow(x: float, v: float, to: float, lag: float, dt: float) -> tuple[float, float, float]:
-    """Return the state after a period of a critically damped follower with a bounded acceleration."""
-    a = ((to - x) / lag - 2.0 * v) / lag
-    a = min(max(a, -MOST_ACCELERATION), MOST_ACCELERATION)
-    v += a * dt
-    return x + v * dt, v, a
 
 
 def _cubic(

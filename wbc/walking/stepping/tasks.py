@@ -217,8 +217,10 @@ class SteppingTasks:
             full = balanced or side == reference.stance
             weight = self._firm if balanced else self._held
             contact.motion_weight = weight if full else self._yielding * weight
-            contact.min_force = 0.0 if not full else gait.least_force * (0.2 if both else 1.0)
+            contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
             contact.max_force = max(most[side], 1e-3 * gait.most_force)
+            if full:
+                contact.min_force = gait.least_force * (0.2 if both else 1.0)
 
 
 def _halves(linear: float, angular: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -1,0 +1,168 @@
+"""A point mass on two point feet that does at every tick as the stepping gait says, without a simulator.
+
+The stance foot carries the weight at its foothold, the mass keeps its height and moves as the linear inverted pendulum;
+the swing foot is where its reference is, and lands where that reaches the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from pendulum import com_after
+
+from wbc.core.errors import Array
+from wbc.walking.stepping import BodyState, Scale, SteppingGait, SteppingSettings, StepReference
+
+SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035, spacing=0.22)
+"""Size of the robot g1, in round numbers."""
+
+Frames = tuple[pin.SE3, pin.SE3]
+
+
+class Tick(NamedTuple):
+    """Input and output of the gait in one tick."""
+
+    time: float
+    state: BodyState
+    frames: Frames
+    reference: StepReference
+
+
+def scaled(k: float) -> Scale:
+    """Return the size of a robot k times as large, of the same material."""
+    s = SCALE
+    return Scale(
+        k * s.height, k * s.leg, k**3 * s.mass, (k * s.sole[0], k * s.sole[1]), k * s.ankle, k * s.spacing
+    )
+
+
+class PointMass:
+    """The mass, its feet and its gait, which can be steered between two ticks.
+
+    Attributes:
+        gait: The gait.
+        com: Centre of mass, m.
+        speed: Its velocity over the ground, m/s; add to it to push the mass.
+        time: Time since the start, s.
+        ticks: All ticks until now.
+    """
+
+    def __init__(
+        self, scale: Scale = SCALE, dt: float = 0.004, settings: SteppingSettings | None = None
+    ) -> None:
+        """Stand at the origin, heading along x."""
+        self.scale, self.dt = scale, dt
+        self.gait = SteppingGait(settings or SteppingSettings(), scale, 0.0, dt)
+        self.com = np.array([0.0, 0.0, scale.height])
+        self.speed = np.zeros(2)
+        self.time = 0.0
+        self.ticks: list[Tick] = []
+        self._feet = [
+            pin.SE3(np.eye(3), np.array([0.0, side * 0.5 * scale.spacing, 0.0])) for side in (1, -1)
+        ]
+        self._load = [0.5, 0.5]
+
+    def run(self, seconds: float, each: Callable[[Tick], None] | None = None) -> list[Tick]:
+        """Go on for a time (s), and return its ticks."""
+        first = len(self.ticks)
+        for _ in range(round(seconds / self.dt)):
+            self.ticks.append(tick := self._tick())
+            if each is not None:
+                each(tick)
+        return self.ticks[first:]
+
+    def _tick(self) -> Tick:
+        gait, dt, weight = self.gait, self.dt, self.scale.weight
+        self.time += dt
+        frames = (pin.SE3(self._feet[0]), pin.SE3(self._feet[1]))
+        # Where a foot carries: at its foothold in steps, at its centre in a stand.
+        stepping = bool(self.ticks) and self.ticks[-1].reference.phase.name != "STANDING"
+        ahead = gait.settings.foothold if stepping else 0.0
+        wrenches = [[0.0, 0.0, load * weight, 0.0, -ahead * load * weight, 0.0] for load in self._load]
+        state = BodyState(
+            self.com.tolist(),
+            (float(self.speed[0]), float(self.speed[1]), 0.0),
+            (0.0, 0.0, 0.0),
+            (frames[0].translation.tolist(), frames[1].translation.tolist()),
+            (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
+            wrenches,
+        )
+        reference = gait.update(state, frames)
+        self._move(reference)
+        return Tick(self.time, state, frames, reference)
+
+    def _move(self, reference: StepReference) -> None:
+        dt, omega = self.dt, self.scale.omega
+        com, speed = self.com[:2], self.speed
+        if reference.balanced:
+            acceleration: Array = reference.pendulum.com_acceleration[:2]
+            self.com[:2], self.speed = (
+                com + speed * dt + 0.5 * acceleration * dt**2,
+                speed + acceleration * dt,
+            )
+            self._load = [0.5, 0.5]
+            return
+        stance = reference.stance
+        contact = self._feet[stance].act(np.array([self.gait.settings.foothold, 0.0, 0.0]))[:2]
+        self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
+        self._load = [0.0, 0.0]
+        self._load[stance] = 1.0
+        swing = reference.swing
+        if swing is not None:
+            motion = reference.feet[swing].placement
+            self._feet[swing] = pin.SE3(
+                pin.rpy.rpyToMatrix(0.0, 0.0, pin.rpy.matrixToRpy(motion.rotation)[2]),
+                np.array([*motion.translation[:2], max(motion.translation[2], 0.0)]),
+            )
+            if motion.translation[2] > 0.0:
+                return
+        if reference.elapsed > 0.5 * reference.duration:  # it has landed, and carries a part
+            self._load[1 - stance] = 0.25
+            self._load[stance] = 0.75
+
+
+def moved(tick: Tick, place: pin.SE3) -> tuple[BodyState, Frames]:
+    """Return the input of a tick in a world that is moved and turned about the vertical."""
+    s, rotation = tick.state, place.rotation
+    frames = (place * tick.frames[0], place * tick.frames[1])
+    return BodyState(
+        place.act(np.array(s.com)).tolist(),
+        (rotation @ s.velocity).tolist(),
+        (rotation @ s.spin).tolist(),
+        (frames[0].translation.tolist(), frames[1].translation.tolist()),
+        (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
+        s.wrenches,
+    ), frames
+
+
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
+
+def mirrored(frame: pin.SE3) -> pin.SE3:
+    """Return a placement in a world whose left is right."""
+    return pin.SE3(MIRROR @ frame.rotation @ MIRROR, MIRROR @ frame.translation)
+
+
+def mirrored_input(tick: Tick) -> tuple[BodyState, Frames]:
+    """Return the input of a tick in a world whose left is right."""
+    s = tick.state
+    frames = (mirrored(tick.frames[1]), mirrored(tick.frames[0]))
+    signs = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    x, y, z = s.spin
+    return BodyState(
+        (MIRROR @ s.com).tolist(),
+        (MIRROR @ s.velocity).tolist(),
+        (-x, y, -z),
+        (frames[0].translation.tolist(), frames[1].translation.tolist()),
+        (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
+        [(signs * s.wrenches[1]).tolist(), (signs * s.wrenches[0]).tolist()],
+    ), frames
+
+
+def angle(a: float, b: float) -> float:
+    """Return the difference of two angles, rad."""
+    return math.remainder(a - b, 2.0 * math.pi)

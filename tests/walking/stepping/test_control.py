@@ -1,0 +1,146 @@
+"""The stepping walk in the plant: it stands, walks where it is steered, and stands; the slow tests walk over stones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.core.control import Mode
+from wbc.core.errors import InputError
+from wbc.sim import TrueFallDetector, walk
+from wbc.walking.planning.phases import Phase
+from wbc.walking.stepping import SteppingControl, SteppingControlSettings, SteppingSettings
+
+DESCRIPTION = wbc.load_robot("g1")
+PERIOD = 0.002
+
+
+def standing(mode: Mode = "torque", seed: int = 3, robot: str = "g1") -> tuple[wbc.Plant, SteppingControl]:
+    description = wbc.load_robot(robot)
+    plant = wbc.Plant(description, noise="realistic", seed=seed, control_period=PERIOD)
+    return plant, SteppingControl(description.robot(), PERIOD, SteppingControlSettings(mode=mode))
+
+
+def run(plant: wbc.Plant, walking: SteppingControl, until: float) -> set[Phase]:
+    """Go on until a time, or until the robot falls, and return the phases on the way."""
+    falls, phases = TrueFallDetector(plant.robot), set()
+    while plant.time < until - 1e-9:
+        plant.step(walking.command(plant.measure()))
+        phases.add(walking.progress.phase)
+        assert not falls.fallen(plant.truth().q), f"fallen at {plant.time:.2f} s"
+    return phases
+
+
+def walk_ahead(mode: Mode, seed: int = 3, robot: str = "g1") -> float:
+    """Stand, walk forward at 0.3 m/s, stop; return the distance over that of the steps' velocity."""
+    plant, walking = standing(mode, seed, robot)
+    start = plant.truth().com[:2].copy()
+    assert run(plant, walking, 0.3) == {Phase.STANDING}
+    walking.velocity = (0.3, 0.0, 0.0)
+    expected = 0.0
+    while plant.time < 2.5 - 1e-9:
+        plant.step(walking.command(plant.measure()))
+        expected += walking.granted_velocity[0] * PERIOD
+    walking.velocity = None
+    while plant.time < 4.0 - 1e-9:
+        plant.step(walking.command(plant.measure()))
+        expected += walking.granted_velocity[0] * PERIOD
+    assert walking.fallen is None and walking.control.failures == 0
+    assert walking.progress.phase is Phase.STANDING and walking.steps_done >= 5
+    travelled = plant.truth().com[:2] - start
+    assert abs(travelled[1]) < 0.1
+    assert not TrueFallDetector(plant.robot).fallen(plant.truth().q)
+    return float(travelled[0]) / expected
+
+
+def test_a_robot_stands_steps_forward_and_stops() -> None:
+    assert 0.6 < walk_ahead("torque") < 1.5
+
+
+@pytest.mark.slow
+def test_a_robot_with_soft_servos_walks_on_the_flat() -> None:
+    assert 0.5 < walk_ahead("hybrid") < 1.6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
+def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
+    assert 0.5 < walk_ahead("torque", robot=robot) < 1.6
+
+
+def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
+    _, walking = standing()
+    walking.velocity = (0.2, 0.0, 0.1)
+    for bad in ((math.nan, 0.0, 0.0), (0.1, math.inf, 0.0), (0.1, 0.0), "ahead", (0.1, 0.0, 1e6)):
+        with pytest.raises(InputError):
+            walking.velocity = bad  # type: ignore[assignment]
+        assert walking.velocity == (0.2, 0.0, 0.1)
+        assert not walking.finished
+    for goal in ((math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)):
+        with pytest.raises(InputError):
+            walking.go_to(*goal)
+        assert walking.velocity == (0.2, 0.0, 0.1)
+    walking.velocity = (9.0, -9.0, 9.0)  # more than can be had is limited, not refused
+    limits = walking.velocity_limits
+    assert walking.granted_velocity[2] == limits.turn
+    walking.velocity = (0.0, 0.0, 0.0)
+    assert walking.velocity is None, "zero is a stand"
+
+
+def test_a_walk_that_has_not_begun_stands_and_has_its_settings_checked() -> None:
+    plant, walking = standing()
+    assert walking.reference is None and walking.progress.phase is Phase.STANDING
+    assert walking.fallen is None and walking.steps_done == 0 and not walking.done
+    run(plant, walking, 0.6)
+    assert walking.finished and walking.done
+    np.testing.assert_allclose(walking.granted_velocity, 0.0)
+    with pytest.raises(InputError, match="shortest ≤ step_time"):
+        SteppingControl(
+            DESCRIPTION.robot(), PERIOD, SteppingControlSettings(gait=SteppingSettings(shortest=2.0))
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", [(1.0, 0.3, 0.4), (-0.3, 0.0, 0.0)])
+def test_a_goal_is_walked_to_and_stood_at(goal: tuple[float, float, float]) -> None:
+    plant, walking = standing()
+    start = plant.truth().com[:2].copy()
+    run(plant, walking, 0.3)
+    walking.go_to(start[0] + goal[0], start[1] + goal[1], goal[2])
+    while not walking.done and plant.time < 20.0:
+        plant.step(walking.command(plant.measure()))
+    assert walking.finished and walking.fallen is None
+    assert math.dist(plant.truth().com[:2] - start, goal[:2]) < 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("impulse", [0.5, 0.55, 0.65])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_push_of_a_stand_is_stepped_out_of(impulse: float, direction: float) -> None:
+    """To the side, from the least that needs a step: the robot closes up before it stands again."""
+    plant, walking = standing()
+    run(plant, walking, 0.6)
+    plant.push("torso", [0.0, direction * impulse * DESCRIPTION.robot().mass / 0.1, 0.0], 0.1)
+    run(plant, walking, 5.0)
+    assert walking.steps_done >= 2 and walking.finished
+
+
+@pytest.mark.slow
+def test_small_flat_feet_walk_over_stones_of_40_mm() -> None:
+    """At least 5 of 6 grounds, blind, with noise: without the swap that waits, or at fixed times, most walks fall."""
+    outcomes = [
+        walk(
+            law="stepping",
+            robot="g1",
+            foot="flat",
+            terrain="stones",
+            amplitude=0.04,
+            seed=seed,
+            distance=3.0,
+        ).outcome
+        for seed in range(40, 46)
+    ]
+    assert outcomes.count("completed") >= 5, outcomes

@@ -1,0 +1,276 @@
+"""Gait of the stepping walk around a point mass: symmetries, what it does when, and where it goes."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from point_mass import (
+    MIRROR,
+    SCALE,
+    Frames,
+    PointMass,
+    Tick,
+    angle,
+    mirrored,
+    mirrored_input,
+    moved,
+    scaled,
+)
+from properties import examples
+
+from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.stepping import BodyState, SteppingGait, SteppingSettings, StepReference
+
+DT = 0.004
+VELOCITY = (0.25, 0.05, 0.2)
+
+
+@functools.cache
+def pushed_aside() -> tuple[Tick, ...]:
+    """A stand, a push to the left, steps, a velocity, and a stop."""
+    body = PointMass()
+    body.run(0.7)
+    body.speed += [0.05, 0.6]
+    body.run(0.1)
+    body.gait.steering.command(VELOCITY)
+    body.run(2.5)
+    body.gait.steering.command(None)
+    body.run(1.5)
+    assert body.gait.steps_done >= 5
+    return tuple(body.ticks)
+
+
+def replay(
+    inputs: list[tuple[BodyState, Frames]], heading: float, velocity: tuple[float, float, float]
+) -> list[StepReference]:
+    """References of another gait for the inputs of `pushed_aside`, steered at the same ticks."""
+    gait, references = SteppingGait(SteppingSettings(), SCALE, heading, DT), []
+    for tick, (state, frames) in enumerate(inputs):
+        if tick == round(0.8 / DT):
+            gait.steering.command(velocity)
+        elif tick == round(3.3 / DT):
+            gait.steering.command(None)
+        references.append(gait.update(state, frames))
+    return references
+
+
+def test_the_same_states_give_the_same_references() -> None:
+    ticks = pushed_aside()
+    again = replay([(tick.state, tick.frames) for tick in ticks], 0.0, VELOCITY)
+    for tick, reference in zip(ticks, again, strict=True):
+        assert reference.landing == tick.reference.landing
+        np.testing.assert_array_equal(reference.pendulum.com, tick.reference.pendulum.com)
+
+
+def test_a_mirrored_world_gives_mirrored_references() -> None:
+    ticks = pushed_aside()
+    x, y, turn = VELOCITY
+    references = replay([mirrored_input(tick) for tick in ticks], 0.0, (x, -y, -turn))
+    steps = 0
+    for tick, reference in zip(ticks, references, strict=True):
+        real = tick.reference
+        assert reference.phase is real.phase and reference.events == real.events
+        assert reference.heading == pytest.approx(-real.heading, abs=1e-9)
+        assert reference.contact == real.contact[::-1]
+        assert reference.most_force == pytest.approx(real.most_force[::-1], abs=1e-6)
+        assert (reference.dcm.x, reference.dcm.y) == pytest.approx((real.dcm.x, -real.dcm.y), abs=1e-9)
+        for name in ("com", "com_velocity", "com_acceleration", "zmp"):
+            expected = MIRROR @ getattr(real.pendulum, name)
+            np.testing.assert_allclose(getattr(reference.pendulum, name), expected, atol=1e-9)
+        for foot, other in zip(reference.feet, real.feet[::-1], strict=True):
+            twin = mirrored(other.placement)
+            np.testing.assert_allclose(foot.placement.homogeneous, twin.homogeneous, atol=1e-9)
+            np.testing.assert_allclose(foot.velocity[:3], MIRROR @ other.velocity[:3], atol=1e-8)
+            np.testing.assert_allclose(foot.acceleration[:3], MIRROR @ other.acceleration[:3], atol=1e-6)
+        if real.landing is None:
+            continue
+        steps += 1
+        assert reference.landing is not None and reference.landing.side != real.landing.side
+        assert (reference.landing.x, reference.landing.y, reference.landing.yaw) == pytest.approx(
+            (real.landing.x, -real.landing.y, -real.landing.yaw), abs=1e-9
+        )
+    assert steps > 500
+
+
+@examples(6)
+@given(st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+def test_a_moved_and_turned_world_gives_moved_and_turned_references(yaw: float, x: float, y: float) -> None:
+    ticks = pushed_aside()
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
+    references = replay([moved(tick, place) for tick in ticks], yaw, VELOCITY)
+    for tick, reference in list(zip(ticks, references, strict=True))[::7]:
+        real = tick.reference
+        assert reference.phase is real.phase and reference.stance == real.stance
+        assert angle(reference.heading, real.heading + yaw) == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(reference.pendulum.com, place.act(real.pendulum.com), atol=1e-8)
+        np.testing.assert_allclose(reference.pendulum.zmp, place.act(real.pendulum.zmp), atol=1e-8)
+        push = place.rotation @ real.pendulum.com_acceleration
+        np.testing.assert_allclose(reference.pendulum.com_acceleration, push, atol=1e-6)
+        for foot, other in zip(reference.feet, real.feet, strict=True):
+            turned = (place * other.placement).homogeneous
+            np.testing.assert_allclose(foot.placement.homogeneous, turned, atol=1e-8)
+            np.testing.assert_allclose(foot.velocity[:3], place.rotation @ other.velocity[:3], atol=1e-6)
+        if real.landing is not None:
+            assert reference.landing is not None
+            expected = place.act(np.array([real.landing.x, real.landing.y, 0.0]))[:2]
+            assert (reference.landing.x, reference.landing.y) == pytest.approx(tuple(expected), abs=1e-8)
+            assert angle(reference.landing.yaw, real.landing.yaw + yaw) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("k", [0.4, 2.5])
+def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float) -> None:
+    """Lengths by k, masses by k³, times by √k; the velocity by √k too."""
+    root = math.sqrt(k)
+    small, large = PointMass(), PointMass(scaled(k), DT * root)
+    for body, size in ((small, 1.0), (large, root)):
+        body.run(0.7 * size)
+        body.gait.steering.command((0.25 * size, 0.05 * size, 0.2 / size))
+        body.run(2.5 * size)
+    assert len(small.ticks) == len(large.ticks) and small.gait.steps_done >= 4
+    for one, other in zip(small.ticks, large.ticks, strict=True):
+        a, b = one.reference, other.reference
+        assert (a.phase, a.stance, a.events) == (b.phase, b.stance, b.events)
+        assert b.duration == pytest.approx(root * a.duration, rel=1e-6)
+        assert b.most_force == pytest.approx([k**3 * force for force in a.most_force], rel=1e-6)
+        np.testing.assert_allclose(b.pendulum.zmp, k * a.pendulum.zmp, atol=1e-6)
+        if a.landing is not None:
+            assert b.landing is not None
+            expected = (k * a.landing.x, k * a.landing.y)
+            assert (b.landing.x, b.landing.y) == pytest.approx(expected, abs=1e-6)
+
+
+def mean_speed(body: PointMass, seconds: float) -> np.ndarray:
+    """Velocity over some seconds, over ground, m/s."""
+    start = body.com[:2].copy()
+    body.run(seconds)
+    return (body.com[:2] - start) / seconds
+
+
+@pytest.mark.parametrize("velocity", [(0.4, 0.0), (-0.2, 0.0), (0.0, 0.12), (0.0, -0.12)])
+def test_a_steered_walk_has_the_velocity_that_is_asked_for(velocity: tuple[float, float]) -> None:
+    body = PointMass()
+    body.run(0.5)
+    body.gait.steering.command((*velocity, 0.0))
+    body.run(5.0)
+    np.testing.assert_allclose(mean_speed(body, 4.0), velocity, atol=0.06)
+
+
+def test_a_turn_turns_landings_and_heading() -> None:
+    body = PointMass()
+    body.run(0.5)
+    body.gait.steering.command((0.1, 0.0, 0.5))
+    ticks = body.run(5.0)
+    steps = [tick for tick in ticks if tick.reference.phase is Phase.SINGLE]
+    turned = steps[-1].reference.heading - steps[0].reference.heading
+    assert turned == pytest.approx(0.5 * (steps[-1].time - steps[0].time), rel=0.01)
+    landing = steps[-1].reference.landing
+    assert landing is not None and landing.yaw >= steps[-1].reference.heading
+
+
+def test_phases_follow_each_other_and_steps_are_counted() -> None:
+    body = PointMass()
+    body.run(0.6)
+    assert body.gait.stands and body.gait.steps_done == 0
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    assert [tick.reference.phase for tick in body.run(0.1)][-1] is Phase.DOUBLE
+    body.run(3.0)
+    body.gait.steering.command(None)
+    body.run(4.0)
+    events = [event for tick in body.ticks for event in tick.reference.events]
+    landed = [e for e in events if e in (Event.TOUCH_DOWN, Event.EARLY_TOUCH_DOWN, Event.LATE_TOUCH_DOWN)]
+    assert events[0] is Event.STARTED and events[-1] is Event.STOPPED
+    assert body.gait.steps_done == len(landed) == events.count(Event.LIFT_OFF) >= 8
+    assert body.gait.stands
+    place = body.com[:2].copy()
+    body.run(2.0)
+    np.testing.assert_allclose(body.com[:2], place, atol=5e-3)
+    assert body.ticks[-1].reference.contact == (True, True) and body.ticks[-1].reference.balanced
+
+
+def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
+    """Also when the mass is pushed at random."""
+    body, rng = PointMass(), np.random.default_rng(4)
+    settings = body.gait.settings
+    body.run(0.5)
+    for _ in range(8):
+        velocity = rng.uniform(-1.0, 1.0, 3) * [0.5, 0.2, 1.0]
+        body.gait.steering.command(velocity.tolist())
+        body.speed += rng.normal(size=2) * [0.15, 0.08]
+        for tick in body.run(0.6):
+            landing, heading = tick.reference.landing, tick.reference.heading
+            if landing is None:
+                continue
+            stance = tick.frames[tick.reference.stance]
+            foot = stance.act(np.array([settings.foothold, 0.0, 0.0]))
+            cos, sin = math.cos(heading), math.sin(heading)
+            dx, dy = landing.x - foot[0], landing.y - foot[1]
+            if Event.LIFT_OFF in tick.reference.events:
+                continue  # the landing is still that of the step that has ended
+            ahead = cos * dx + sin * dy + settings.foothold
+            aside = (cos * dy - sin * dx) * (1.0 if landing.side == "left" else -1.0)
+            assert abs(ahead) <= settings.reach + 1e-9
+            assert settings.gap - 1e-9 <= aside <= settings.widest + 1e-9
+            assert settings.shortest - 0.2 <= tick.reference.duration <= settings.longest + 1e-9
+
+
+def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
+    for sign, foot in ((1.0, 0), (-1.0, 1)):
+        body = PointMass()
+        body.run(0.7)
+        body.speed += [0.0, sign * 0.6]
+        first = next(tick for tick in body.run(1.0) if tick.reference.swing is not None)
+        assert first.reference.swing == foot
+        body.run(2.0)
+        assert body.gait.stands and abs(body.com[1]) < 0.5
+    body = PointMass()
+    body.run(0.7)
+    body.speed += [0.0, 0.1]
+    assert {tick.reference.phase for tick in body.run(2.0)} == {Phase.STANDING}, "a small push needs no step"
+    np.testing.assert_allclose(body.com[:2], 0.0, atol=0.01)
+
+
+@pytest.mark.parametrize("speed", [0.55, 0.6, 0.7, 0.8])
+def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(speed: float) -> None:
+    """A wide stand has no room to the side, however well the DCM lies between the feet."""
+    body = PointMass()
+    body.run(0.7)
+    body.speed += [0.0, speed]
+    ticks = body.run(4.0)
+    stopped = next(tick for tick in ticks if Event.STOPPED in tick.reference.events)
+    left, right = (frame.translation for frame in stopped.frames)
+    assert np.linalg.norm(left - right) <= body.gait.settings.stop_length
+    assert body.gait.stands
+
+
+def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    waits = [
+        tick.reference
+        for tick in body.run(4.0)
+        if tick.reference.phase is Phase.SINGLE and tick.reference.swing is None
+    ]
+    assert waits, "feet land 20 mm before the ground at which they aim"
+    settings = body.gait.settings
+    for reference in waits:
+        assert reference.contact == (True, True)
+        assert reference.most_force[1 - reference.stance] == pytest.approx(settings.share)
+        assert reference.most_force[reference.stance] == settings.most_force
+
+
+@pytest.mark.parametrize("goal", [(1.0, 0.4, 0.5), (-0.2, 0.15, 0.0)])
+def test_a_goal_is_reached_and_stood_at(goal: tuple[float, float, float]) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.go_to(*goal)
+    body.run(14.0)
+    assert body.gait.stands and not body.gait.steering.pending
+    assert math.dist(body.com[:2], goal[:2]) < 0.15
+    assert angle(body.gait.steering.heading, goal[2]) == pytest.approx(0.0, abs=0.2)

@@ -1,0 +1,212 @@
+"""Law of the stepping walk against the pendulum in closed form, and against the impacts of a whole robot."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pendulum import com_after
+from properties import examples
+from task_factory import ROBOTS, make_robot, random_state
+
+from wbc.core.robot import GRAVITY, Robot
+from wbc.walking.stepping.law import Divergent, Orbit, divergent_component, foothold, remaining_time
+
+HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
+OMEGA = math.sqrt(GRAVITY / HEIGHT)
+GROWTH = math.exp(OMEGA * TIME)
+
+offsets = st.floats(-0.05, 0.05)
+velocities = st.tuples(st.floats(-0.4, 0.6), st.floats(-0.15, 0.15))
+
+
+class Landing(NamedTuple):
+    """End of a step: the foot that lands, its side (1 left, −1 right), the DCM there, and the time of the step."""
+
+    foot: np.ndarray
+    side: float
+    dcm: np.ndarray
+    time: float
+
+
+def walk(
+    steps: int, velocity: tuple[float, float], error: tuple[float, float] = (0.0, 0.0), *, timed: bool = True
+) -> list[Landing]:
+    """Steps of a pendulum on point feet that keeps nothing but the law, first with the left foot.
+
+    Args:
+        steps: Number of steps.
+        velocity: Forward and left, m/s.
+        error: Offset of the DCM from its orbit at the start of the first step, m.
+        timed: False for steps of the nominal time.
+    """
+    landings = []
+    foot, side = np.zeros(2), 1.0  # stance foot, side of the foot in the air
+    orbit = Orbit.of(velocity, side, WIDTH, TIME, OMEGA)
+    dcm = np.array([orbit.ahead, side * orbit.outwards / GROWTH]) + error
+    com = dcm - np.array([0.01, 0.002])  # with the velocity that makes up the rest of the DCM
+    speed = (dcm - com) * OMEGA
+    for _ in range(steps):
+        orbit = Orbit.of(velocity, side, WIDTH, TIME, OMEGA)
+        offset = side * (dcm[1] - foot[1])
+        time = remaining_time(offset, orbit, OMEGA, 0.0, 0.005) if timed else TIME
+        place = foothold(
+            (foot[0], foot[1]), Divergent(*dcm, OMEGA), time, (orbit.ahead, -side * orbit.inwards)
+        )
+        com, speed = com_after(com, speed, foot, OMEGA, time)
+        foot, dcm = np.array(place), com + speed / OMEGA
+        landings.append(Landing(foot, side, dcm, time))
+        side = -side
+    return landings
+
+
+def offset(landing: Landing) -> tuple[float, float]:
+    """Offset of the DCM from the foot that has landed: ahead, and towards the other foot, m."""
+    x, y = landing.dcm - landing.foot
+    return float(x), float(-landing.side * y)
+
+
+@examples(100)
+@given(velocities, offsets, offsets)
+def test_an_error_of_the_dcm_is_gone_after_one_step_of_the_nominal_time(
+    velocity: tuple[float, float], ahead: float, aside: float
+) -> None:
+    for landing in walk(3, velocity, (ahead, aside), timed=False):
+        orbit = Orbit.of(velocity, landing.side, WIDTH, TIME, OMEGA)
+        assert offset(landing) == pytest.approx((orbit.ahead, orbit.inwards), abs=1e-12)
+
+
+@examples(100)
+@given(velocities, offsets, st.floats(-0.04, 0.04))
+def test_a_lateral_error_changes_the_time_of_one_step_and_no_width(
+    velocity: tuple[float, float], ahead: float, aside: float
+) -> None:
+    calm, hit = walk(4, velocity), walk(4, velocity, (ahead, aside))
+    growing = aside > 1e-6
+    assert hit[0].time < TIME if growing else hit[0].time >= TIME - 1e-3
+    for a, b in zip(calm, hit, strict=True):
+        assert b.foot[1] == pytest.approx(a.foot[1], abs=1e-9)
+    assert [landing.time for landing in hit[1:]] == pytest.approx([TIME] * 3, abs=1e-9)
+
+
+def test_the_lateral_orbit_is_periodic_with_its_amplitude() -> None:
+    landings = walk(40, (0.3, 0.0))
+    for before, after in zip(landings, landings[1:], strict=False):
+        assert abs(after.foot[1] - before.foot[1]) == pytest.approx(WIDTH, abs=1e-6)
+        assert after.time == pytest.approx(TIME, abs=1e-6)
+    for landing in landings:
+        assert offset(landing)[1] == pytest.approx(WIDTH / (1.0 + GROWTH), abs=1e-6)
+
+
+@pytest.mark.parametrize("velocity", [(0.4, 0.0), (-0.2, 0.0), (0.0, 0.15), (0.0, -0.15), (0.3, 0.1)])
+def test_steps_reach_the_mean_velocity_that_is_asked_for(velocity: tuple[float, float]) -> None:
+    """Over pairs of steps: sideways one foot opens and the other one closes."""
+    landings = walk(21, velocity, (0.02, -0.02))
+    time = sum(landing.time for landing in landings[1:])
+    mean = (landings[-1].foot - landings[0].foot) / time
+    np.testing.assert_allclose(mean, velocity, atol=1e-9)
+    for before, after in zip(landings, landings[1:], strict=False):
+        assert after.side * (after.foot[1] - before.foot[1]) > 0.0, "feet cross"
+
+
+def test_a_velocity_to_the_side_that_feet_cannot_give_crosses_no_feet() -> None:
+    for side in (1.0, -1.0):
+        for speed in (-5.0, 5.0):
+            orbit = Orbit.of((0.0, speed), side, WIDTH, TIME, OMEGA)
+            assert orbit.inwards > 0.0 and orbit.outwards > 0.0
+            assert 0.0 < orbit.outwards + orbit.inwards < 2.0 * WIDTH
+
+
+@examples(50)
+@given(offsets, st.floats(0.02, 0.1), st.floats(0.0, TIME))
+def test_the_landing_stays_where_it_is_while_nothing_disturbs_the_pendulum(
+    ahead: float, aside: float, elapsed: float
+) -> None:
+    """Place and time are decided at every tick, from the DCM then."""
+    orbit = Orbit.of((0.3, 0.0), 1.0, WIDTH, TIME, OMEGA)
+    dcm = np.array([ahead, aside])
+    first = remaining_time(aside, orbit, OMEGA, 0.0, 0.005)
+    elapsed = min(elapsed, first)
+    later = dcm * math.exp(OMEGA * elapsed)
+    assert remaining_time(later[1], orbit, OMEGA, 0.0, 0.005) == pytest.approx(first - elapsed, abs=1e-9)
+    places = [
+        foothold((0.0, 0.0), Divergent(*state, OMEGA), left, (orbit.ahead, -orbit.inwards))
+        for state, left in ((dcm, first), (later, first - elapsed))
+    ]
+    assert places[1] == pytest.approx(places[0], abs=1e-9)
+
+
+def test_a_dcm_over_the_stance_foot_waits_and_one_beyond_it_lands_at_once() -> None:
+    orbit = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, OMEGA)
+    least, over = 0.004, 0.005
+    assert remaining_time(0.0, orbit, OMEGA, least, over) == math.inf
+    assert remaining_time(-0.0049, orbit, OMEGA, least, over) == math.inf
+    assert remaining_time(-0.0051, orbit, OMEGA, least, over) == 0.0
+    assert remaining_time(1.001 * orbit.outwards, orbit, OMEGA, least, over) == 0.0
+    assert 0.0 < remaining_time(0.999 * orbit.outwards, orbit, OMEGA, least, over) < 1e-3
+
+
+@examples(50)
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 5))
+def test_the_dcm_of_a_point_mass_at_its_height_is_that_of_its_velocity(values: tuple[float, ...]) -> None:
+    x, y, u, v, z = values
+    contact, com, mass = (0.4, -0.2, z), (x, y, z + HEIGHT), 33.0
+    dcm = divergent_component(com, (u, v, 0.0), (0.0, 0.0, 0.0), contact, mass, 0.1)
+    assert dcm.omega == pytest.approx(OMEGA)
+    assert (dcm.x, dcm.y) == pytest.approx((x + u / OMEGA, y + v / OMEGA), abs=1e-12)
+    # A velocity along the line to the contact has no angular momentum about it, and makes nothing fall.
+    along = tuple(u * (a - b) for a, b in zip(com, contact, strict=True))
+    still = divergent_component(com, along, (0.0, 0.0, 0.0), contact, mass, 0.1)
+    assert (still.x, still.y) == pytest.approx((x, y), abs=1e-12)
+
+
+def test_a_trunk_that_turns_forward_falls_forward() -> None:
+    """As in the law's docstring, ξ_x grows by L_y and ξ_y by −L_x."""
+    com, still, mass = (0.0, 0.0, HEIGHT), (0.0, 0.0, 0.0), 33.0
+    pitched = divergent_component(com, still, (0.0, 3.0, 0.0), still, mass, 0.1)
+    rolled = divergent_component(com, still, (3.0, 0.0, 5.0), still, mass, 0.1)
+    assert (pitched.x, pitched.y) == pytest.approx((3.0 / (mass * HEIGHT * OMEGA), 0.0))
+    assert (rolled.x, rolled.y) == pytest.approx((0.0, -3.0 / (mass * HEIGHT * OMEGA)))
+
+
+def test_a_com_that_has_sunk_counts_with_the_least_height() -> None:
+    sunk = divergent_component((0.0, 0.0, 0.1), (0.3, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, 0.4)
+    assert sunk.omega == pytest.approx(math.sqrt(GRAVITY / 0.4))
+
+
+def dcm_about(
+    robot: Robot, q: np.ndarray, v: np.ndarray, contact: np.ndarray
+) -> tuple[Divergent, np.ndarray]:
+    """Return the DCM by the angular momentum about a contact, and the one by the velocity of the CoM."""
+    robot.update(q, v)
+    com, speed, spin = robot.com, robot.com_velocity, robot.data.hg.angular
+    dcm = divergent_component(com.tolist(), speed.tolist(), spin.tolist(), contact.tolist(), robot.mass, 0.05)
+    return dcm, com[:2] + speed[:2] / dcm.omega
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_an_impact_leaves_the_dcm_about_its_own_point_as_it_is(name: str) -> None:
+    """Any impulse at a point of the foot that lands: c + ċ/ω jumps, the DCM by the angular momentum does not."""
+    robot, rng = make_robot(name), np.random.default_rng(11)
+    sole = robot.frame_id(robot.soles[0].frame)
+    jumps = []
+    for _ in range(20):
+        q, v = random_state(robot, rng)
+        q[3:7] = [0.0, 0.0, 0.0, 1.0]
+        robot.update(q, v)
+        frame = robot.placement(robot.soles[0].frame)
+        contact = frame.act(np.array([*rng.uniform(-0.05, 0.05, 2), 0.0]))
+        jacobian = pin.getFrameJacobian(robot.model, robot.data, sole, pin.LOCAL_WORLD_ALIGNED)
+        linear = jacobian[:3] - pin.skew(contact - frame.translation) @ jacobian[3:]
+        impulse = 0.3 * robot.mass * rng.normal(size=3)
+        hit = v + np.linalg.solve(np.array(robot.mass_matrix), linear.T @ impulse)
+        before, plain = dcm_about(robot, q, v, contact)
+        after, plain_after = dcm_about(robot, q, hit, contact)
+        np.testing.assert_allclose(after, before, atol=1e-9)
+        jumps.append(np.linalg.norm(plain_after - plain))
+    assert np.median(jumps) > 0.02

@@ -1,0 +1,121 @@
+"""Settings of the stepping walk: units of the robot, and steps that cannot be walked."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from task_factory import ROBOTS, make_robot
+
+from wbc.core.errors import InputError
+from wbc.core.robot import GRAVITY
+from wbc.walking.stepping import Scale, SteppingSettings
+
+SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, spacing=0.2)
+
+
+def grown(scale: Scale, k: float) -> Scale:
+    """Return the size of a robot k times as large of the same material."""
+    lengths = {name: k * getattr(scale, name) for name in ("height", "leg", "ankle", "spacing")}
+    return Scale(mass=k**3 * scale.mass, sole=(k * scale.sole[0], k * scale.sole[1]), **lengths)
+
+
+def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
+    si = SteppingSettings(
+        step_time=1.5,
+        reach=0.5,
+        fastest=0.4,
+        acceleration=0.02,
+        bend=0.2,
+        drift_gain=0.1,
+        foothold=0.5,
+        box=(0.1, 0.2),
+        contact=0.1,
+        friction=0.4,
+        toe_up=0.2,
+        apex=0.4,
+        width=0.4,
+        gap=0.1,
+    ).in_si(SCALE)
+    omega, weight = np.sqrt(GRAVITY / 0.6), 33.0 * GRAVITY
+    assert si.step_time == pytest.approx(1.5 / omega)
+    assert si.reach == pytest.approx(0.5 * 0.6)
+    assert si.fastest == pytest.approx(0.4 * 0.6 * omega)
+    assert si.acceleration == pytest.approx(0.02 * GRAVITY)
+    assert si.bend == pytest.approx(0.2 * 0.62)
+    assert si.drift_gain == pytest.approx(0.1 * omega)
+    assert si.foothold == pytest.approx(0.5 * 0.03)
+    assert si.box == pytest.approx((0.1 * 0.21, 0.2 * 0.06))
+    assert si.contact == pytest.approx(0.1 * weight)
+    assert (si.friction, si.toe_up, si.apex) == (0.4, 0.2, 0.4), "shares and angles stay"
+    assert si.width == pytest.approx(0.4 * 0.6)
+    assert si.gap == pytest.approx(0.06 + 0.1 * 0.6), "distance of the feet whose soles are a gap apart"
+
+
+@pytest.mark.parametrize("k", [0.5, 3.0])
+def test_the_same_numbers_walk_robots_of_any_size(k: float) -> None:
+    """Froude scaling: lengths by k, times by √k, velocities by √k, masses by k³, accelerations not at all."""
+    small, large = (SteppingSettings().in_si(scale) for scale in (SCALE, grown(SCALE, k)))
+    powers = {"step_time": 0.5, "follow": 0.5, "reach": 1.0, "swing_height": 1.0, "fastest": 0.5}
+    powers |= {"search_speed": 0.5, "acceleration": 0.0, "drift_gain": -0.5, "most_force": 3.0, "toe_up": 0.0}
+    powers |= {"width": 1.0, "gap": 1.0, "foothold": 1.0, "bend": 1.0, "fastest_turn": -0.5}
+    for name, power in powers.items():
+        assert getattr(large, name) == pytest.approx(k**power * getattr(small, name)), name
+    assert large.box == pytest.approx(tuple(k * size for size in small.box))
+
+
+def test_feet_with_wide_soles_stand_further_apart() -> None:
+    wide = dataclasses.replace(SCALE, sole=(0.1, 0.1))
+    si = SteppingSettings().in_si(wide)
+    assert si.width > si.gap > 0.2 > SteppingSettings().in_si(SCALE).gap
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"shortest": 1.6}, ("shortest ≤ step_time ≤ longest", "1.6", "1.455", "2.02", "1/ω")),
+        ({"longest": 1.2}, ("shortest ≤ step_time ≤ longest", "0.81", "1.455", "1.2")),
+        (
+            {"swing_height": 0.5},
+            ("a step must last as long as a swing", "swing_height 0.5 h", "shortest 0.81/ω"),
+        ),
+        ({"widest": 0.3}, ("further apart than the soles are wide", "width 0.220 m", "widest 0.180 m")),
+        ({"gap": 0.9}, ("further apart than the soles are wide", "0.600 m with the gap", "widest 0.540 m")),
+    ],
+)
+def test_steps_that_cannot_be_walked_are_refused_by_name(
+    changes: dict[str, float], words: tuple[str, ...]
+) -> None:
+    with pytest.raises(InputError) as refused:
+        SteppingSettings(**changes).in_si(SCALE)
+    for word in words:
+        assert word in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_size_of_a_robot_is_measured_and_its_state_stays(name: str) -> None:
+    robot = make_robot(name)
+    q, com = robot.q.copy(), np.array(robot.com)
+    scale = Scale.of(robot, 0.162)
+    np.testing.assert_array_equal(robot.q, q)
+    np.testing.assert_array_equal(robot.com, com)
+    assert scale.mass == pytest.approx(robot.mass)
+    assert scale.weight == pytest.approx(robot.mass * GRAVITY)
+    assert scale.sole == pytest.approx((0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width))
+    assert 0.5 < scale.leg / scale.height < 1.5
+    assert scale.omega == pytest.approx(np.sqrt(GRAVITY / scale.height))
+    left, right = (robot.placement(sole.frame).translation[1] for sole in robot.soles)
+    assert scale.spacing == pytest.approx(left - right)
+    lower = Scale.of(robot, 0.262)
+    assert scale.height - lower.height == pytest.approx(0.1 * scale.leg)
+    assert Scale.of(robot, 0.162, 0.5).height == 0.5
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_robot_without_two_soles_needs_two_feet(count: int) -> None:
+    robot = make_robot("g1")
+    robot.soles = (robot.soles * 2)[:count]
+    with pytest.raises(InputError, match=re.escape(f"needs two feet, got a robot with {count} soles")):
+        Scale.of(robot, 0.162)

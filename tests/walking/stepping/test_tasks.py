@@ -1,0 +1,118 @@
+"""Contacts and tasks of the stepping walk: references switch them, in any order."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from task_factory import make_robot
+
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import GRAVITY
+from wbc.walking.planning.phases import Phase
+from wbc.walking.stepping import (
+    BodyState,
+    Scale,
+    SteppingGains,
+    SteppingGait,
+    SteppingSettings,
+    StepReference,
+)
+from wbc.walking.stepping.tasks import SteppingTasks
+
+DT = 0.002
+ROBOT = make_robot("g1")
+WEIGHT = ROBOT.mass * GRAVITY
+MOST = 1.4 * WEIGHT
+
+
+def standing() -> tuple[Controller, SteppingTasks, StepReference]:
+    """Controller and tasks of a robot that stands, and the reference of its stand."""
+    robot = make_robot("g1")
+    scale = Scale.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
+    gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
+    controller = Controller(robot, DT)
+    tasks = SteppingTasks(controller, gait.settings, SteppingGains(), scale)
+    frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
+    wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
+    places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))
+    state = BodyState(
+        robot.com.tolist(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(places), tuple(turns), wrenches
+    )
+    return controller, tasks, gait.update(state, frames)
+
+
+STATES: dict[str, dict[str, Any]] = {
+    "on both feet": {},
+    "left foot up": {
+        "contact": (False, True),
+        "most_force": (0.0, MOST),
+        "stance": 1,
+        "swing": 0,
+        "balanced": False,
+        "phase": Phase.SINGLE,
+    },
+    "left foot unloads": {
+        "contact": (True, True),
+        "most_force": (0.01 * WEIGHT, MOST),
+        "stance": 1,
+        "swing": 0,
+        "balanced": False,
+        "phase": Phase.SINGLE,
+    },
+    "left foot waits": {
+        "contact": (True, True),
+        "most_force": (0.3 * WEIGHT, MOST),
+        "stance": 1,
+        "swing": None,
+        "balanced": False,
+        "phase": Phase.SINGLE,
+    },
+    "right foot unloads": {
+        "contact": (True, True),
+        "most_force": (MOST, 0.01 * WEIGHT),
+        "stance": 0,
+        "swing": 1,
+        "balanced": False,
+        "phase": Phase.SINGLE,
+    },
+    "right foot up": {
+        "contact": (True, False),
+        "most_force": (MOST, 0.0),
+        "stance": 0,
+        "swing": 1,
+        "balanced": False,
+        "phase": Phase.SINGLE,
+    },
+}
+
+
+@pytest.mark.parametrize(("before", "after"), [*itertools.permutations(STATES, 2)])
+def test_any_state_of_the_feet_may_follow_any_other(before: str, after: str) -> None:
+    """A foot that has given up its load, and must carry at once, can."""
+    controller, tasks, reference = standing()
+    for name in (before, after):
+        changed = reference._replace(**STATES[name])
+        tasks.follow(changed)
+        solution = controller.solve()
+        assert solution.ok
+        for contact, on, most in zip(tasks.contacts, changed.contact, changed.most_force, strict=True):
+            force = solution.wrenches[contact.name][2]
+            assert force <= most + 1e-6
+            if not on:
+                np.testing.assert_allclose(solution.wrenches[contact.name], 0.0, atol=1e-7)
+        assert solution.wrenches[tasks.contacts[changed.stance].name][2] > 0.01 * WEIGHT
+
+
+def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() -> None:
+    controller, tasks, reference = standing()
+    middle = np.mean([contact.target.act(contact.centre) for contact in tasks.contacts], axis=0)
+    pendulum = reference.pendulum
+    tasks.follow(reference._replace(pendulum=pendulum._replace(com_acceleration=np.zeros(3))))
+    solution = controller.solve()
+    total = sum(wrench[2] for wrench in solution.wrenches.values())
+    assert total == pytest.approx(WEIGHT, rel=0.02)
+    assert np.linalg.norm(middle[:2] - ROBOT.com[:2]) < 0.03
+    assert np.abs(solution.accelerations).max() < 1.0
