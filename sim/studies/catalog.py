@@ -79,40 +79,67 @@ def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
     )
 
 
-PUSHED_STEP = 5
-"""Step that is pushed: the walk is steady by then, and as many steps follow, in which the push can show."""
+PUSHED_STEP = 7
+"""Step that is pushed: the walk is steady by then."""
 
 
-def push_recovery(seeds: int = 1) -> Study:
-    """Return push limits while walking: four phases of a step, eight directions, with and without step adjustment.
+def push_recovery(seeds: int = 3) -> Study:
+    """Return push limits of both laws of the steps, standing and walking: eight directions, three phases of a step.
 
-    A third arm adds a catch on one foot. The pushed step is one of the left foot, so that 90° pushes towards the swing
-    foot's side.
+    The pushed step is one of the left foot where the right one stands first, so that 90° pushes towards its side.
     """
+    stand, walk = [[8.0, 0.0, 0.0, 0.0]], [[0.0, 0.3, 0.0, 0.0], [8.0, 0.0, 0.0, 0.0]]
     cells = []
-    for phase in (0.0, 0.25, 0.5, 0.75):
-        for eighth in range(8):
-            push = {"step": PUSHED_STEP, "phase": phase, "direction": round(math.pi / 4.0 * eighth, 12)}
-            cells.append(Cell(f"phase {phase:.2f}, {45 * eighth}°", {"pushes": [push]}))
+    for eighth in range(8):
+        direction = {"direction": round(math.pi / 4.0 * eighth, 12)}
+        standing = {"plan": {"drive": stand}, "pushes": [{"time": 2.0, **direction}]}
+        cells.append(Cell(f"standing, {45 * eighth}°", standing))
+        for phase in (0.1, 0.4, 0.7):
+            push = {"step": PUSHED_STEP, "phase": phase, **direction}
+            cells.append(
+                Cell(f"phase {phase:.1f}, {45 * eighth}°", {"plan": {"drive": walk}, "pushes": [push]})
+            )
     return Study(
         name="push_recovery",
-        about="largest impulse per kg that a walk on flat soles recovers from; 0° is forward, 90° left",
+        about="largest impulse per kg from which a robot that stands, or walks at 0.3 m/s, recovers; 0° is forward, 90° "
+        "left",
         kind="push_limit",
-        base={
-            "terrain": "flat",
-            "noise": "realistic",
-            "plan": {"distance": 1.45},
-            "highest": 0.8,
-            "resolution": 0.02,
-        },
+        base={"robot": "g1", "terrain": "flat", "noise": "realistic", "highest": 1.0, "resolution": 0.05},
         cells=tuple(cells),
-        arms={
-            "with step adjustment": {},
-            "without": {"changes": {"walk.adjustment": None}},
-            "with a catch": {"changes": {"walk.catch.enabled": True}},
-        },
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-        reference="without",
+        arms={"lipm": {}, "stepping": {"law": "stepping"}},
+        seeds=tuple(range(STEPPING_SEED, STEPPING_SEED + seeds)),
+        reference="lipm",
+    )
+
+
+STEPPING_SEED = 8000
+"""First seed of the tables of the stepping walk, which was tuned on others."""
+
+LEGS = {"g1": 1.0, "hrp4_class": 1.06, "talos": 1.08}
+"""Length of a robot's legs over that of `g1`, by which heights of grounds are scaled."""
+
+
+def stepping(seeds: int = 24) -> Study:
+    """Return stepping walks of 3 m on the robots' own flat feet over ground that carries at points: completed walks."""
+    heights = {"stones": (0.02, 0.04, 0.06, 0.08), "stone_bricks": (0.04, 0.06)}
+    heights |= dict.fromkeys(("roof_tiles", "boards", "sticks", "cylinder_obstacles"), (0.02, 0.04))
+    return Study(
+        name="stepping",
+        about="3 m on flat feet over rough ground, blind, the steps decided as they go: completed walks; heights are "
+        "those of g1, scaled by the length of the legs",
+        base={"law": "stepping", "foot": "flat", "noise": "realistic", "plan": {"distance": 3.0}},
+        cells=tuple(
+            Cell(
+                cell_name(name, height),
+                {"terrain": name},
+                arm_values={robot: {"amplitude": round(height * leg, 6)} for robot, leg in LEGS.items()},
+            )
+            for name, of in heights.items()
+            for height in of
+        ),
+        arms={robot: {"robot": robot} for robot in LEGS},
+        seeds=tuple(range(STEPPING_SEED, STEPPING_SEED + seeds)),
+        metric="distance",
     )
 
 
@@ -188,6 +215,7 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground": rough_ground,
         "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
         "push_recovery": push_recovery,
+        "stepping": stepping,
         "speed": speed,
         "steered": steered,
         "driving": driving,

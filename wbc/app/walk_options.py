@@ -69,7 +69,7 @@ class WalkOptions:
         law: Gait: lipm plans footsteps and holds them with a stabilizer; stepping decides place and time of each step
             as it goes, for ground that carries at points.
         mode: Command of the drives: position and velocity, torque, or both on soft servos (hybrid).
-            Position when not given, hybrid where the servos are described as soft, or the gait is stepping.
+            When not given: torque if the gait is stepping, else position, or hybrid on soft servos.
         servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
         control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
