@@ -34,6 +34,7 @@ INSTANTS = {
     "walk_soles": 6.9,
     "walk_stairs": 5.7,
     "walk_push": 4.9,
+    "step_over_stones": 4.6,
     "walk_tune": 3.4,
     "own_task": 3.0,
     "own_robot": 1.0,
