@@ -92,65 +92,65 @@ class SteppingSettings:
     """Settings of the stepping walk; docs/stepping.md says where each comes from and what it is worth.
 
     Attributes:
-        bend: Distance of the CoM below its height on straight legs.
-        step_time: Time T of a step while nothing disturbs it.
-        shortest: Shortest time of a step.
-        longest: Longest time of a step, and longest wait after an early contact.
-        time_lag: Low-pass of the time of the step.
-        width: Distance w between the feet while nothing disturbs them; greater where the soles need it.
-        gap: Least distance between the inner edges of the soles.
-        widest: Greatest distance between the feet.
-        reach: Greatest length of a step, forward or back.
-        acceleration: Greatest change of the walking velocity.
-        fastest: Greatest velocity forward.
-        fastest_back: Greatest velocity back.
-        fastest_aside: Greatest velocity to the side; less where the feet stand close.
-        fastest_turn: Greatest turn.
-        cruise: Velocity to a goal.
-        near: Distance from a goal within which it is walked to without being faced.
-        goal_time: Time constant with which a near goal is approached.
-        arrived: Distance from a goal at which the robot stops.
-        arrived_turn: Heading off that of the goal at which it stops.
-        path_lag: Time constant with which the path follows a robot that walks sideways or turns.
-        speed_lag: Integral time of the velocity by which the robot falls short of what is asked for.
-        speed_bias: Greatest velocity that is added for it.
-        drift_gain: Velocity back towards the path for each metre beside it.
-        drift_speed: Greatest such velocity.
-        cop_lag: Low-pass of the measured centre of pressure.
-        over: Distance of the DCM beyond the stance foot from which the robot closes up at once.
+        bend: Distance of the CoM below its height on straight legs, leg lengths.
+        step_time: Time T of a step while nothing disturbs it, 1/ω.
+        shortest: Shortest time of a step, 1/ω.
+        longest: Longest time of a step, and longest wait after an early contact, 1/ω.
+        time_lag: Low-pass of the time of the step, 1/ω.
+        width: Distance w between the feet while nothing disturbs them, h; greater where the soles need it.
+        gap: Least distance between the inner edges of the soles, h.
+        widest: Greatest distance between the feet, h.
+        reach: Greatest length of a step, forward or back, h.
+        acceleration: Greatest change of the walking velocity, g.
+        fastest: Greatest velocity forward, hω.
+        fastest_back: Greatest velocity back, hω.
+        fastest_aside: Greatest velocity to the side, hω; less where the feet stand close.
+        fastest_turn: Greatest turn, ω.
+        cruise: Velocity to a goal, hω.
+        near: Distance from a goal within which it is walked to without being faced, h.
+        goal_time: Time constant with which a near goal is approached, 1/ω.
+        arrived: Distance from a goal at which the robot stops, h.
+        arrived_turn: Heading off that of the goal at which it stops, rad.
+        path_lag: Time constant with which the path follows a robot that walks sideways or turns, 1/ω.
+        speed_lag: Integral time of the velocity by which the robot falls short of what is asked for, 1/ω.
+        speed_bias: Greatest velocity that is added for it, hω.
+        drift_gain: Velocity back towards the path for each metre beside it, ω.
+        drift_speed: Greatest such velocity, hω.
+        cop_lag: Low-pass of the measured centre of pressure, 1/ω.
+        over: Distance of the DCM beyond the stance foot from which the robot closes up at once, h.
         foothold: Point of the sole that carries: share of the way from its centre to below the ankle.
         box: Size of the box of the centre of pressure around that point, in lengths and widths of the sole.
-        standing_box: The same while the robot stands.
+        standing_box: The same while the robot stands, sole sizes.
         friction: Coulomb coefficient of the ground.
-        swing_height: Height of the swing above the higher of foot and ground.
+        swing_height: Height of the swing above the higher of foot and ground, h.
         apex: Share of the step at which the foot is highest.
-        lift_speed: Speed with which the foot lifts off.
-        aim: Depth below the expected ground at which the foot aims.
-        landing_speed: Speed with which it arrives there.
-        search_speed: Speed with which it sinks on from the end of the step.
-        search: Greatest depth under the ground at which it looks for it.
+        lift_speed: Speed with which the foot lifts off, hω.
+        aim: Depth below the expected ground at which the foot aims, h.
+        landing_speed: Speed with which it arrives there, hω.
+        search_speed: Speed with which it sinks on from the end of the step, hω.
+        search: Greatest depth under the ground at which it looks for it, h.
         settle: Share of the step after which the foot no longer plans its way, but follows its landing.
-        follow: Time constant with which it does.
+        follow: Time constant with which it does, 1/ω.
         early: Share of the step from which a force is a contact.
-        contact: Force from which a swing foot has met the ground.
-        lost: Force below which it has lost it again.
-        held: Force on the other foot above which that is no flight.
-        lost_time: Time after a contact in which it is not lost.
+        contact: Force from which a swing foot has met the ground, mg.
+        lost: Force below which it has lost it again, mg.
+        held: Force on the other foot above which that is no flight, mg.
+        lost_time: Time after a contact in which it is not lost, 1/ω.
         patience: Lateral offset of the DCM, over that at the end of a step, at which a foot in contact takes over.
         ahead: Offset of the DCM in the direction of the walk, over that at the end of a step, beyond which it does at
-            once.
-        ahead_side: Lateral offset up to which it does.
-        share: Greatest force of a foot that is in contact and waits.
-        unload: Time in which the foot that has stood is unloaded.
-        most_force: Greatest force of a foot.
-        least_force: Least force of the foot that stands.
-        ground_lag: Low-pass of the height of the ground.
-        shift_time: Time in which the weight is shifted before the first step.
+            once, h.
+        ahead_side: Lateral offset up to which it does, h.
+        share: Greatest force of a foot that is in contact and waits, mg.
+        unload: Time in which the foot that has stood is unloaded, 1/ω.
+        most_force: Greatest force of a foot, mg.
+        least_force: Least force of the foot that stands, mg.
+        ground_lag: Low-pass of the height of the ground, 1/ω.
+        shift_time: Time in which the weight is shifted before the first step, 1/ω.
         shift: Place of the DCM at the end of the shift, in lateral offsets at the end of a step.
-        rest: Time from the shift to the first step, and least time of a stand.
+        rest: Time from the shift to the first step, and least time of a stand, 1/ω.
         stand_gain: Feedback of the DCM while the robot stands.
-        stop_speed: Walking velocity below which the robot may stop.
-        stop_length: Greatest distance between the feet after the last step: a wide stand has no room to the side.
+        stop_speed: Walking velocity below which the robot may stop, hω.
+        stop_length: Greatest distance between the feet after the last step: a wide stand has no room to the side, h.
         stop_box: Share of the standing box within which the DCM must be to stop.
     """
 

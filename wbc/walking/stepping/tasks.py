@@ -27,27 +27,27 @@ class SteppingGains:
 
     Attributes:
         com_weight: Height of the CoM; on two feet its place as well.
-        com_stiffness: Of the height.
-        com_damping: Of the height.
+        com_stiffness: Of the height, ω².
+        com_damping: Of the height, ω.
         swing_weight: Place of the swing foot.
-        swing_stiffness: Of its place.
-        swing_damping: Of its place.
+        swing_stiffness: Of its place, ω².
+        swing_damping: Of its place, ω.
         swing_turn_weight: Rotation of the swing foot.
-        swing_turn_stiffness: Of its rotation.
-        swing_turn_damping: Of its rotation.
+        swing_turn_stiffness: Of its rotation, ω².
+        swing_turn_damping: Of its rotation, ω.
         pelvis_weight: Tilt of the pelvis.
         pelvis_yaw_weight: Heading of the pelvis.
-        pelvis_stiffness: Of the pelvis.
-        pelvis_damping: Of the pelvis.
+        pelvis_stiffness: Of the pelvis, ω².
+        pelvis_damping: Of the pelvis, ω.
         posture_weight: Joints that are not in the legs.
-        posture_stiffness: Of these joints.
-        posture_damping: Of these joints.
+        posture_stiffness: Of these joints, ω².
+        posture_damping: Of these joints, ω.
         leg_weight: Joints of the legs, which are only damped.
-        leg_damping: Of these joints.
+        leg_damping: Of these joints, ω.
         foothold_weight: Place of a foot that stands.
         foothold_turn_weight: Rotation of a foot that stands on ground of unknown shape.
         standing_turn_weight: Rotation of both feet in a stand.
-        foothold_damping: Of a foot that stands.
+        foothold_damping: Of a foot that stands, ω.
         yielding: Share of these weights for a foot that is unloaded, or waits to take over.
         force_weight: Forces on the feet, cost per (N/kg)².
         moment_weight: Moments on the feet, cost per (Nm/(kg h))².
