@@ -196,12 +196,12 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
 def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
     """Also when the mass is pushed at random."""
     body, rng = PointMass(), np.random.default_rng(4)
-    settings = body.gait.settings
+    settings, widths = body.gait.settings, []
     body.run(0.5)
     for _ in range(8):
         velocity = rng.uniform(-1.0, 1.0, 3) * [0.5, 0.2, 1.0]
         body.gait.steering.command(velocity.tolist())
-        body.speed += rng.normal(size=2) * [0.15, 0.08]
+        body.speed += rng.normal(size=2) * [0.15, 0.2]
         for tick in body.run(0.6):
             landing, heading = tick.reference.landing, tick.reference.heading
             if landing is None:
@@ -216,7 +216,20 @@ def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
             aside = (cos * dy - sin * dx) * (1.0 if landing.side == "left" else -1.0)
             assert abs(ahead) <= settings.reach + 1e-9
             assert settings.gap - 1e-9 <= aside <= settings.widest + 1e-9
-            assert settings.shortest - 0.2 <= tick.reference.duration <= settings.longest + 1e-9
+            widths.append(aside)
+            assert settings.shortest - 1e-9 <= tick.reference.duration <= settings.longest + 1e-9
+    assert min(widths) == pytest.approx(settings.gap), "no push was hard enough"
+
+
+def test_the_swing_foot_is_level_across_and_has_its_toes_up() -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.3))
+    for tick in body.run(3.0):
+        if tick.reference.swing is not None:
+            rotation = tick.reference.feet[tick.reference.swing].placement.rotation
+            assert rotation[2, 0] == pytest.approx(math.sin(body.gait.settings.toe_up))
+            assert rotation[2, 1] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
