@@ -34,7 +34,6 @@ def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
         box=(0.1, 0.2),
         contact=0.1,
         friction=0.4,
-        toe_up=0.2,
         apex=0.4,
         width=0.4,
         gap=0.1,
@@ -49,7 +48,7 @@ def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
     assert si.foothold == pytest.approx(0.5 * 0.03)
     assert si.box == pytest.approx((0.1 * 0.21, 0.2 * 0.06))
     assert si.contact == pytest.approx(0.1 * weight)
-    assert (si.friction, si.toe_up, si.apex) == (0.4, 0.2, 0.4), "shares and angles stay"
+    assert (si.friction, si.apex) == (0.4, 0.4), "shares stay"
     assert si.width == pytest.approx(0.4 * 0.6)
     assert si.gap == pytest.approx(0.06 + 0.1 * 0.6), "distance of the feet whose soles are a gap apart"
 
@@ -59,7 +58,7 @@ def test_the_same_numbers_walk_robots_of_any_size(k: float) -> None:
     """Froude scaling: lengths by k, times by √k, velocities by √k, masses by k³, accelerations not at all."""
     small, large = (SteppingSettings().in_si(scale) for scale in (SCALE, grown(SCALE, k)))
     powers = {"step_time": 0.5, "follow": 0.5, "reach": 1.0, "swing_height": 1.0, "fastest": 0.5}
-    powers |= {"search_speed": 0.5, "acceleration": 0.0, "drift_gain": -0.5, "most_force": 3.0, "toe_up": 0.0}
+    powers |= {"search_speed": 0.5, "acceleration": 0.0, "drift_gain": -0.5, "most_force": 3.0}
     powers |= {"width": 1.0, "gap": 1.0, "foothold": 1.0, "bend": 1.0, "fastest_turn": -0.5}
     for name, power in powers.items():
         assert getattr(large, name) == pytest.approx(k**power * getattr(small, name)), name
@@ -75,14 +74,26 @@ def test_feet_with_wide_soles_stand_further_apart() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"shortest": 1.6}, ("shortest ≤ step_time ≤ longest", "1.6", "1.455", "2.02", "1/ω")),
-        ({"longest": 1.2}, ("shortest ≤ step_time ≤ longest", "0.81", "1.455", "1.2")),
         (
-            {"swing_height": 0.5},
-            ("a step must last as long as a swing", "swing_height 0.5 h", "shortest 0.81/ω"),
+            {"shortest": 1.6, "step_time": 1.5, "longest": 2.0},
+            ("shortest ≤ step_time ≤ longest", "1.6, 1.5 and 2 in 1/ω"),
         ),
-        ({"widest": 0.3}, ("further apart than the soles are wide", "width 0.220 m", "widest 0.180 m")),
-        ({"gap": 0.9}, ("further apart than the soles are wide", "0.600 m with the gap", "widest 0.540 m")),
+        (
+            {"shortest": 0.9, "step_time": 1.5, "longest": 1.2},
+            ("shortest ≤ step_time ≤ longest", "0.9, 1.5 and 1.2 in 1/ω"),
+        ),
+        (
+            {"swing_height": 0.5, "shortest": 0.9},
+            ("a step must last as long as a swing", "swing_height 0.5 h", "shortest 0.9/ω"),
+        ),
+        (
+            {"widest": 0.3, "width": 0.367},
+            ("further apart than the soles are wide", "width 0.220 m", "widest 0.180 m"),
+        ),
+        (
+            {"gap": 0.9, "widest": 0.9},
+            ("further apart than the soles are wide", "0.600 m with the gap", "widest 0.540 m"),
+        ),
     ],
 )
 def test_steps_that_cannot_be_walked_are_refused_by_name(
