@@ -101,8 +101,8 @@ def push_recovery(seeds: int = 3) -> Study:
             )
     return Study(
         name="push_recovery",
-        about="largest impulse per kg from which a robot that stands, or walks at 0.3 m/s, recovers; 0° is forward, 90° "
-        "left",
+        about="largest impulse per kg from which a robot that stands, or walks at 0.3 m/s, recovers; 0° is forward, "
+        "90° left",
         kind="push_limit",
         base={"robot": "g1", "terrain": "flat", "noise": "realistic", "highest": 1.0, "resolution": 0.05},
         cells=tuple(cells),

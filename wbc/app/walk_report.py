@@ -28,6 +28,8 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     foot = f"{result.foot} feet" + (f" of {result.sole_stiffness:g} Nm/rad" if fixed else "")
     ground = result.terrain + (f", {1e3 * result.amplitude:.0f} mm" if result.amplitude else "")
     steps = f"{result.steps_done} of {result.steps_planned} steps"
+    if spec.law == "stepping":  # none are planned
+        steps = f"{result.steps_done} steps"
     lines = [
         f"{result.robot} on {foot}, {ground}, seed {result.seed}, {spec.mode} control, noise {spec.noise}"
     ]
@@ -50,11 +52,16 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
             f", {result.goal_error:.2f} m from the goal, up to {result.track_error:.2f} m off the track"
         )
     down = result.touchdowns
+    errors = []
+    if result.dcm_error_max is not None:  # a stepping walk has no references for them
+        errors = [
+            f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm, at "
+            f"most {1e3 * result.dcm_error_max:.0f} mm"
+        ]
     lines += [
         f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
         f"{math.degrees(result.yaw_error):+.1f}°",
-        f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm"
-        + ("" if result.dcm_error_max is None else f", at most {1e3 * result.dcm_error_max:.0f} mm"),
+        *errors,
         f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
         + ("" if result.impact is None else f"; at most {result.impact:.2f} x weight"),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",

@@ -24,7 +24,15 @@ from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import SIDES, Footstep
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.stepping.law import Divergent, Orbit, Point, divergent_component, foothold, remaining_time
+from wbc.walking.stepping.law import (
+    SIDEWAYS,
+    Divergent,
+    Orbit,
+    Point,
+    divergent_component,
+    foothold,
+    remaining_time,
+)
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.stepping.steering import Steering
 from wbc.walking.stepping.swing import SwingReference
@@ -299,7 +307,9 @@ class SteppingGait:
         stance, swing = self._stance, 1 - self._stance
         side = 1.0 if swing == 0 else -1.0
         contact = (self._contact[0], self._contact[1])
-        orbit = Orbit.of(steps.velocity, side, s.width, s.step_time, dcm.omega)
+        # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
+        width = max(s.width, s.gap + abs(steps.velocity[1]) * s.step_time / SIDEWAYS)
+        orbit = Orbit.of(steps.velocity, side, width, s.step_time, dcm.omega)
         offset = side * self._aside(dcm.x - contact[0], dcm.y - contact[1])
 
         # Time: until the lateral offset has grown to that of the orbit.

@@ -31,6 +31,9 @@ from wbc.core.vectors import Vector, add_cross
 Point = tuple[float, float]
 """x, y, m."""
 
+SIDEWAYS = 0.8
+"""Greatest share of the distance between the feet by which they come together in a walk to the side."""
+
 NEAR = 1e-3
 """Least offset that is divided by, m."""
 
@@ -85,7 +88,7 @@ class Orbit(NamedTuple):
 
     @staticmethod
     def of(
-        velocity: Point, side: float, width: float, time: float, omega: float, share: float = 0.8
+        velocity: Point, side: float, width: float, time: float, omega: float, share: float = SIDEWAYS
     ) -> Orbit:
         """Return the orbit of a velocity.
 

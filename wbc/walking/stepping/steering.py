@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from wbc.walking.planning.sources import Velocity, checked_velocity
 from wbc.walking.progress import VelocityLimits
-from wbc.walking.stepping.law import Point
+from wbc.walking.stepping.law import SIDEWAYS, Point
 from wbc.walking.stepping.settings import SteppingSettings
 
 
@@ -55,7 +55,7 @@ class Steering:
             None  # from where the walk to a goal began, and its direction
         )
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
-        aside = min(0.8 * (settings.width - settings.gap) / settings.step_time, settings.fastest_aside)
+        aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
         self.limits = VelocityLimits(settings.fastest, settings.fastest_back, aside, settings.fastest_turn)
 
     def command(self, velocity: Sequence[float] | None) -> None:
