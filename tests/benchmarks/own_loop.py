@@ -4,7 +4,7 @@ The file is used as it is, but for a floor and physics steps of 1 ms; a robot wi
 torques directly. Every run is a line of the journal, and a run that is there already is not made again.
 
 Usage: python tests/benchmarks/own_loop.py my.xml --journal runs.jsonl [--case NAME ...] [--seeds N] [--distance M]
-           [--servo "*knee*=100,2" ...] [--armature "*ankle*=0.0072" ...] [--seconds S] [--catch]
+           [--servo "*knee*=100,2" ...] [--armature "*ankle*=0.0072" ...] [--seconds S]
        python tests/benchmarks/own_loop.py --journal runs.jsonl --table    (or --pushes; the journal may be an .xz)
 """
 
@@ -31,7 +31,7 @@ from wbc.core.control import Mode
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim import Machine, MujocoLoop
-from wbc.walking import CatchSettings, FootstepPlan, WalkingControl, WalkingControlSettings, WalkSettings
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.planners import walk_distance
 
@@ -113,23 +113,22 @@ class Scene:
         )
 
 
-def controller(robot: Robot, case: Case, distance: float, catch: bool = False) -> WalkingControl:
-    """Return the controller of a walk, or of a robot that stands for ever; it may catch pushes on one foot."""
+def controller(robot: Robot, case: Case, distance: float) -> WalkingControl:
+    """Return the controller of a walk, or of a robot that stands for ever."""
     plan = FootstepPlan.standing(robot)
     if case.what == "walk":
         plan = walk_distance(plan, distance)
     stated = ObserverSettings(measurement_delay=0.5 * case.delay, command_delay=0.5 * case.delay)
     observer = Observer(robot, stated, adopt=case.mode != "position", dynamics=False)
-    walk = WalkSettings(catch=CatchSettings(enabled=catch))
-    settings = WalkingControlSettings(mode=case.mode, walk=walk)
+    settings = WalkingControlSettings(mode=case.mode)
     return WalkingControl(robot, plan, PERIOD[case.mode], settings, observer=observer)
 
 
-def run(scene: Scene, case: Case, seed: int, distance: float, catch: bool = False) -> dict[str, Any]:
+def run(scene: Scene, case: Case, seed: int, distance: float) -> dict[str, Any]:
     """Return the figures of one run."""
     began = time.perf_counter()
     loop = scene.loop(case, seed)
-    walking = controller(loop.description.robot(), case, distance, catch)
+    walking = controller(loop.description.robot(), case, distance)
     truth = loop.truth()
     weight, start = loop.robot.mass * GRAVITY, truth.com
     true_forces: deque[np.ndarray[Any, Any]] = deque(maxlen=1 + round(0.5 * case.delay / loop.control_period))
@@ -193,7 +192,6 @@ def driven(row: Row) -> tuple[str, str, str]:
     other = [] if case["forces"] else ["no force sensors"]
     other += [f"{case['payload']:g} kg unknown"] if case["payload"] else []
     other += ["rotor inertias"] if key["armature"] else []
-    other += ["catch on one foot"] if key.get("catch") else []
     return case["mode"], gains, ", ".join(other)
 
 
@@ -275,7 +273,6 @@ def main() -> None:
     parser.add_argument("--distance", type=float, default=3.0, help="of a walk, m")
     parser.add_argument("--servo", action="append", default=[], help="gains of hybrid control: pattern=kp,kd")
     parser.add_argument("--armature", action="append", default=[], help="pattern=rotor inertia, kg m²")
-    parser.add_argument("--catch", action="store_true", help="catch pushes on one foot")
     parser.add_argument("--seconds", type=float, default=math.inf, help="start no run after this time, s")
     parser.add_argument("--table", action="store_true", help="only print the table of the journal")
     parser.add_argument("--pushes", action="store_true", help="only print the pushes while walking")
@@ -296,10 +293,9 @@ def main() -> None:
             key = {"model": scene.digest, "case": asdict(case), "seed": seed}
             key |= {"distance": options.distance, "armature": options.armature}
             key |= {"servo": options.servo if case.mode == "hybrid" else []}
-            key |= {"catch": True} if options.catch else {}
             if json.dumps(key, sort_keys=True) in done or time.monotonic() > end:
                 continue
-            figures = run(scene, case, seed, options.distance, options.catch)
+            figures = run(scene, case, seed, options.distance)
             rows.append({"name": name, "distance": options.distance, **figures, "key": key})
             with options.journal.open("a") as lines:
                 lines.write(json.dumps(rows[-1]) + "\n")

@@ -3,7 +3,6 @@
 Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`, on feedback into `stabilizer`.
 """
 
-from wbc.walking.catching import CatchSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hand import HandSettings, HandState
@@ -115,7 +114,6 @@ __all__ = [
     "Lean",
     "LeanSettings",
     "AdjustmentSettings",
-    "CatchSettings",
     "StepAdjuster",
     "NoContactForceError",
     "cop",

@@ -32,7 +32,6 @@ from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.walking.catching import Trunk
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
@@ -399,13 +398,8 @@ class WalkingControl:
         held = self.hands is not None and self.hands.gripping
         # Filtered loads: a foot that has just met the ground presses in jerks.
         load, told = self.control.observer.load.tolist(), None if held else dcm
-        catch = self.walk.catch
-        if catch is None or self.lean is None:
-            reference = self.walk.update(load, self._soles, told)
-        else:
-            trunk = Trunk(math.hypot(*self.lean.angle), self.lean.sway(self.walk.omega))
-            reference = self.walk.update(load, self._soles, told, trunk)
-        free = self.driver.recovery.active or (catch is not None and catch.active)
+        reference = self.walk.update(load, self._soles, told)
+        free = self.driver.recovery.active
         if free is not self._freed:
             self._freed = free
             self.tasks.free(free)

@@ -21,7 +21,6 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, as_period
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Positive, Share, settings
-from wbc.walking.catching import Catch, CatchSettings, Trunk
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
@@ -38,8 +37,6 @@ from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 logger = logging.getLogger(__name__)
 
 NO_PUSH = (0.0, 0.0)
-
-AT_REST = Trunk(0.0, (0.0, 0.0))
 
 STEADY = 0.3
 """Least time to touch-down to which a step is hurried while the CoM gives way to the reaction, s: a swing that is quick
@@ -59,7 +56,6 @@ class WalkSettings:
             inward the ZMP, the more torque the hips need, and on a stair they have none to spare.
         phases: Loads and times at which phases change.
         adjustment: Step adjustment; None for none.
-        catch: Catch on one foot of pushes over the outer edge of the stance foot; off by default.
         replan: Time between plans of the pattern, s; each event plans it anew as well.
         feedback: Share of the measured DCM error from which the pattern is planned: 0 plans on from the plan and
             leaves the error to the stabilizer, 1 plans from where the robot is.
@@ -72,7 +68,6 @@ class WalkSettings:
     climbing_inward: Annotated[float, "m"] = 0.01
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
-    catch: CatchSettings = field(default_factory=CatchSettings)
     replan: Annotated[Positive, "s"] = 0.1
     feedback: Share = 0.0
     ground_memory: Share = 0.5
@@ -135,8 +130,7 @@ class Walk:
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
-        adjusts: True while step adjustment, or a catch, may move landings.
-        catch: Catch on one foot; None without.
+        adjusts: True while step adjustment may move landings.
         reaction: Share of the reaction to the swing of a leg that the CoM gives way to, 0 to 1; the feet hold the
             rest.
     """
@@ -198,12 +192,7 @@ class Walk:
         self.omega = self._preview.omega
         self.adjusts = True
         self.reaction = 0.0
-        share = leg_share(robot, com_height)
-        self._reaction = SwingReaction(share, self.omega, self.period)
-        self.catch: Catch | None = None
-        if s.catch.enabled:
-            sizes, widest = self.sole_sizes, self.reach.widest
-            self.catch = Catch(s.catch, sizes, com_height, self.omega, self.period, share, widest)
+        self._reaction = SwingReaction(leg_share(robot, com_height), self.omega, self.period)
         self._adjuster: StepAdjuster | None = None
         if s.adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
@@ -324,7 +313,6 @@ class Walk:
         loads: Sequence[float],
         soles: Sequence[pin.SE3] | None = None,
         dcm: Array | None = None,
-        trunk: Trunk = AT_REST,
     ) -> WalkReference:
         """Compute one tick.
 
@@ -333,7 +321,6 @@ class Walk:
             soles: Placements of both soles now, with all corrections: a swing starts there, and a landing ends there.
                 The references of the last tick when None.
             dcm: Measured DCM, shape (2,) or (3,), m; without it no step is adjusted.
-            trunk: Trunk, for a catch on one foot.
 
         Returns:
             The references.
@@ -347,18 +334,11 @@ class Walk:
                 self._lift(placements)
             elif event in TOUCH_DOWNS:
                 self._land(placements)
-        landed = None  # DCM from which the pattern of a double support goes on after a catch
-        if self.catch is not None and self.catch.active and dcm is not None and self._swing is None:
-            landed = self.catch.on_both_feet(self.phases, dcm, self._pattern.dcm_at(self._time), trunk).dcm
         overdue = self.phases.overdue
         interval = 0.5 * self.settings.phases.hold if overdue else self.settings.replan
-        if landed is not None:
-            self._replan(None, landed)
-        elif self._rest is None and (events or self._time >= interval - 1e-9):
+        if self._rest is None and (events or self._time >= interval - 1e-9):
             if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
                 self._replan(dcm)
-        elif dcm is not None and self._swing is not None and self._catches(dcm, trunk, self._swing):
-            pass
         elif self.adjusts and dcm is not None and self._adjuster and self._swing is not None and not overdue:
             self._adjust(dcm, self._steady if self.reaction > 0.0 else self._adjuster, self._swing)
         if self._swing is not None:
@@ -462,27 +442,6 @@ class Walk:
         begin, duration = phases.elapsed, phases.duration
         dcm = self._pattern.dcm_at(duration - begin + transfer)
         self._planned_swing = _PlannedSwing(self._pattern, begin, landing, duration, transfer, dcm)
-
-    def _catches(self, dcm: Array, trunk: Trunk, swing: SwingFoot) -> bool:
-        """Catch a push on one foot; true while that moves the step."""
-        if self.catch is None or self._planned_swing is None:
-            return False
-        if not self.catch.active and (not self.adjusts or self.reaction > 0.0):
-            return False
-        planned = self._planned_swing
-        turn = self.catch.on_one_foot(
-            self.phases,
-            swing,
-            planned.landing,
-            dcm,
-            self._pattern.dcm_at(self._time),
-            self._feet[SIDES.index(swing.landing.side)].velocity,
-            trunk,
-        )
-        self._sink = self.catch.sink if turn.active else self._sink
-        if turn.replan:
-            self._replan(None, turn.dcm)
-        return turn.active
 
     def _adjust(self, dcm: Array, adjuster: StepAdjuster, swing: SwingFoot) -> None:
         """Move the landing and its time such that the pendulum can be caught.

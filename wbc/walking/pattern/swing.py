@@ -144,17 +144,6 @@ class SwingFoot:
         self.duration = max(self.duration, time + SHORTEST)
         self._plan(time)
 
-    def throw(self, time: float, goal: Footstep, arrival: float) -> None:
-        """Let the foot go to a place and stay in the air there; pitch and yaw go on as planned.
-
-        Args:
-            time: Now, from lift-off, s.
-            goal: Where it goes.
-            arrival: When it is there, from lift-off, s; later than now.
-        """
-        for name in ("x", "y", "z", "roll"):
-            self._c[name].follow(time, (arrival, (getattr(goal, name), 0.0, 0.0)))
-
     def at(self, time: float) -> FootMotion:
         """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below."""
         (x, vx, ax), (y, vy, ay), (z, vz, az), *angles = [self._c[name].at(time) for name in COORDINATES]

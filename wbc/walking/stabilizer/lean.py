@@ -107,15 +107,6 @@ class Lean:
         """Stand upright, at once."""
         self.angle = self.speed = (0.0, 0.0)
 
-    def sway(self, omega: float) -> tuple[float, float]:
-        """Shift of the DCM in the world that stopping the trunk costs, I φ̇ / (m h ω), m.
-
-        Args:
-            omega: Natural frequency, 1/s.
-        """
-        scale = self.settings.inertia * self._height / omega
-        return scale * self.speed[1], -scale * self.speed[0]
-
     def update(self, missing: tuple[float, float], dt: float) -> LeanMotion:
         """Integrate over one period.
 
