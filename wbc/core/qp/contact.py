@@ -33,6 +33,11 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
 
 
+FIRMEST = 1e6
+"""Greatest motion weight: up to there the motion differs from that of a constraint as one over the weight, 1e-5 m/s² at
+last; from ten times as much on, solutions are off by m/s²."""
+
+
 def mean_distance(half_length: float, half_width: float) -> float:
     """Return the mean distance d of the points of a rectangle from its centre, m; even pressure holds μ f_z d.
 
@@ -308,9 +313,10 @@ class Contact(ABC):
 
     def _motion_costs(self, value: ArrayLike) -> Array:
         weight = finite_array(f"motion weight of contact '{self.name}'", value)
-        if (weight < 0.0).any() or weight.shape not in ((), (self.dim,)):
+        if not ((weight >= 0.0) & (weight <= FIRMEST)).all() or weight.shape not in ((), (self.dim,)):
             raise InputError(
-                f"motion weight of contact '{self.name}' must not be negative, scalar or ({self.dim},), got {weight}"
+                f"motion weight of contact '{self.name}' must be from 0 to {FIRMEST:g}, scalar or ({self.dim},), got "
+                f"{weight}; leave it out for a contact that does not move"
             )
         return np.broadcast_to(weight, (self.dim,))  # read-only
 

@@ -264,6 +264,11 @@ class SteppingSettings:
                 f"shortest ≤ step_time ≤ longest must hold, got {self.shortest:g}, {self.step_time:g} and "
                 f"{self.longest:g} in 1/ω ({si['shortest']:.3f}, {si['step_time']:.3f} and {si['longest']:.3f} s)"
             )
+        if self.least_force >= min(self.share, self.most_force):
+            raise InputError(
+                f"least_force must be below share and most_force, got {self.least_force:g}, {self.share:g} and "
+                f"{self.most_force:g} m g"
+            )
         least = 2.0 * si["swing_height"] / (scale.height * scale.omega)
         if si["shortest"] < least:
             raise InputError(
