@@ -43,10 +43,10 @@ class Film:
 
 
 WALK = Film(
-    WalkSpec(foot="soft", terrain="stones", amplitude=0.02, seed=101, plan=WalkPlan(distance=1.6)),
-    start=7.0, seconds=4.0, rate=15.0, pace=1.0, size=(560, 480), camera=(2.35, 118.0, -16.0), smooth=4.0,
+    WalkSpec(law="stepping", foot="soft", terrain="stones", amplitude=0.05, seed=101, plan=WalkPlan(distance=2.4)),
+    start=5.2, seconds=3.6, rate=15.0, pace=1.0, size=(560, 480), camera=(2.35, 118.0, -16.0), smooth=4.0,
 )  # fmt: skip
-"""Four steps in the middle of a walk over stones."""
+"""Ten steps in the middle of a walk over stones."""
 
 DRIVE = Film(
     WalkSpec(
