@@ -173,6 +173,13 @@ def configurations(words: str) -> list[type]:
     ]
 
 
+def option_of(configuration: type, field: str) -> str:
+    """The option of a field: the name that its annotation gives it, or its own."""
+    hint = get_type_hints(configuration, include_extras=True)[field]
+    given = [part.name for part in getattr(hint, "__metadata__", ()) if isinstance(part, Parameter)]
+    return given[0][0].removeprefix("--") if given and given[0] else field.replace("_", "-")
+
+
 @pytest.mark.parametrize("words", COMMANDS)
 def test_help_shows_and_explains_every_field_of_the_configuration(capfd: Captured, words: str) -> None:
     code, out, _ = wbc_command(capfd, *words.split(), "--help")
@@ -188,7 +195,7 @@ def test_help_shows_and_explains_every_field_of_the_configuration(capfd: Capture
             if is_dataclass(types[field.name]):  # its fields are options
                 classes.append(types[field.name])
                 continue
-            option = field.name.replace("_", "-")
+            option = option_of(configuration, field.name)
             assert f"--{option}" in shown or f".{option}" in shown, field.name
             assert f"{field.name}: " in explained, f"{configuration} does not explain {field.name}"
 

@@ -562,7 +562,7 @@ def test_timings_are_rounded_and_said() -> None:
         ({"plan": WalkPlan(distance=1e9)}, "at most 10000"),
         ({"plan": WalkPlan(turn=1e9)}, "at most 10000"),
         ({"plan": WalkPlan(velocity=(0.1, 0.0, 0.0), steps=20_000)}, "at most 10000"),
-        ({"plan": WalkPlan(velocity=(0.0, 0.0, 5.712), steps=3)}, "half a turn is 1.43 rad/s"),
+        ({"plan": WalkPlan(velocity=(0.0, 0.0, 5.712), steps=3)}, "half a turn is 3.74 rad/s"),
         ({"plan": WalkPlan(velocity=(0.0, 0.0, 1.0), steps=3)}, "within reach"),
         ({"changes": {"walk.preview.interval": 1e-9}}, r"interval \(s\) must be .* at least 0.01"),
         ({"gait": Gait(single_support=0.1, takeoff_time=0.01, landing_time=0.02)}, "at least 0.13 s"),
