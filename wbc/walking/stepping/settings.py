@@ -164,10 +164,10 @@ class SteppingSettings:
     widest: Annotated[Positive, "h"] = 0.90
     reach: Annotated[Positive, "h"] = 0.667
     acceleration: Annotated[Positive, "g"] = 0.03
-    fastest: Annotated[Positive, "hω"] = 0.33
-    fastest_back: Annotated[Positive, "hω"] = 0.21
-    fastest_aside: Annotated[Positive, "hω"] = 0.15
-    fastest_turn: Annotated[Positive, "ω"] = 0.25
+    fastest: Annotated[Positive, "hω"] = 0.2
+    fastest_back: Annotated[Positive, "hω"] = 0.12
+    fastest_aside: Annotated[Positive, "hω"] = 0.08
+    fastest_turn: Annotated[Positive, "ω"] = 0.15
     cruise: Annotated[Positive, "hω"] = 0.12
     near: Annotated[Positive, "h"] = 0.8
     goal_time: Annotated[Positive, "1/ω"] = 4.0
