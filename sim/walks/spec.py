@@ -134,7 +134,7 @@ class WalkSpec:
 
         store("robot", stamped(self.robot))
         description = load(self.robot).with_servos(self.servo)
-        if self.law == "stepping" and self.mode is None:  # on stiff servos it walks on the flat alone
+        if self.law == "stepping" and self.mode is None:  # in position control it falls
             store("mode", "torque")
         store("mode", chosen_mode(description, self.mode))
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:

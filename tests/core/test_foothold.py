@@ -225,7 +225,7 @@ def test_a_motion_of_a_huge_weight_is_a_constraint(make: Callable[..., Contact])
 
 
 def test_a_motion_of_a_small_weight_gives_way() -> None:
-    """Where the CoM asks for what the foothold cannot hold, the foothold moves, and no force leaves its cone."""
+    """A CoM that asks for more than the foothold holds moves the foothold, and no force leaves its cone."""
     feet = [Foothold(foot, motion_weight=1e-3) for foot in ("left_foot", "right_foot")]
     controller = with_contacts("g1", *feet)
     com = controller.task("com")

@@ -42,7 +42,7 @@ from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, check_
 from wbc.walking.planning.reach import Reach, bent_height
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import FootstepSource, Velocity
-from wbc.walking.progress import Progress, VelocityLimits, schedule_stiffness
+from wbc.walking.progress import Progress, VelocityLimits, with_sole_stiffness
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stabilizer.bias import BiasEstimator
 from wbc.walking.stabilizer.distribution import WrenchDistribution
@@ -296,14 +296,7 @@ class WalkingControl:
         self.time += self.dt
         command = self.control.command(measurement)
         self._detect_fall()
-        if self.stiffness is None:
-            return command
-        now = self.control.measurement
-        if self.control.failing or now is None:
-            return replace(command, sole_stiffness=self.stiffness.command)
-        estimate = self.control.observer.robot
-        soles = schedule_stiffness(self.stiffness, self.progress, self.dt, estimate, now)
-        return replace(command, sole_stiffness=soles)
+        return with_sole_stiffness(command, self)
 
     # Steps of a tick
 

@@ -7,6 +7,7 @@ Simulation, log and live view use nothing else of a controller: whether it follo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 from wbc.core.drive.position import PositionControl
@@ -216,6 +217,23 @@ class WalkingLike(Protocol):
     @property
     def load(self) -> HeldLoad | None:
         """Load in the hands as estimated."""
+
+
+def with_sole_stiffness(command: Command, walking: WalkingLike) -> Command:
+    """Return a command with the stiffness of the soles that the scheduler of a walk sets; as it is without one.
+
+    Args:
+        command: Command of the drives in this tick.
+        walking: The walk, after its tick.
+    """
+    scheduler, control = walking.stiffness, walking.control
+    if scheduler is None:
+        return command
+    now = control.measurement
+    if control.failing or now is None:
+        return replace(command, sole_stiffness=scheduler.command)
+    soles = schedule_stiffness(scheduler, walking.progress, walking.dt, control.observer.robot, now)
+    return replace(command, sole_stiffness=soles)
 
 
 def schedule_stiffness(

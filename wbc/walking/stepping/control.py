@@ -8,7 +8,7 @@ controller  all tasks and contacts as one QP                                 `wb
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -32,7 +32,7 @@ from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.sources import Velocity
-from wbc.walking.progress import Progress, VelocityLimits, schedule_stiffness
+from wbc.walking.progress import Progress, VelocityLimits, with_sole_stiffness
 from wbc.walking.stepping.gait import BodyState, SteppingGait, StepReference
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.stepping.tasks import SteppingGains, SteppingTasks
@@ -233,14 +233,7 @@ class SteppingControl:
         self.time += self.dt
         command = self.control.command(measurement)
         self._detect_fall()
-        if self.stiffness is None:
-            return command
-        now = self.control.measurement
-        if self.control.failing or now is None:
-            return replace(command, sole_stiffness=self.stiffness.command)
-        estimate = self.control.observer.robot
-        soles = schedule_stiffness(self.stiffness, self.progress, self.dt, estimate, now)
-        return replace(command, sole_stiffness=soles)
+        return with_sole_stiffness(command, self)
 
     def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
         """Set all targets of this tick."""

@@ -51,9 +51,7 @@ class Steering:
         self.heading = heading
         self.velocity: Point = (0.0, 0.0)
         self._path: Point | None = None
-        self._line: tuple[Point, float] | None = (
-            None  # from where the walk to a goal began, and its direction
-        )
+        self._line: tuple[Point, float] | None = None  # begin and direction of the way to a goal
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
         self.limits = VelocityLimits(settings.fastest, settings.fastest_back, aside, settings.fastest_turn)
@@ -138,10 +136,9 @@ class Steering:
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         if self._line is not None:
             (from_x, from_y), direction = self._line
-            cos, sin = math.cos(direction), math.sin(direction)
-            along = cos * (place[0] - from_x) + sin * (place[1] - from_y)
-            self._path = from_x + cos * along, from_y + sin * along
-            cos, sin = math.cos(self.heading), math.sin(self.heading)
+            way_x, way_y = math.cos(direction), math.sin(direction)
+            along = way_x * (place[0] - from_x) + way_y * (place[1] - from_y)
+            self._path = from_x + way_x * along, from_y + way_y * along
         path = place if self._path is None else self._path
         path = (path[0] + (cos * x - sin * y) * self._dt, path[1] + (sin * x + cos * y) * self._dt)
         dx, dy = place[0] - path[0], place[1] - path[1]

@@ -15,6 +15,7 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.walking.planning.footsteps import heading
+from wbc.walking.planning.phases import Phase
 from wbc.walking.stepping.gait import StepReference
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 
@@ -196,7 +197,7 @@ class SteppingTasks:
     def _stand(self, reference: StepReference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
         gait, most = self._gait, reference.most_force
-        balanced, standing = reference.balanced, reference.phase.name == "STANDING"
+        balanced, standing = reference.balanced, reference.phase is Phase.STANDING
         state = (reference.contact, most, reference.stance, balanced, standing, reference.swing)
         if state == self._state:
             return
