@@ -64,6 +64,7 @@ class Steering:
         """
         checked = checked_velocity(velocity)
         self.target, self.goal = (checked if velocity is not None and any(checked) else None), None
+        self._line = None  # of a goal before
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Take a goal: place (m) and heading (rad). A far one is walked to along the line from here."""
