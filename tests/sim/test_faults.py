@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from faults import CHANGES, faults, run
+from faults import CHANGES, MODES, faults, run
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
@@ -33,6 +33,8 @@ QUICK = (
     "clock at nan",
     "measurement None",
     "sole_wrench transposed",
+    "angular_velocity of objects",
+    "velocities times 57",
 )
 """Faults that the default run tries; the slow one tries all."""
 
@@ -40,14 +42,14 @@ QUICK_CHANGES = ("masses +30 %", "hard tasks that contradict each other")
 """The same of other masses and of what is asked of the robot."""
 
 
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", QUICK)
 def test_one_faulty_tick_does_no_harm(name: str, mode: str) -> None:
     check_single("stand", mode, name)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("task", ["stand", "walk"])
 @pytest.mark.parametrize("name", faults())
 def test_one_faulty_tick_of_any_kind_does_no_harm(name: str, task: str, mode: str) -> None:
@@ -62,7 +64,7 @@ def check_single(task: str, mode: str, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("task", ["stand", "walk"])
 @pytest.mark.parametrize("name", faults())
 def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: str, mode: str) -> None:
@@ -119,7 +121,7 @@ def test_other_masses_and_infeasible_tasks_get_no_wild_command(name: str, mode: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("task", ["stand", "walk"])
 @pytest.mark.parametrize("name", CHANGES)
 def test_other_masses_and_any_infeasible_task_get_no_wild_command(name: str, task: str, mode: str) -> None:
@@ -287,3 +289,26 @@ def test_the_gate_lets_nothing_beyond_the_limits_out(size: float) -> None:
         assert (step <= 2.0 * robot.velocity_limit * 0.005 + 1e-12).all()
         last = command.joint_position
     assert gate.clipped == 20 and gate.faults
+
+
+@pytest.mark.parametrize("speed", [1.0, 57.3, 1e3, 1e9])
+def test_the_gate_of_hybrid_control_counts_what_the_servos_do(speed: float) -> None:
+    """Feed-forward and total stay within the torque limit, whatever velocity is measured."""
+    robot, rng = load("hrp4_class").robot(), np.random.default_rng(0)
+    gate, kd = CommandGate(robot, 0.005), np.full(robot.na, 5.0)
+    limit, kp = robot.torque_limit, 20.0 * kd
+    for _ in range(20):
+        position, measured = (robot.half_sitting[7:] + 0.1 * rng.normal(size=robot.na) for _ in range(2))
+        velocity, torque = speed * rng.normal(size=robot.na), 1.5 * limit * rng.normal(size=robot.na)
+        sent = gate.pass_on_with_gains(torque, position, np.zeros(robot.na), (kp, kd), (measured, velocity))
+        assert sent.joint_position is not None and sent.joint_velocity is not None
+        assert sent.kp is not None and sent.kd is not None
+        servo = sent.kp * (sent.joint_position - measured) + sent.kd * (sent.joint_velocity - velocity)
+        assert (np.abs(sent.joint_torque) <= limit).all()
+        assert (np.abs(sent.joint_torque + servo) <= limit * (1.0 + 1e-9)).all()
+        assert (
+            (sent.kp >= 0.0).all()
+            and (sent.kp <= kp).all()
+            and (sent.kd >= 0.0).all()
+            and (sent.kd <= kd).all()
+        )

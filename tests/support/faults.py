@@ -20,6 +20,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, MeasurementError
@@ -40,7 +41,7 @@ from wbc.tasks import CoMTask
 Fault = Callable[[Measurement, "Memory"], Any]
 """Makes a faulty measurement out of a good one; None for a dropped tick."""
 
-Control = PositionControl | TorqueControl
+Control = PositionControl | TorqueControl | HybridControl
 
 
 @dataclass
@@ -110,6 +111,11 @@ def faults() -> dict[str, tuple[Fault, bool]]:
     found["encoder lost a turn"] = (_element("joint_position", 3, lambda x: x + 2.0 * math.pi), True)
     found["encoder off by 0.1 rad"] = (_element("joint_position", 3, lambda x: x + 0.1), False)
     found["encoder off by 0.3 rad"] = (_element("joint_position", 3, lambda x: x + 0.3), False)
+    for factor in (180.0 / math.pi, 1000.0):
+        found[f"velocities times {factor:.0f}"] = (
+            _changed("joint_velocity", lambda v, f=factor: f * v),
+            False,
+        )
     found["velocities twice as large"] = (_changed("joint_velocity", lambda v: 2.0 * v), False)
     found["gyroscope off by 0.1 rad/s"] = (_element("angular_velocity", 0, lambda x: x + 0.1), True)
     found["accelerometer off by 1 m/s²"] = (_element("specific_force", 0, lambda x: x + 1.0), False)
@@ -128,14 +134,16 @@ def faults() -> dict[str, tuple[Fault, bool]]:
     found["measurement None"] = (lambda m, _: None.__class__, True)
     found["measurement a text"] = (lambda m, _: "measurement", True)
     for name in SIGNALS:
-        # without wrenches a measurement is that of a robot without force sensors, which is no fault
-        found[f"{name} None"] = (lambda m, _, name=name: replace(m, **{name: None}), name != "sole_wrench")
+        found[f"{name} None"] = (lambda m, _, name=name: replace(m, **{name: None}), True)
         found[f"{name} too short"] = (_changed(name, lambda a: a[:-1]), True)
     found["joint_position a list"] = (
         lambda m, _: replace(m, joint_position=m.joint_position.tolist()),
         False,
     )
     found["joint_position in float32"] = (_changed("joint_position", lambda q: q.astype(np.float32)), False)
+    for name in SIGNALS:
+        found[f"{name} of objects"] = (_changed(name, lambda a: a.astype(object)), True)
+        found[f"{name} masked"] = (_changed(name, lambda a: np.ma.masked_array(a, mask=True)), True)
     found["joint_position as texts"] = (_changed("joint_position", lambda q: q.astype(str)), True)
     found["sole_wrench transposed"] = (_changed("sole_wrench", lambda w: w.T.copy()), True)
     for ticks in range(1, 6):
@@ -258,6 +266,10 @@ class Injector:
     def _exceeded(self, sent: Command, now: float) -> Iterator[str]:
         if not (np.abs(sent.joint_torque) <= self._torque).all():
             yield f"{now:.3f} s: torque {np.nanmax(np.abs(sent.joint_torque) / self._torque):.3g} x its limit"
+        if sent.kp is not None and not (sent.kp >= 0.0).all():
+            yield f"{now:.3f} s: negative kp"
+        if sent.kd is not None and not (sent.kd >= 0.0).all():
+            yield f"{now:.3f} s: negative kd"
         if sent.joint_position is None:
             return
         low, high = self.robot.position_lower - 1e-9, self.robot.position_upper + 1e-9
@@ -272,7 +284,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
 
     Args:
         task: "stand" or "walk".
-        mode: "position" or "torque".
+        mode: "position", "torque" or "hybrid".
         name: One of `faults()` or of `CHANGES`.
         lasting: From its start to the end of the run; a single tick otherwise.
     """
@@ -313,7 +325,7 @@ def _good(measurement: Measurement, memory: Memory) -> Measurement:
     return measurement
 
 
-TASKS, MODES = ("stand", "walk"), ("position", "torque")
+TASKS, MODES = ("stand", "walk"), ("position", "torque", "hybrid")
 
 
 def _table(of: Callable[..., Report], options: argparse.Namespace) -> None:

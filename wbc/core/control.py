@@ -7,6 +7,7 @@ The modes are in `wbc.core.drive`: `wbc.core.drive.position` integrates accelera
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from time import perf_counter
@@ -128,6 +129,7 @@ class DriveControl:
         self.measurement: Measurement | None = None
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
+        self._stamp = math.nan  # of the last measurement with wrenches estimated, s
 
     @property
     def failing(self) -> bool:
@@ -149,7 +151,7 @@ class DriveControl:
         self.plausibility.reset()
         self.monitor.reset()
         self.gate.reset(self.controller.robot.q[7:])
-        self.wrenches = None
+        self.wrenches, self._stamp = None, math.nan
         self._sent.reset()
 
     def status(self) -> str:
@@ -241,7 +243,8 @@ class DriveControl:
         if torque is None or not np.isfinite(torque).all():
             torque, source = self._sent.torque(measurement), "commanded torques"
         if torque is not None:
-            self.wrenches.update(*self.observer.measured_state, torque)
+            passed, self._stamp = measurement.time - self._stamp, measurement.time
+            self.wrenches.update(*self.observer.measured_state, torque, passed)
         return replace(
             measurement,
             sole_wrench=self.wrenches.wrench.copy(),

@@ -84,8 +84,9 @@ class CommandGate:
     ) -> Command:
         """Return a command of hybrid control within all limits.
 
-        The torque limit holds for what the machine will apply where the joints are now: the feed-forward gives way, so
-        that it and the servos together stay within. The references keep to their ranges as in `pass_on`.
+        The torque limit holds for what the machine will apply where the joints are now, and for the feed-forward alone:
+        the feed-forward gives way, so that it and the servos together stay within, and where its own limit does not
+        let it, the gains do. The references keep to their ranges as in `pass_on`.
 
         Args:
             torque: Feed-forward torques, shape (na,), Nm (or N).
@@ -106,7 +107,15 @@ class CommandGate:
             feedforward = torque
         else:
             wrong = ~(np.abs(total) <= ROUNDING * self._torque)
-            feedforward = np.clip(np.nan_to_num(total, nan=0.0), -self._torque, self._torque) - servo
+            limit = self._torque
+            servo = np.nan_to_num(servo, nan=0.0)
+            feedforward = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
+            if (
+                np.abs(feedforward) > limit
+            ).any():  # servos that ask for twice the limit, as on a wrong velocity
+                feedforward = np.clip(feedforward, -limit, limit)
+                share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), 1e-9))
+                kp, kd = share * kp, share * kd
             self._report(wrong, faults)
         return Command(feedforward, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
 

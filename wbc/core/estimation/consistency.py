@@ -101,7 +101,7 @@ class ConsistencyMonitor:
         self._gain = lag_gain(dt, s.time_constant)
         self._keep, self._offset_gain = 1.0 - lag_gain(dt, DRIFT), lag_gain(dt, OFFSET)
         self._smoothing = lag_gain(dt, SMOOTHING)
-        self._gain_scalar, self._dt_scalar = scalar(self._gain), scalar(dt)
+        self._gain_scalar = scalar(self._gain)
         self.reset()
 
     def reset(self) -> None:
@@ -109,6 +109,7 @@ class ConsistencyMonitor:
         self.doubts: tuple[str, ...] = ()
         n = len(self._channels)
         self._last: Array | None = None
+        self._time, self._sensed = math.nan, False
         self._run, self._longest, self._ended = np.zeros(n), np.ones(n), np.zeros(n)
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
         self._speed = np.zeros(self._na)
@@ -138,7 +139,11 @@ class ConsistencyMonitor:
             unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
         """
         gain, s = self._gain, self.settings
-        doubts = self._compare_velocities(values) + self._frozen(values)
+        doubts = self._compare_velocities(values, measurement.time) + self._frozen(values)
+        if measurement.wrench_source == "sensor":
+            self._sensed = True
+        elif self._sensed:
+            doubts.append("force sensors silent, wrenches estimated")
         loads = [row[2] for row in measurement.wrenches.tolist()]
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
@@ -163,13 +168,14 @@ class ConsistencyMonitor:
             logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
         self.doubts = found
 
-    def _compare_velocities(self, values: Array) -> list[str]:
-        """Compare joint velocities with the speeds of the encoders."""
+    def _compare_velocities(self, values: Array, time: float) -> list[str]:
+        """Compare joint velocities with the speeds of the encoders between two time stamps."""
         na, last = self._na, self._last
-        if last is None:
+        passed, self._time = time - self._time, time
+        if last is None or not passed > 0.25 * self._dt:  # too close for a difference
             return []
         speed = np.subtract(values[:na], last[:na], out=self._speed)
-        speed /= self._dt_scalar
+        speed /= passed
         speed -= values[na : 2 * na]
         speed -= self._difference
         speed *= self._gain_scalar

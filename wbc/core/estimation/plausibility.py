@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, MeasurementError
+from wbc.core.errors import Array, MeasurementError, shown
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import Measurement
@@ -254,18 +254,16 @@ class Plausibility:
 
     def _formed(self, m: Any) -> Measurement:
         """Return the measurement with arrays of the right type and shape."""
-        try:
-            got = (
-                m.joint_position.shape,
-                m.joint_velocity.shape,
-                m.angular_velocity.shape,
-                m.specific_force.shape,
-                m.sole_wrench.shape,
-            )
-            if got == self._shapes and m.joint_position.dtype == m.sole_wrench.dtype == np.float64:
-                return m  # type: ignore[no-any-return]
-        except AttributeError:
-            pass
+        if type(m) is Measurement:
+            for got, shape in zip(
+                (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, m.sole_wrench),
+                self._shapes,
+                strict=True,
+            ):
+                if type(got) is not np.ndarray or got.dtype != np.float64 or got.shape != shape:
+                    break
+            else:
+                return m
         if not isinstance(m, Measurement):
             raise MeasurementError(f"a measurement must be a Measurement, got {type(m).__name__}")
         arrays: dict[str, Any] = {}
@@ -367,9 +365,16 @@ class Plausibility:
 
 def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
     """Return a signal of a measurement as numbers of a shape."""
-    array = np.asarray(getattr(m, name))
+    value = getattr(m, name)
+    try:
+        array = np.asarray(value)
+    except Exception:  # lists of lists of different lengths, objects that fail
+        array = np.empty(0, dtype=object)
     if array.dtype.kind not in "iuf":
-        raise MeasurementError(f"{name} must be numbers of shape {shape}, got {getattr(m, name)!r}")
+        raise MeasurementError(f"{name} must be numbers of shape {shape}, got {shown(value)}")
     if array.shape != shape:
         raise MeasurementError(f"{name} must have shape {shape}, got {array.shape}")
-    return array.astype(np.float64, copy=False)
+    array = array.astype(np.float64, copy=False)
+    if isinstance(value, np.ma.MaskedArray):  # a reading that is masked is none
+        array = np.where(np.ma.getmaskarray(value), np.nan, array)
+    return array

@@ -24,6 +24,9 @@ from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import Positive, Share, settings
 
+ON_TIME = 0.01
+"""Share of a control period by which a measurement may come early or late and still count as one period apart."""
+
 
 @settings
 class WrenchSettings:
@@ -99,13 +102,15 @@ class WrenchEstimator:
         self.wrench[:] = 0.0
         self.wrench[:, 2] = self._weight / len(self._frames)
 
-    def update(self, q: Array, v: Array, torque: Array) -> Array:
+    def update(self, q: Array, v: Array, torque: Array, passed: float | None = None) -> Array:
         """Take over a state and the torques that led there.
 
         Args:
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
             torque: Mean joint torques in the control period that ended now, shape (na,), Nm.
+            passed: Time since the last call, s, taken within a quarter and four control periods; one of them when
+                None or NaN.
 
         Returns:
             Wrenches on the soles: `wrench`, the same array each time.
@@ -120,8 +125,12 @@ class WrenchEstimator:
         if self._residual is None:
             self._residual = external
         else:
-            external += (momentum - self._momentum) / self._dt
-            self._residual += self._gain * (external - self._residual)
+            dt, gain = self._dt, self._gain
+            if passed is not None and abs(passed - dt) > ON_TIME * dt:
+                dt = min(max(passed, 0.25 * dt), 4.0 * dt)
+                gain = lag_gain(dt, 1.0 / s.bandwidth)
+            external += (momentum - self._momentum) / dt
+            self._residual += gain * (external - self._residual)
         self._momentum = momentum
         pin.computeJointJacobians(model, data, q)
         for i, frame in enumerate(self._frames):
