@@ -110,9 +110,8 @@ class CommandGate:
             limit = self._torque
             servo = np.nan_to_num(servo, nan=0.0)
             feedforward = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
-            if (
-                np.abs(feedforward) > limit
-            ).any():  # servos that ask for twice the limit, as on a wrong velocity
+            if (np.abs(feedforward) > ROUNDING * limit).any():
+                # Servos that ask for twice the limit, as on a wrong velocity.
                 feedforward = np.clip(feedforward, -limit, limit)
                 share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), 1e-9))
                 kp, kd = share * kp, share * kd
