@@ -72,9 +72,13 @@ class HangingMachine:
         self.description = wbc.load_robot("g1")
         robot = self.description.robot()
         gains = [
-            next((g for part, g in G1_GAINS.items() if part in name), (40.0, 1.0)) for name in robot.joint_names
+            next((g for part, g in G1_GAINS.items() if part in name), (40.0, 1.0))
+            for name in robot.joint_names
         ]
-        self.gains: tuple[Array, Array] = (np.array([kp for kp, _ in gains]), np.array([kd for _, kd in gains]))
+        self.gains: tuple[Array, Array] = (
+            np.array([kp for kp, _ in gains]),
+            np.array([kd for _, kd in gains]),
+        )
         self.clock, self.length, self.speed = SimulatedTime(), 0.0, 0.0
         model = Plant(self.description, timestep=STEP).model
         if heavier:
