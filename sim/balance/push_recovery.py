@@ -162,7 +162,7 @@ class PushTableSpec:
         noise: Errors of the sensors, none or realistic.
         seed: Fixes every random draw.
         feedback: In position control, whether the controller sees the robot as commanded or as estimated.
-        steps: Whether the robots may step: none or allowed.
+        steps: Whether the robots may step: none, or allowed in torque and hybrid control.
     """
 
     robot: tuple[str, ...] = ("hrp4_class", "talos")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated
 
 from wbc.core.control import Mode
@@ -66,8 +66,11 @@ class BalanceSpec:
         """Control period, s."""
         return CONTROL_PERIOD[self.chosen] if self.control_period is None else self.control_period
 
-    def build(self) -> tuple[Robot, Plant, Observer]:
+    def build(self, observer: ObserverSettings | None = None) -> tuple[Robot, Plant, Observer]:
         """Return the controller's robot, the plant, and an observer that knows the delays.
+
+        Args:
+            observer: Settings of the observer but its delays; the defaults when None.
 
         Raises:
             InputError: A foot that does not fit the robot.
@@ -84,10 +87,9 @@ class BalanceSpec:
             machine=self.machine,
         )
         robot = description.robot()
-        delays = ObserverSettings(
-            measurement_delay=self.machine.measurement_delay, command_delay=self.machine.command_delay
-        )
-        return robot, plant, Observer(robot, delays, adopt=self.chosen != "position")
+        delays = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
+        knowing = replace(observer or ObserverSettings(), **delays)
+        return robot, plant, Observer(robot, knowing, adopt=self.chosen != "position")
 
 
 def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:

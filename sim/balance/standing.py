@@ -21,9 +21,7 @@ from wbc.sim.balance.setup import BalanceSpec
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.balance import BalanceGains, balance_controller
-from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.stepping.control import OBSERVER, SteppingControl, SteppingControlSettings
 
 Feedback = Literal["open", "closed"]
 
@@ -44,7 +42,7 @@ class StandSpec(BalanceSpec):
             (closed).
         gains: Weights and gains of the controller.
         steps: Whether the robot may step: none keeps its feet in place with the balance controller, allowed stands with
-            the walking controller, which steps out of a push.
+            the stepping walk, which steps out of a push; in torque (the default then) or hybrid control.
     """
 
     seconds: Annotated[Positive, "s"] = 10.0
@@ -53,6 +51,12 @@ class StandSpec(BalanceSpec):
     steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
+        if self.steps == "allowed":
+            if self.mode == "position":
+                raise InputError(
+                    "a robot that may step stands in torque or hybrid control, got mode 'position' with steps 'allowed'"
+                )
+            object.__setattr__(self, "mode", self.mode or "torque")
         super().__post_init__()
         if self.seconds < LEAST_TICKS * self.period:
             raise InputError(
@@ -116,14 +120,13 @@ class StandTrial:
             InputError: A foot that does not fit the robot.
         """
         self.spec = spec
-        robot, self.plant, observer = spec.build()
+        robot, self.plant, observer = spec.build(OBSERVER if spec.steps == "allowed" else None)
         self.control: PositionControl | TorqueControl
         self._command: Callable[[Measurement], Command]
-        self._walking: WalkingControl | None = None
+        self._walking: SteppingControl | None = None
         if spec.steps == "allowed":
-            settings = WalkingControlSettings(mode=spec.chosen)
-            plan = FootstepPlan.standing(robot)
-            self._walking = walking = WalkingControl(robot, plan, spec.period, settings, observer=observer)
+            settings = SteppingControlSettings(mode=spec.chosen)
+            self._walking = walking = SteppingControl(robot, spec.period, settings, observer=observer)
             self.control, self._command = walking.control, walking.command
         else:
             controller = balance_controller(robot, spec.period, spec.gains)

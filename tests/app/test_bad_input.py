@@ -119,6 +119,11 @@ CASES: dict[str, tuple[Callable[[], Any], type[Exception], str]] = {
     "failure policy": (lambda: FailurePolicy(damping_time=-1.0), InputError, r"damping_time \(s\)"),
     "negative gain": (lambda: BalanceGains(com_weight=-1.0), InputError, "com_weight"),
     "no time": (lambda: StandSpec(seconds=0.0), InputError, "seconds"),
+    "steps on stiff servos": (
+        lambda: StandSpec(mode="position", steps="allowed"),
+        InputError,
+        "torque or hybrid",
+    ),
     "unknown foot": (lambda: StandSpec(foot="sotf"), UnknownNameError, "soft"),
     "unknown noise": (lambda: StandSpec(noise="realist"), UnknownNameError, "realistic"),
     "unknown mode": (lambda: StandSpec(mode="velocity"), UnknownNameError, "torque"),  # type: ignore[arg-type]

@@ -165,6 +165,19 @@ def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
     assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
 
 
+@pytest.mark.slow
+def test_a_robot_that_may_step_takes_a_push_that_its_feet_in_place_do_not() -> None:
+    spec = StandPushSpec(robot="g1", impulse=0.55, after=3.0)
+    assert not push_standing(spec).recovered
+    assert push_standing(replace(spec, steps="allowed")).recovered
+
+
+def test_a_robot_that_may_step_stands_still_where_nothing_pushes_it() -> None:
+    result = stand(StandSpec(steps="allowed", seconds=2.0, noise="realistic"))
+    assert result.mode == "torque" and result.upright and result.steps_taken == 0
+    assert result.com_error_mm < 15.0
+
+
 def test_pushes_to_the_left_and_to_the_right_are_mirror_images() -> None:
     left, right = (
         push_standing(StandPushSpec(impulse=0.15, direction=d, after=1.0))

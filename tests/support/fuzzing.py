@@ -608,7 +608,6 @@ def own_values(function: str) -> dict[str, Any]:
         "select_features": lambda: {"values": np.random.default_rng(0).uniform(0.1, 1.0, (50, 10))},
         "comparison_table": lambda: {"results": [feet.cross_validate(_stiffness_table(), folds=2)]},
         "draw_model": lambda: {"path": "model.png"},
-        "CaptureSteps": lambda: {"spacing": 0.2},
         "GoalSource": lambda: {"goal": (1.0, 0.0, 0.0), "drive": walking.VelocitySource(reach, sizes)},
         "Reach": lambda: {
             "max_length": 0.3,

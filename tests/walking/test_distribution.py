@@ -178,14 +178,6 @@ def test_the_margin_bounds_the_cop() -> None:
         WrenchDistribution(SIZES, DistributionSettings(margin=0.05))
 
 
-def test_a_foot_that_is_only_just_loaded_can_be_limited() -> None:
-    result = standing(0.0, max_force=(np.inf, 100.0))
-    assert result.wrenches[1, 2] <= 100.0 + 1e-4
-    assert result.wrenches[:, 2].sum() == pytest.approx(WEIGHT, rel=1e-3)
-    light = standing(0.0, max_force=(np.inf, 5.0))
-    assert light.status.ok and light.wrenches[1, 2] <= 5.0 + 1e-4
-
-
 def test_a_zmp_beyond_the_toe_costs_moment_but_no_weight() -> None:
     for x in (0.0, 50.0):
         zmp = np.array([x + 0.16, 0.105, 0.0])

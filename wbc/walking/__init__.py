@@ -13,7 +13,6 @@ from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.swing import FootMotion, SwingFoot
-from wbc.walking.planning.capture import CaptureSettings, CaptureSteps
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
@@ -74,8 +73,6 @@ __all__ = [
     "walk_distance",
     "walk_path",
     "walk_velocity",
-    "CaptureSettings",
-    "CaptureSteps",
     "DriveSettings",
     "FootstepSource",
     "GoalSource",

@@ -25,7 +25,6 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError, as_period, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench
-from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
@@ -123,7 +122,7 @@ class WalkingControl:
             narrow = Reach.of(robot).max_spacing
             reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
         self.walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
-        self.driver = Driver(self.walk, robot, s.drive, extent, drawn=s.mode == "position")
+        self.driver = Driver(self.walk, robot, s.drive, extent)
         self._omega = scalar(self.walk.omega)
         self._sizes: SoleSizes = self.walk.sole_sizes
         self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
@@ -160,7 +159,6 @@ class WalkingControl:
         self.output: StabilizerOutput | None = None
         self.time = 0.0
         self._in_contact = (True, True)
-        self._freed = False  # from the edges of its soles
         self._wrench_targets = np.zeros((2, 6))
         self._com, self._dcm = np.zeros(3), np.zeros(3)  # as measured, with its bias
 
@@ -171,7 +169,6 @@ class WalkingControl:
         self._estimated_soles = [estimate.placement(sole.frame) for sole in estimate.soles]
         self._torso = estimate.placement(estimate.torso_frame)
         self._area = self._support_area()
-        self._beyond = -math.inf  # distance of the DCM beyond the hull of both soles, m
         if len(plan):
             self.walk.start()
 
@@ -304,13 +301,6 @@ class WalkingControl:
         """Set all targets of this tick."""
         if self.load is not None:
             self._hold(self.load)
-        capture = self.driver.settings.capture
-        if (
-            self.driver.recovery.straight
-            and capture is not None
-            and isinstance(self.control, PositionControl)
-        ):
-            self.control.draw_base(lag_gain(self.dt, capture.base_time))
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
         self._com = com
         self._dcm = com + velocity / self._omega
@@ -337,7 +327,6 @@ class WalkingControl:
             reference.heading,
             self.dt,
             bias=bias,
-            max_force=self.driver.recovery.most_force,
             outside=outside,
         )
         self._wrench_targets = output.feet.wrenches
@@ -373,9 +362,6 @@ class WalkingControl:
         if self.load is not None and self.load.changing:
             estimator.pause()
             return estimator.bias
-        if self.driver.recovery.active:  # the last ticks were those of a push, which is no error of the model
-            estimator.reset()
-            return estimator.bias
         return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
 
     def _update_walk(self, bias: Array | None) -> WalkReference:
@@ -386,20 +372,12 @@ class WalkingControl:
         if self.hands is not None and self.hands.active:  # the plan is that without hands
             dcm = dcm.copy()
             dcm[:2] -= self.hands.shift
-        self.driver.update(self.time, dcm, self._beyond, self._com - (self._dcm - dcm))
+        self.driver.update(self.time)
         # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
         held = self.hands is not None and self.hands.gripping
         # Filtered loads: a foot that has just met the ground presses in jerks.
         load, told = self.control.observer.load.tolist(), None if held else dcm
-        reference = self.walk.update(load, self._soles, told)
-        free = self.driver.recovery.active
-        if free is not self._freed:
-            self._freed = free
-            self.tasks.free(free)
-            capture = self.driver.settings.capture
-            firm = self.driver.recovery.straight > 0 and capture is not None
-            self.tasks.hold_height(capture.height_weight if firm and capture is not None else None)
-        return reference
+        return self.walk.update(load, self._soles, told)
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
         for side, stands in enumerate(contact):
@@ -444,7 +422,6 @@ class WalkingControl:
             dcm = dcm - self.hands.shift
         beyond = normals.dot(dcm)
         beyond -= offsets
-        self._beyond = float(beyond[beyond.argmax()])
         solution = self.control.solution
         self.falls.update(
             self.time,
@@ -453,7 +430,7 @@ class WalkingControl:
             v=estimate.v,
             drop=float(pendulum.com[2] - estimate.com[2]),
             torso_up=self._torso_up(),
-            dcm_distance=self._beyond,
+            dcm_distance=float(beyond[beyond.argmax()]),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
 

@@ -4,18 +4,16 @@
 
 On both feet the steps are planned anew every tenth of a second; with a foot in the air only when the source or its
 command has changed, and not while the last foot is about to land. A source that fails, or asks for a step that the
-robot cannot take, is dropped: the robot comes to a stand, and the reason is logged. While the robot steps out of a
-push (`wbc.walking.recovery`), no source is asked.
+robot cannot take, is dropped: the robot comes to a stand, and the reason is logged.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from wbc.core.errors import Array, InputError, shown
+from wbc.core.errors import InputError, shown
 from wbc.core.robot import Robot
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import reaction
@@ -33,7 +31,6 @@ from wbc.walking.planning.sources import (
     checked_velocity,
     close_up,
 )
-from wbc.walking.recovery import PushRecovery
 from wbc.walking.walk import Walk
 
 logger = logging.getLogger(__name__)
@@ -50,7 +47,6 @@ class Driver:
         source: Source of the footsteps; None for the plan that the walk began with.
         reason: Reason for which the last source was dropped; empty if none was.
         steered: True if footsteps come, or may come, from a source; False for a walk along its first plan.
-        recovery: Steps out of pushes, before those of the source.
     """
 
     def __init__(
@@ -59,8 +55,6 @@ class Driver:
         robot: Robot,
         settings: DriveSettings | None = None,
         extent: Extent | None = None,
-        *,
-        drawn: bool = False,
     ) -> None:
         """Leave the walk to its plan.
 
@@ -69,7 +63,6 @@ class Driver:
             robot: Its robot, for the soles.
             settings: Settings; the defaults when None.
             extent: The ground; endless when None.
-            drawn: True if the base of a commanded robot is drawn to the estimated one in a push straight ahead or back.
         """
         self.settings = settings or DriveSettings()
         self.source: FootstepSource | None = None
@@ -81,7 +74,6 @@ class Driver:
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, Velocity] = (None, AT_REST)
         self._landed = False
-        self.recovery = PushRecovery(walk, self.settings.capture, self._gait, drawn=drawn)
         self.steered = not len(plan)  # a plan from the start is walked as it is
 
     @property
@@ -160,25 +152,13 @@ class Driver:
                 )
         self.follow(GoalSource((x, y, yaw), self.velocity_source()))
 
-    def update(
-        self,
-        time: float,
-        dcm: Array | None = None,
-        beyond: float = -math.inf,
-        com: Array | None = None,
-    ) -> None:
+    def update(self, time: float) -> None:
         """Plan the footsteps anew if it is time to.
 
         Args:
             time: Time since the start of the walk, s.
-            dcm: Measured DCM, shape (2,) or (3,), m; without it the robot does not step out of a push.
-            beyond: Distance of that DCM beyond the hull of both soles, m; negative inside.
-            com: Measured CoM, shape (3,), m; the DCM when None.
         """
         source, phases = self.source, self._walk.phases
-        if self.steered and dcm is not None and self.recovery.update(time, beyond, dcm, com):
-            self._next = time
-            return
         if source is None:
             return
         swings = phases.phase is Phase.SINGLE

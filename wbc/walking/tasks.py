@@ -27,9 +27,6 @@ from wbc.walking.walk import NO_PUSH, WalkReference
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
 
-FREE_SOLE = 2.0
-"""Length and width of the soles of a commanded robot that steps out of a push, m: they do not bind."""
-
 
 @settings
 class TaskGains:
@@ -87,7 +84,6 @@ class WalkTasks:
         """
         robot = controller.robot
         self._torque, self._swing_weight = torque, gains.swing_weight
-        self._com_weight = gains.com_weight
         self.com = controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
         if torque:  # horizontally the stabilizer gives the acceleration; the task holds the height
             self.com.stiffness = (0.0, 0.0, gains.com_stiffness)
@@ -130,7 +126,6 @@ class WalkTasks:
             )
             for sole in robot.soles
         ]
-        self._soles = robot.soles[:2]
         self._wrenches: list[WrenchTask] = []
         self._wrench_weight = np.full(6, gains.wrench_weight)
         self._moment_by_load = gains.moment_by_load
@@ -149,30 +144,6 @@ class WalkTasks:
         """
         self.contacts[side].active = contact
         self._swings[side].weight = 0.0 if contact else self._swing_weight
-
-    def free(self, freed: bool) -> None:
-        """Let the commanded robot stand beyond its soles, or on them again; in position control alone.
-
-        The edge of the soles would bind the QP's own wrenches where a push has thrown the pendulum further than the
-        commanded robot, which then falls by itself. What the feet can really give is up to the stabilizer.
-
-        Args:
-            freed: True to free it.
-        """
-        if self._torque:
-            return
-        for contact, sole in zip(self.contacts, self._soles, strict=True):
-            contact.set_rectangle(*((FREE_SOLE, FREE_SOLE) if freed else (sole.length, sole.width)))
-
-    def hold_height(self, weight: float | None) -> None:
-        """Weigh the height of the CoM by itself: a foot that is swung as fast as the joints allow would throw it up.
-
-        Args:
-            weight: Cost per (m/s²)²; that of all axes when None.
-        """
-        self.com.weight = (
-            self._com_weight if weight is None else np.array((self._com_weight,) * 2 + (weight,))
-        )
 
     def move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
         """Follow the swing foot's reference; hold standing feet at their corrections, or to their wrenches.

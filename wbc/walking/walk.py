@@ -130,7 +130,6 @@ class Walk:
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
-        adjusts: True while step adjustment may move landings.
         reaction: Share of the reaction to the swing of a leg that the CoM gives way to, 0 to 1; the feet hold the
             rest.
     """
@@ -190,7 +189,6 @@ class Walk:
             preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega = self._preview.omega
-        self.adjusts = True
         self.reaction = 0.0
         self._reaction = SwingReaction(leg_share(robot, com_height), self.omega, self.period)
         self._adjuster: StepAdjuster | None = None
@@ -214,7 +212,6 @@ class Walk:
         self._pattern_status = self._preview.status
         self._time = 0.0  # since the pattern was planned, s
         self._ground = GroundEstimate(s.ground_memory, s.rise_memory)
-        self._sink = 0.0  # depth under its landing at which the foot in the air arrives, m
 
     @property
     def finished(self) -> bool:
@@ -255,20 +252,12 @@ class Walk:
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
-    def steer(
-        self,
-        steps: Sequence[Footstep],
-        gait: Gait | None = None,
-        dcm: Array | None = None,
-        com: Array | None = None,
-    ) -> None:
+    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
         """Replace all steps that have not begun; a robot that stands sets off with the next update.
 
         Args:
             steps: Landings from now on, after that of the foot in the air; none for a stand.
             gait: Sizes and timings from the next phase on; as before when None.
-            dcm: DCM from which the pattern goes on, shape (2,) or (3,), m; that of the pattern when None.
-            com: CoM that goes with it, shape (2,) or (3,), m; that of the pattern when None.
 
         Raises:
             InputError: Sides that do not alternate, or a single support too short for a swing; nothing is changed then.
@@ -285,28 +274,9 @@ class Walk:
             self._events = (phases.start(),)
             if self._rest is not None:
                 self._rest, self._time = None, 0.0
-        self._replan(None, dcm, com)
+        self._replan(None)
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
-
-    def aim(self, landing: Footstep, remaining: float, dcm: Array, com: Array | None, sink: float) -> None:
-        """Move the landing and the touch-down of the foot in the air.
-
-        Args:
-            landing: New landing of that foot.
-            remaining: Time from now to touch-down, s.
-            dcm: DCM from which the pattern goes on, shape (2,) or (3,), m.
-            com: CoM that goes with it, shape (2,) or (3,), m; that of the pattern when None.
-            sink: Depth under the landing at which the foot arrives unless it meets the ground before, m.
-        """
-        assert self._swing is not None
-        phases = self.phases
-        time = max(self.period, round(remaining / self.period) * self.period)
-        phases.land(landing, carry=True)
-        phases.retime(time)
-        self._sink = sink
-        self._swing.retarget(phases.elapsed, replace(landing, z=landing.z - sink), phases.elapsed + time)
-        self._replan(None, dcm, com)
 
     def update(
         self,
@@ -339,7 +309,7 @@ class Walk:
         if self._rest is None and (events or self._time >= interval - 1e-9):
             if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
                 self._replan(dcm)
-        elif self.adjusts and dcm is not None and self._adjuster and self._swing is not None and not overdue:
+        elif dcm is not None and self._adjuster and self._swing is not None and not overdue:
             self._adjust(dcm, self._steady if self.reaction > 0.0 else self._adjuster, self._swing)
         if self._swing is not None:
             side = SIDES.index(self._swing.landing.side)
@@ -402,26 +372,14 @@ class Walk:
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
         self._yaws[side] = heading(motion.placement.rotation)
         landed = Footstep.of(planned.side, placements[side])
-        self._ground.land(landed.z - planned.z - self._sink)
-        self._sink = 0.0
+        self._ground.land(landed.z - planned.z)
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
         self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
 
-    def _replan(self, dcm: Array | None, pushed: Array | None = None, com: Array | None = None) -> None:
-        """Plan the pattern anew: from the pendulum as planned, partly as measured, or with DCM (and CoM) of a push."""
+    def _replan(self, dcm: Array | None) -> None:
+        """Plan the pattern anew: from the pendulum as planned, or partly as measured."""
         start = self._pattern.at(self._time)
-        if pushed is not None and com is not None:
-            # A pattern keeps c − ċ/ω and finds a DCM that the supports can hold. From its own CoM it would fall back by
-            # half of what they cannot, with each plan anew.
-            here, velocity = start.com.copy(), start.com_velocity.copy()
-            here[:2] = com[:2]
-            velocity[:2] = self.omega * (np.asarray(pushed)[:2] - here[:2])
-            start = start._replace(com=here, com_velocity=velocity)
-        elif pushed is not None:
-            velocity = start.com_velocity.copy()
-            velocity[:2] += self.omega * (np.asarray(pushed)[:2] - start.dcm[:2])
-            start = start._replace(com_velocity=velocity)
         if dcm is not None and self.settings.feedback > 0.0:
             error = self.settings.feedback * (np.asarray(dcm[:2]) - start.dcm[:2])
             com = start.com.copy()

@@ -18,7 +18,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
-from wbc.core.robot import BASE_DOF, checked_configuration
+from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command, Measurement
 
 
@@ -138,15 +138,6 @@ class PositionControl(DriveControl):
             self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
         return self._send(command)
 
-    def draw_base(self, share: float) -> None:
-        """Draw the base of the commanded robot to the estimated one; its joints, which the servos follow, stay.
-
-        Args:
-            share: Share of the way, 0 to 1.
-        """
-        self._draw(share, BASE_DOF)
-        self.controller.robot.update(self.q, self.v)
-
     def _use(self, solution: Solution) -> None:
         if callable(self.feedforward):
             torques = np.asarray(self.feedforward(solution), dtype=float)
@@ -158,12 +149,11 @@ class PositionControl(DriveControl):
         elif self.feedforward:
             self._torques = solution.torques
         if self.feedback == "closed":
-            self._draw(self._pull, self.v.size)
+            self._draw()
 
-    def _draw(self, share: float, dofs: int) -> None:
-        """Draw the first degrees of freedom of the commanded robot by a share of the way to the estimated one."""
+    def _draw(self) -> None:
+        """Draw the commanded robot to the estimated one."""
         estimate = self.observer.robot
         difference = pin.difference(estimate.model, self.q, estimate.q)
-        difference[dofs:] = 0.0
-        self.q[:] = pin.integrate(estimate.model, self.q, share * difference)
-        self.v[:dofs] += share * (estimate.v[:dofs] - self.v[:dofs])
+        self.q[:] = pin.integrate(estimate.model, self.q, self._pull * difference)
+        self.v += self._pull * (estimate.v - self.v)

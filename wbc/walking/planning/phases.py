@@ -110,7 +110,6 @@ class WalkPhases:
         self.elapsed = 0.0
         self.duration = 0.0
         self.completed = 0
-        self._stood = 0  # single supports completed when the robot last stood
         self._loaded = 0.0  # time that the swing foot has borne a load, s
         self._stopping = False
 
@@ -128,11 +127,6 @@ class WalkPhases:
     def finished(self) -> bool:
         """True when the walk is over and the robot stands."""
         return self.phase is Phase.STANDING and self.step >= len(self.plan)
-
-    @property
-    def sets_off(self) -> bool:
-        """True in the double support between a stand and the first lift-off."""
-        return self.phase is Phase.DOUBLE and self.step < len(self.plan) and self.completed == self._stood
 
     @property
     def remaining(self) -> float:
@@ -171,7 +165,6 @@ class WalkPhases:
         """
         if self.phase is not Phase.STANDING or self.step >= len(self.plan):
             raise InputError("a walk can only start from standing, with steps left to take")
-        self._stood = self.completed
         self._enter(Phase.DOUBLE, self.plan.gait.initial_double_support)
         return Event.STARTED
 

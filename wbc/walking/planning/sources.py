@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Annotated, NamedTuple, Protocol
 
 from pydantic import Field
@@ -21,7 +21,6 @@ from pydantic import Field
 from wbc.core.arguments import checked
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.planning.capture import CaptureSettings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
 from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
 from wbc.walking.planning.phases import Phase, WalkPhases
@@ -69,7 +68,6 @@ class DriveSettings:
         replan: Time between plans of the footsteps on both feet, s.
         goal: Distance and turn to a goal below which it is reached, m and rad.
         far: Distance to a goal above which the robot walks towards it face first, m.
-        capture: Steps out of a push while the robot stands; None keeps its feet in place.
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
@@ -83,7 +81,6 @@ class DriveSettings:
     replan: Annotated[Positive, "s"] = 0.1
     goal: Annotated[tuple[Positive, Positive], "m, rad"] = (0.02, 0.05)
     far: Annotated[Positive, "m"] = 0.6
-    capture: CaptureSettings | None = field(default_factory=CaptureSettings)
 
 
 class Standing(NamedTuple):

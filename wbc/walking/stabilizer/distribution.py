@@ -170,7 +170,6 @@ class WrenchDistribution:
         zmp: Array,
         ratio: float,
         contact: Sequence[bool] = (True, True),
-        max_force: Sequence[float] = (np.inf, np.inf),
     ) -> FootWrenches:
         """Distribute a wrench.
 
@@ -180,7 +179,6 @@ class WrenchDistribution:
             zmp: Target ZMP in the world, shape (3,), m: moments are taken about it.
             ratio: Left-foot ratio, 0 to 1.
             contact: True for each foot that carries.
-            max_force: Greatest normal force of each foot, N.
 
         Returns:
             The foot wrenches.
@@ -195,11 +193,11 @@ class WrenchDistribution:
         p, s = self._problem, self.settings
         both = all(contact)
         if not both:
-            alone = self._on_one_foot(0 if contact[0] else 1, net, soles, max_force)
+            alone = self._on_one_foot(0 if contact[0] else 1, net, soles)
             if alone is not None:
                 return alone
         for foot in (0, 1):
-            self._bound(foot, bool(contact[foot]), float(max_force[foot]))
+            self._bound(foot, bool(contact[foot]))
             if contact[foot]:
                 self._write_foot(foot, soles[foot], zmp)
         if both is not self._both:
@@ -221,15 +219,12 @@ class WrenchDistribution:
         solution = self._solver.x.copy()
         return FootWrenches(solution[:12].reshape(2, 6), solution[12:], status)
 
-    def _on_one_foot(
-        self, foot: int, net: Array, soles: Sequence[pin.SE3], max_force: Sequence[float]
-    ) -> FootWrenches | None:
+    def _on_one_foot(self, foot: int, net: Array, soles: Sequence[pin.SE3]) -> FootWrenches | None:
         """Give the whole wrench to the only foot on the ground; None where it is beyond what the foot can give."""
         wrench = soles[foot].actInv(pin.Force(net)).vector
         rows = self._cones[foot].dot(wrench)  # of the cone, then the normal force
         normal, rows[-1] = float(rows[-1]), 0.0
-        most = float(max_force[foot])
-        if not (largest(rows) <= 0.0 and min(self.settings.min_force, most) <= normal <= most):
+        if not (largest(rows) <= 0.0 and normal >= self.settings.min_force):
             return None
         wrenches = np.zeros((2, 6))
         wrenches[foot] = wrench
@@ -242,9 +237,9 @@ class WrenchDistribution:
         p.equality[:3, force] = p.equality[3:6, moment] = rotation
         p.equality[3:6, force] = pin.skew(sole.translation - zmp).dot(rotation)
 
-    def _bound(self, foot: int, contact: bool, max_force: float) -> None:
-        """Write least and greatest normal force; a foot in the air gets bounds that do not act."""
-        bounds = (min(self.settings.min_force, max_force), max_force, 0.0) if contact else (-1.0, 1.0, 1.0)
+    def _bound(self, foot: int, contact: bool) -> None:
+        """Write the least normal force; a foot in the air gets bounds that do not act."""
+        bounds = (self.settings.min_force, np.inf, 0.0) if contact else (-1.0, 1.0, 1.0)
         if bounds == self._bounds[foot]:
             return
         p, row, last = self._problem, ROWS * foot, ROWS * foot + ROWS - 1

@@ -154,7 +154,6 @@ class Stabilizer:
         *,
         bias: Array | None = None,
         ratio: float | None = None,
-        max_force: tuple[float, float] = (math.inf, math.inf),
         outside: Array | None = None,
     ) -> StabilizerOutput:
         """Compute one tick.
@@ -171,7 +170,6 @@ class Stabilizer:
             dt: Control period, s.
             bias: Bias of the measured DCM, shape (2,), m.
             ratio: Left-foot ratio on both feet; from the target ZMP when None.
-            max_force: Greatest normal force of each foot, N.
             outside: Wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
                 and Nm: the feet give what it does not. The target's ZMP is then that of feet and this together.
 
@@ -212,7 +210,7 @@ class Stabilizer:
             desired_zmp = level_zmp(net, desired_zmp)
         if ratio is None:
             ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
-        feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact, max_force)
+        feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact)
         filtered = self._wrench.update(wrenches, dt)
         if idle:
             self.feet.hold()
