@@ -72,6 +72,7 @@ def wheel_files(wheel: Path) -> set[str]:
         return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
+@pytest.mark.slow
 def test_wheels_hold_every_file_of_the_package_and_nothing_else(dist: Path) -> None:
     for folder in (dist, dist / "direct"):
         (wheel,) = folder.glob("wbc-*.whl")
@@ -89,6 +90,7 @@ def test_the_package_holds_no_tests_benchmarks_or_helpers_of_the_documentation()
     assert not wrong, wrong
 
 
+@pytest.mark.slow
 def test_sdist_holds_what_a_wheel_needs_as_real_files(dist: Path) -> None:
     (sdist,) = dist.glob("wbc-*.tar.gz")
     with tarfile.open(sdist) as archive:
@@ -98,6 +100,7 @@ def test_sdist_holds_what_a_wheel_needs_as_real_files(dist: Path) -> None:
     assert {"LICENSE", "README.md", "pyproject.toml"} | package_files() <= names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made_from", ["sdist", "repository"])
 def test_installed_package_imports_everywhere_and_has_its_command(
     dist: Path, tmp_path: Path, made_from: str

@@ -23,8 +23,12 @@ import own_loop  # noqa: E402 - of the benchmarks
 import tables  # noqa: E402 - of docs
 
 
+@pytest.mark.slow
 def test_every_table_from_a_journal_is_what_the_journal_gives() -> None:
     assert tables.main(["--check"]) == 0
+
+
+def test_the_table_of_own_loops_is_what_their_journal_gives() -> None:
     rows = own_loop.journal(DOCS / "journals" / "own_loop.jsonl.xz")
     assert f"\n{own_loop.table(rows)}\n" in (DOCS / "measured.md").read_text()
 

@@ -166,10 +166,10 @@ def test_the_objective_counts_steps_first() -> None:
 def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
     assert len(training_grounds()) == 12
     study = dataset()
-    assert sum(1 for _ in study.trials()) == 12 * 5 * 16 * 2
+    assert study.size == 12 * 5 * 16 * 2
     amplitudes = sorted({dict(cell.values)["amplitude"] for cell in study.cells})
     assert amplitudes[0] == 0.01 and amplitudes[-1] == 0.04
-    assert sum(1 for _ in dataset(DatasetSize(seeds=2, evaluations=50)).trials()) == 6000
+    assert dataset(DatasetSize(seeds=2, evaluations=50)).size == 6000
     higher = {dict(cell.values)["amplitude"] for cell in dataset(DatasetSize(height=1.5)).cells}
     assert max(higher) == pytest.approx(0.06)
     for bad in ({"height": 0.0}, {"seeds": 0}, {"amplitudes": 0}, {"evaluations": 3}, {"distance": 0.0}):

@@ -153,7 +153,7 @@ GARBAGE = st.one_of(
 NAMES = (*SIGNALS, *OPTIONAL)
 
 
-@examples(150)
+@examples(100)
 @given(data=st.data())
 def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.DataObject) -> None:
     logging.disable(logging.CRITICAL)

@@ -71,6 +71,7 @@ def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
     assert tuple(known) == FIRST_FAMILIES
 
 
+@pytest.mark.slow
 def test_the_whole_of_it_is_at_most_25_000_walks() -> None:
     assert set(PARTS) <= {*STUDIES, "optimize", "optimize_legacy"}
     studies = [study_by_name(part) for part in PARTS if not part.startswith(("optimize", "dataset"))]

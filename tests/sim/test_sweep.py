@@ -132,7 +132,8 @@ def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     assert dict(os.environ) == before
 
 
-@pytest.mark.parametrize(("workers", "killed"), [(1, 1), pytest.param(2, 3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("workers", "killed"), [(1, 1), (2, 3)])
 def test_workers_that_are_killed_while_they_start_end_no_sweep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int, killed: int
 ) -> None:
@@ -267,6 +268,7 @@ def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_p
     assert set(by_number(path)) == set(range(count))
 
 
+@pytest.mark.slow
 def test_processes_for_many_sweeps_have_one_thread_and_end_with_their_program() -> None:
     code = """
 import os

@@ -229,7 +229,7 @@ def test_the_main_job_tells_about_its_soles(capfd: pytest.CaptureFixture[str]) -
         "variable feet, stones, 20 mm" in text and "soles     set by the policy 'model': decided in " in text
     )
     assert "; stiffness reached before the landing in 4 of 4" in text
-    assert cli.main(["walk", "--distance", "0.15", "--json"]) == 0
+    assert cli.main(["walk", "--distance", "0.05", "--json"]) == 0
     data = json.loads(capfd.readouterr().out)
     assert data["spec"]["policy"] == "model" and isinstance(data["stiffness"], list)
     code = cli.main(["walk", "--policy", "best"])

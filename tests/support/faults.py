@@ -291,7 +291,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
     if task == "stand":
         stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=2.0, noise="realistic"))
         plant, control, command = stand.plant, stand.control, stand.control.command
-        start, end = 0.8, 2.0
+        start, end = (0.8, 2.0) if lasting else (0.4, 1.4)
     else:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
         trial = WalkTrial(WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan))
