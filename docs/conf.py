@@ -208,7 +208,7 @@ def list_commands(app: Sphinx, docname: str, source: list[str]) -> None:
     if COMMANDS in source[0]:
         from wbc.app.cli import make_app  # noqa: PLC0415 - few pages need them
 
-        text = make_app().generate_docs(heading_level=2, flatten_commands=True)
+        text = make_app(None).generate_docs(heading_level=2, flatten_commands=True)
         found = re.search(r"^## wbc \w+$", text, re.MULTILINE)  # before it: a list that the margin has, too
         assert found is not None
         source[0] = source[0].replace(COMMANDS, text[found.start() :])

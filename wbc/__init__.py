@@ -9,34 +9,34 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from wbc._version import __version__
-from wbc.core.control import FailurePolicy, SafetySettings
-from wbc.core.drive.hybrid import HybridControl
-from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, WbcError
-from wbc.core.estimation.observer import Observer
-from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
-from wbc.core.qp.contact import PointContact, SoleContact, rectangle_wrench_cone
-from wbc.core.qp.controller import Controller
-from wbc.core.qp.foothold import Foothold
-from wbc.core.qp.solver import SolverSettings
-from wbc.core.qp.task import MotionTask
-from wbc.core.robot import Robot
-from wbc.core.settings import Count, NonNegative, Positive, settings
-from wbc.core.signals import Command, Measurement
-from wbc.robots import RobotDescription
-from wbc.robots import load as load_robot
-from wbc.tasks.balance import balance_controller
-from wbc.tasks.motion.com import CoMTask
-from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
-from wbc.tasks.motion.posture import PostureTask
 
 if TYPE_CHECKING:
+    from wbc.core.control import FailurePolicy, SafetySettings
     from wbc.core.conventions import velocity_from_mujoco, velocity_to_mujoco
+    from wbc.core.drive.hybrid import HybridControl
+    from wbc.core.drive.position import PositionControl
+    from wbc.core.drive.torque import TorqueControl
+    from wbc.core.errors import InputError, WbcError
+    from wbc.core.estimation.observer import Observer
     from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
     from wbc.core.limits.com_polygon import CoMPolygonLimit
+    from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
+    from wbc.core.qp.contact import PointContact, SoleContact, rectangle_wrench_cone
+    from wbc.core.qp.controller import Controller
+    from wbc.core.qp.foothold import Foothold
+    from wbc.core.qp.solver import SolverSettings
+    from wbc.core.qp.task import MotionTask
+    from wbc.core.robot import Robot
+    from wbc.core.settings import Count, NonNegative, Positive, settings
+    from wbc.core.signals import Command, Measurement
     from wbc.machine import conformance, run
+    from wbc.robots import RobotDescription
+    from wbc.robots import load as load_robot
     from wbc.sim import Plant, WalkSpec, stand, walk
+    from wbc.tasks.balance import balance_controller
+    from wbc.tasks.motion.com import CoMTask
+    from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
+    from wbc.tasks.motion.posture import PostureTask
     from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 __all__ = [
@@ -102,27 +102,92 @@ __all__ = [
     "__version__",
 ]
 
-_LAZY = {
-    "CoMPolygonLimit": "wbc.core.limits.com_polygon",
-    "CollisionCapsule": "wbc.core.limits.collision",
-    "CollisionSphere": "wbc.core.limits.collision",
-    "SelfCollisionLimit": "wbc.core.limits.collision",
-    "velocity_from_mujoco": "wbc.core.conventions",
-    "velocity_to_mujoco": "wbc.core.conventions",
-    "conformance": "wbc.machine",
-    "run": "wbc.machine",
-    "Plant": "wbc.sim",
-    "WalkSpec": "wbc.sim",
-    "stand": "wbc.sim",
-    "walk": "wbc.sim",
-    "FootstepPlan": "wbc.walking",
-    "WalkingControl": "wbc.walking",
-    "walk_distance": "wbc.walking",
+_PLACES = {
+    "wbc.core.control": (
+        "FailurePolicy",
+        "SafetySettings",
+    ),
+    "wbc.core.conventions": (
+        "velocity_from_mujoco",
+        "velocity_to_mujoco",
+    ),
+    "wbc.core.drive.hybrid": ("HybridControl",),
+    "wbc.core.drive.position": ("PositionControl",),
+    "wbc.core.drive.torque": ("TorqueControl",),
+    "wbc.core.errors": (
+        "InputError",
+        "WbcError",
+    ),
+    "wbc.core.estimation.observer": ("Observer",),
+    "wbc.core.limits.collision": (
+        "CollisionCapsule",
+        "CollisionSphere",
+        "SelfCollisionLimit",
+    ),
+    "wbc.core.limits.com_polygon": ("CoMPolygonLimit",),
+    "wbc.core.limits.rows": (
+        "JointLimits",
+        "RowLimit",
+        "TorqueLimits",
+        "damped_bound",
+    ),
+    "wbc.core.qp.contact": (
+        "PointContact",
+        "SoleContact",
+        "rectangle_wrench_cone",
+    ),
+    "wbc.core.qp.controller": ("Controller",),
+    "wbc.core.qp.foothold": ("Foothold",),
+    "wbc.core.qp.solver": ("SolverSettings",),
+    "wbc.core.qp.task": ("MotionTask",),
+    "wbc.core.robot": ("Robot",),
+    "wbc.core.settings": (
+        "Count",
+        "NonNegative",
+        "Positive",
+        "settings",
+    ),
+    "wbc.core.signals": (
+        "Command",
+        "Measurement",
+    ),
+    "wbc.machine": (
+        "conformance",
+        "run",
+    ),
+    "wbc.robots": (
+        "RobotDescription",
+        "load_robot",
+    ),
+    "wbc.sim": (
+        "Plant",
+        "WalkSpec",
+        "stand",
+        "walk",
+    ),
+    "wbc.tasks.balance": ("balance_controller",),
+    "wbc.tasks.motion.com": ("CoMTask",),
+    "wbc.tasks.motion.frame": (
+        "OrientationTask",
+        "PoseTask",
+        "PositionTask",
+    ),
+    "wbc.tasks.motion.posture": ("PostureTask",),
+    "wbc.walking": (
+        "FootstepPlan",
+        "WalkingControl",
+        "walk_distance",
+    ),
 }
-"""Names that are loaded when they are asked for: a first controller needs neither them nor a simulator."""
+"""Module → names that come from it, loaded when they are asked for: `import wbc` takes no time."""
+
+_OTHER_NAMES = {"load_robot": "load"}
+"""Name here → name in its module."""
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LAZY:
-        return getattr(importlib.import_module(_LAZY[name]), name)
+    for place, names in _PLACES.items():
+        if name in names:
+            globals()[name] = found = getattr(importlib.import_module(place), _OTHER_NAMES.get(name, name))
+            return found
     raise AttributeError(f"module 'wbc' has no attribute '{name}'")

@@ -164,14 +164,11 @@ def test_text_is_what_people_get(capfd: Captured, words: str) -> None:
 
 def configurations(words: str) -> list[type]:
     """The configuration classes whose fields are the options of a command."""
-    module, _, name = COMMANDS[words].partition(":")
-    function = getattr(importlib.import_module(module), name)
+    module, _, name = COMMANDS[words][0].partition(":")
+    function = getattr(importlib.import_module(f"wbc.app.commands.{module}"), name)
     hints = get_type_hints(function, include_extras=False)
-    return [
-        hint
-        for hint in hints.values()
-        if isinstance(hint, type) and is_dataclass(hint) and hint is not Report
-    ]
+    classes = [hint for hint in hints.values() if isinstance(hint, type) and is_dataclass(hint)]
+    return [getattr(kind, "__settings__", kind) for kind in classes if kind is not Report]
 
 
 def option_of(configuration: type, field: str) -> str:
@@ -410,6 +407,16 @@ def test_a_command_loads_what_it_needs_alone() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert set(names()) == {robot["name"] for robot in json.loads(done.stdout)["robots"]}
+
+
+@pytest.mark.parametrize("word", ["--version", "--help"])
+def test_the_list_of_commands_loads_none_of_them(word: str) -> None:
+    program = (
+        "import sys, wbc.app.cli; wbc.app.cli.main([sys.argv[1]]); "
+        "print(*(m for m in ('pinocchio', 'scipy', 'pydantic', 'mujoco') if m in sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", program, word], capture_output=True, text=True, check=True)
+    assert done.stdout and not done.stderr.strip()
 
 
 def test_a_closed_stdout_is_no_failure() -> None:

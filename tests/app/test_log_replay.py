@@ -26,7 +26,6 @@ from recorded import make_walk, recorded_scans, recorded_walk, run
 import wbc
 from wbc.app import replay as package
 from wbc.app.cli import main
-from wbc.app.commands import COMMANDS
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import RenderError, Replay, check_film, render_video, replay_page
 from wbc.app.replay.film import _drawing_context, find_ffmpeg
@@ -55,11 +54,6 @@ def page(replay: Replay) -> str:
 
 def mujoco_scene(replay: Replay) -> MujocoScene:
     return MujocoScene(replay.scene, replay.plant.terrain, *SIZE, replay.sole_paths)
-
-
-@pytest.fixture(autouse=True)
-def registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(COMMANDS, "view", "wbc.app.commands.view_log:view")
 
 
 def record_standing(path: Path, robot: str, ticks: int = 3, *, plant: bool = True) -> Log:

@@ -15,7 +15,6 @@ from recorded import recorded_walk
 
 import wbc
 from wbc.app.cli import main
-from wbc.app.commands import COMMANDS
 from wbc.app.log import Log, Recorder
 from wbc.app.log.stances import SIDES, corners, sole_sizes, stances, support_box, yaw_of
 from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select
@@ -42,11 +41,6 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Log:
             record(plant, control, measurement, command)
             plant.step(command)
     return Log.open(path)
-
-
-@pytest.fixture(autouse=True)
-def registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(COMMANDS, "plot", "wbc.app.commands.plot:plot")
 
 
 def curves(figure: Figure) -> list[np.ndarray]:

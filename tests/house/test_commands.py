@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import re
 import shlex
 from collections.abc import Iterator
@@ -39,7 +41,7 @@ def lines_of(page: Path) -> list[list[str]]:
 
 
 def understood(words: list[str]) -> bool:
-    command, bound, _ = make_app(words[0]).parse_args(words, exit_on_error=False, print_error=False)
+    command, bound, _ = make_app(words).parse_args(words, exit_on_error=False, print_error=False)
     return callable(command) and bound is not None
 
 
@@ -58,7 +60,7 @@ def test_commands_in_the_text_exist_with_their_options(page: Path) -> None:
     """In the text, values may be placeholders such as J."""
     for line in named_in_text(page):
         words = line.split()[1:]
-        app = make_app(words[0])
+        app = make_app(words)
         assert words[0] in app, f"{page.name}: `{line}`"
         app = app[words[0]]
         if words[0] in GROUPS and len(words) > 1 and not words[1].startswith("-"):
@@ -77,6 +79,14 @@ def test_what_is_no_command_is_noticed() -> None:
         understood(["walk", "--distnace", "1"])
     assert any("walk" in line for page in PAGES for line in named_in_text(page))
     assert sum(len(lines_of(page)) for page in PAGES) > 30
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_the_list_says_what_the_command_says(words: str) -> None:
+    place, summary = COMMANDS[words]
+    module, _, function = place.partition(":")
+    command = getattr(importlib.import_module(f"wbc.app.commands.{module}"), function)
+    assert (inspect.getdoc(command) or "").splitlines()[0] == summary
 
 
 @pytest.mark.parametrize("words", ["", *GROUPS, *COMMANDS])

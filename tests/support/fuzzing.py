@@ -213,7 +213,7 @@ def command_cases(folder: Path) -> list[list[str]]:
     study = folder / "good_study.json"
     study.write_text(json.dumps(STUDY))
     (folder / "old.jsonl").write_bytes(b"")
-    app = make_app()
+    app = make_app(None)
     cases: list[list[str]] = []
     for words in COMMANDS:
         command = app

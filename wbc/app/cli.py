@@ -10,10 +10,9 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
 from wbc._version import __version__
-from wbc.app.arguments import plain_options, prepare
 from wbc.app.commands import COMMANDS, GROUPS
 from wbc.core.errors import InputError, WbcError
 
@@ -24,12 +23,12 @@ LONGEST_LINE = 1000
 """Longest line that says why a command line is refused, characters."""
 
 
-def make_app(first_word: str | None = None) -> App:
-    """Build the command-line application from the table of commands.
+def make_app(words: Sequence[str] | None = ()) -> App:
+    """Build the command-line application from the table of commands; a command's module is imported when it runs.
 
     Args:
-        first_word: First word of the command line. Modules of other commands are not imported, which saves most of
-            a second; without a word, or with an unknown one, all are imported, for the help and for hints.
+        words: Words of the command line. The command that they name explains itself in full, the others have a line;
+            with None each command explains itself, and all are imported.
     """
     options = {"default_parameter": Parameter(negative=()), "help_format": "markdown"}
     app = App(
@@ -37,30 +36,31 @@ def make_app(first_word: str | None = None) -> App:
         help="Whole-body QP control for humanoids: tasks, contacts and limits, solved at every tick.",
         help_epilogue="Exit codes: 0 ran, 1 failed, 2 bad input.",
         version=__version__,
-        config=(prepare,),
+        config=(_prepare,),
         **options,
     )
-    groups: dict[str, App] = {}
-    known = {words.split()[0] for words in COMMANDS}
-    for words, place in COMMANDS.items():
-        *group, name = words.split()
-        if name in GROUPS and not group:
-            group, name = [name], ""
-        if first_word in known and first_word != words.split()[0]:
+    groups = {name: App(name=name, help=about, **options) for name, about in GROUPS.items()}
+    for group in groups.values():
+        app.command(group)
+    for command, (place, summary) in COMMANDS.items():
+        path = command.split()
+        where = f"wbc.app.commands.{place}"
+        if command in groups:  # runs when no command of the group follows
+            if words is None or words[:1] == path:
+                module, _, function = where.partition(":")
+                groups[command].default(getattr(importlib.import_module(module), function))
             continue
-        parent = app
-        if group:
-            if group[0] not in groups:
-                groups[group[0]] = App(name=group[0], help=GROUPS[group[0]], **options)
-                app.command(groups[group[0]])
-            parent = groups[group[0]]
-        module, _, function = place.partition(":")
-        run = plain_options(getattr(importlib.import_module(module), function))
-        if name:
-            parent.command(run, name=name)
-        else:
-            parent.default(run)
+        parent = app if len(path) == 1 else groups[path[0]]
+        about = None if words is None or list(words[: len(path)]) == path else summary
+        parent.command(where, name=path[-1], help=about, **options)
     return app
+
+
+def _prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Check words before they are converted; cyclopts calls it for the command that runs."""
+    from wbc.app.arguments import prepare  # noqa: PLC0415 - no list of commands needs it
+
+    prepare(app, commands, arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ± must not lose a result
     try:
-        make_app(next((word for word in words if not word.startswith("-")), None))(
+        make_app(words)(
             words,
             exit_on_error=False,
             print_error=False,

@@ -18,6 +18,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 from cyclopts import Parameter
 from rich.console import Console
 
+from wbc.app.arguments import plain_options
 from wbc.core.errors import WbcError
 from wbc.core.settings import settings
 
@@ -76,7 +77,7 @@ class Report:
 
 
 def reports(function: Callable[P, Report]) -> Callable[P, None]:
-    """Make a command of a function that returns a report.
+    """Make a command of a function that returns a report; its settings are read as `plain_options` says.
 
     While it runs, everything written to stdout (by C++ libraries, too) goes to stderr; then the report is printed.
     """
@@ -96,7 +97,7 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
         if report.failure is not None:
             raise report.failure
 
-    return run
+    return plain_options(run)
 
 
 @contextmanager
