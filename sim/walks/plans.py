@@ -35,12 +35,10 @@ class WalkPlan:
 
     Attributes:
         distance: Straight on, m; backwards when negative.
-        velocity: Forward (m/s), left (m/s) and turn (rad/s); steps are quicker at higher speed, as those of a drive
-            (`Gait.for_speed`).
+        velocity: Forward (m/s), left (m/s) and turn (rad/s); steps are quicker at higher speed.
         steps: Number of steps of a walk with a velocity.
         turn: On the spot to the left, rad.
-        stairs: Climb (or descend) the stairs of the terrain: "together" brings both feet onto each stair,
-            "alternate" one foot.
+        stairs: Climb or descend the stairs of the terrain, with both feet on each or one.
         footsteps: Landings in the world.
         drive: Commanded velocities over time, from a stand to a stand: rows of time (s), forward (m/s), left (m/s) and
             turn (rad/s), each of which holds until the next; the last one is a stand, with which the walk ends.

@@ -61,29 +61,26 @@ SOURCE = "source"
 class WalkSpec:
     """One simulated walk. A spec that exists can be walked: whatever is wrong is refused when it is made.
 
-    Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON.
+    Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON. With a file
+    (of a robot, "path" of a policy, "source" of a ground) the hash of its content is added ("sha256").
 
     Attributes:
-        robot: Robot, one of those that `wbc robots` lists, or the path of a file, whose hash is added.
-        foot: Foot under both ankles: flat is the robot's own sole.
-        stiffness: Stiffness of the sole hinges of a soft or variable foot, Nm/rad; the foot's own when None.
-        foot_changes: Further parameters of the foot, such as "damping" or "contact.row_spacing".
-        policy: Stiffness policy of variable soles, one of `wbc.tasks.stiffness_policy_names()`, or "oracle"; the model
-            that comes with the library when None. `stiffness` is then the stiffness at the start.
-        policy_params: Parameters of the policy, of an oracle the stiffness (Nm/rad) of each family of grounds. With a
-            file ("path"), the hash of its content is added ("sha256").
-        terrain: Family of grounds, one of those that `wbc terrains` lists.
-        amplitude: Highest minus lowest point of the ground, m; the family's own when None.
-        terrain_params: Parameters of the family, and of the track: length, width, start, strip, rendering. With a
-            file ("source" of an image), the hash of its content is added ("sha256").
-        scene: What stands on the ground, one of those that `wbc scenes` lists; nothing when None.
+        robot: Robot that `wbc robots` lists, or the path of its file (MJCF, URDF, TOML).
+        foot: Foot under both ankles, one that `wbc foot` lists; flat is the robot's own sole.
+        stiffness: Stiffness of soft or variable soles, Nm/rad; their own if not given.
+        foot_changes: Further parameters of the foot, such as contact.row_spacing.
+        policy: Policy of variable soles: model, fixed or oracle, or one's own. `stiffness` is then that of the start.
+        policy_params: Parameters of the policy: stiffness=5, path=model.json, of an oracle stones=5.
+        terrain: Family of grounds that `wbc terrain` lists.
+        amplitude: Highest minus lowest point of the ground, m.
+        terrain_params: Parameters of the ground, and length, width, start, strip, rendering.
+        scene: What stands on the ground, one that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
         noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
-        mode: Command of the drives: "position", "torque" or "hybrid"; when None "position", or "hybrid" where the
-            description says that the servos are soft.
-        servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as "*knee*=100,2".
+        mode: Command of the drives; position if not given, hybrid on soft servos, torque if the law is stepping.
+        servo: Gains of servos in place of the description's, as pattern=kp,kd such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
             unless settings state others ("observer.command_delay").
         control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
@@ -91,8 +88,7 @@ class WalkSpec:
         timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
-        law: Law of the steps: "lipm" plans footsteps and holds them with a stabilizer; "stepping" decides place and
-            time of each step as it goes.
+        law: lipm plans footsteps, stepping decides place and time of each as it goes.
         gains: Preset of settings: "default" or "legacy".
         changes: Settings that differ from the preset; see `wbc.sim.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).

@@ -168,7 +168,11 @@ def configurations(words: str) -> list[type]:
     function = getattr(importlib.import_module(f"wbc.app.commands.{module}"), name)
     hints = get_type_hints(function, include_extras=False)
     classes = [hint for hint in hints.values() if isinstance(hint, type) and is_dataclass(hint)]
-    return [getattr(kind, "__settings__", kind) for kind in classes if kind is not Report]
+    return [
+        getattr(kind, "__settings__", kind)
+        for kind in classes
+        if kind is not Report and not hasattr(kind, "__fields_of__")
+    ]
 
 
 def option_of(configuration: type, field: str) -> str:

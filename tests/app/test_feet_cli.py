@@ -158,7 +158,7 @@ def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...
 def test_a_walk_over_ground_beyond_its_clearance_warns_first(
     run: Run, caplog: pytest.LogCaptureFixture
 ) -> None:
-    words = "walk --terrain stones --amplitude 0.05 --swing-height 0.04 --distance 0.2"
+    words = "walk --terrain stones --amplitude 0.05 --set swing_height=0.04 --distance 0.2"
     logging.captureWarnings(False)  # an earlier command may have left it on, with another test's hook
     with warnings.catch_warnings():
         warnings.simplefilter("always")

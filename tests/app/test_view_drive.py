@@ -62,24 +62,21 @@ def test_bad_velocities_of_a_page_change_nothing(request_: dict[str, Any], messa
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("rows", "message"),
     [
-        ("time,forward,left\n0,0,0\n", "each of the columns"),
-        ("time,forward,left,spin\n0,0,0,0\n", "column"),
-        ("time,forward,left,turn\n1,0.1,0,0\n0.5,0,0,0\n", "times of a drive increase"),
-        ("time,forward,left,turn\n1,0.1,0,0\n", "ends with a stand"),
-        ("time,forward,left,turn\n1,nan,0,0\n2,0,0,0\n", "finite"),
-        ("time,forward,left,turn\n1,0.1,0\n", "3 values for 4 columns"),
-        ("", "is empty"),
+        ("[0, 0, 0]", "drive"),
+        ("[1, 0.1, 0, 0], [0.5, 0, 0, 0]", "times of a drive increase"),
+        ("[1, 0.1, 0, 0]", "ends with a stand"),
+        ("[1, nan, 0, 0], [2, 0, 0, 0]", "finite"),
     ],
 )
-def test_velocity_files_that_are_refused(
-    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_velocities_in_a_file_that_are_refused(
+    rows: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "drive.csv"
-    path.write_text(text)
-    assert main(["walk", "--velocity-file", str(path)]) == BAD_INPUT
-    assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())
+    path = tmp_path / "drive.toml"
+    path.write_text(f"plan.drive = [{rows}]")
+    assert main(["walk", "--spec", str(path)]) == BAD_INPUT
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -443,7 +443,7 @@ def test_a_walk_without_a_plant_is_refused(stage: Stage) -> None:
 
 # ---- commands -------------------------------------------------------------------------------------------------------
 
-WALK = ("walk", "--distance", "0.02", "--timestep", "0.0025", "--view", "--json")
+WALK = ("walk", "--distance", "0.02", "--set", "timestep=0.0025", "--view", "--json")
 
 
 def test_a_port_in_use_stops_a_walk_before_anything_is_written(

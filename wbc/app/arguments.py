@@ -1,181 +1,43 @@
-"""Options of commands, between the words of a command line and settings: files of options, whole numbers, checks."""
+"""Options of commands, between the words of a command line and settings or specs."""
 
 from __future__ import annotations
 
 import functools
 import inspect
-import tomllib
+import re
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, Field, field, fields, is_dataclass, make_dataclass
-from itertools import takewhile
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, make_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Argument, ArgumentCollection, Parameter, Token
-from cyclopts.config import Dict
+from cyclopts import App, ArgumentCollection, Parameter
 
-from wbc.app.files import unique
+from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
-from wbc.core.files import read_json, read_text
-from wbc.core.settings import usable_path
-
-CONFIG, SPEC, PRESET = "--config", "--spec", "--preset"
+from wbc.core.settings import nested_settings, usable_path
 
 UNIONS = (typing.Union, types.UnionType)
 
-BESIDE_SPEC = ("--record",)
-"""Options of `wbc walk` that are no part of the spec."""
-
-JOINED = ("push",)
-"""Options whose value is several name=value with commas between: a table in a file is one value."""
+NONE_GIVEN: Mapping[str, Any] = types.MappingProxyType({})
+"""Default of a parameter of a command that is annotated with `Fields`."""
 
 
 def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Add the options of --config and --preset, and check words; cyclopts calls it for every command.
+    """Check words before they are converted; cyclopts calls it for every command.
 
     Raises:
-        InputError: A file that cannot be used or named, a fraction for a whole number, or options beside --spec.
+        InputError: A file that cannot be named, or a fraction for a whole number.
     """
-    path = _given(arguments, CONFIG)
-    if path is not None:
-        _add_options(app, commands, arguments, read_options(Path(path)), path)
-    preset = _given(arguments, PRESET)
-    if preset is not None:
-        _add_options(app, commands, arguments, preset_options(preset), f"preset '{preset}'")
-    _refuse_beside_spec(arguments)
+    del app, commands
     for argument in arguments:
-        if Path in (argument.hint, *typing.get_args(argument.hint)):
-            for token in argument.tokens:
+        kinds = (argument.hint, *typing.get_args(argument.hint))
+        for token in argument.tokens:
+            if Path in kinds:
                 usable_path(Path(token.value))
-        if int in (argument.hint, *typing.get_args(argument.hint)):
-            for token in argument.tokens:
+            if int in kinds:
                 _check_whole(argument.name, token.value)
-
-
-def read_options(path: Path) -> dict[str, Any]:
-    """Return the options in a TOML file, or in a JSON file of the same content.
-
-    Raises:
-        InputError: The file cannot be read, or is not of that form.
-    """
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in ("toml", "json"):
-        raise InputError(f"the name of a file of options must end in .toml or .json, got '{path.name}'")
-    if kind == "json":
-        data = read_json(path, object_pairs_hook=unique)
-    else:
-        try:
-            data = tomllib.loads(read_text(path))
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            raise InputError(f"{path} is not TOML: {error}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path} must hold options with their values, got {type(data).__name__}")
-    return data
-
-
-def preset_options(name: str) -> dict[str, Any]:
-    """Return a preset of walks as options of `wbc walk`.
-
-    Raises:
-        UnknownNameError: No such preset.
-    """
-    from wbc.sim.walks.presets import WALK_PRESETS  # noqa: PLC0415 - imports the simulator
-
-    parts = dict(WALK_PRESETS[name])
-    return {**parts.pop("gait"), **parts.pop("plan"), "set": parts.pop("changes"), **parts}
-
-
-def _add_options(
-    app: App, commands: tuple[str, ...], arguments: ArgumentCollection, options: dict[str, Any], path: str
-) -> None:
-    """Add options of a file or preset that the command line does not give; names and values name by name."""
-    by_name = {argument.name: argument for argument in arguments}
-    others: dict[str, Any] = {}
-    for option, value in options.items():
-        name = f"--{option.replace('_', '-')}"
-        if name == CONFIG:
-            raise InputError(f"{path}: a file of options cannot name another one")
-        argument = by_name.get(name)
-        if argument is not None and argument.hint == tuple[str, ...] and option not in JOINED:
-            _add_names(argument, option, value, path)
-        elif option in JOINED:
-            rows = value if isinstance(value, list) else [value]
-            others[option] = [_joined(row) if isinstance(row, dict) else row for row in rows]
-        elif isinstance(value, dict):
-            choices = [each for each, known in by_name.items() if known.hint == tuple[str, ...]]
-            raise InputError(
-                f"{path}: [{option}] takes no names and values; choices: {', '.join(each[2:] for each in choices)}"
-            )
-        else:
-            others[option] = value
-    Dict(others, source=path, use_commands_as_keys=False)(app, commands, arguments)
-
-
-def _add_names(argument: Argument, option: str, value: Any, source: str) -> None:
-    """Append names and values of a file, a table or a list of name=value, to those of the command line."""
-    texts = [f"{name}={_text(each)}" for name, each in _flat(value)] if isinstance(value, dict) else value
-    if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-        raise InputError(f"{source}: {option} must be a table of names and values, got {value!r}")
-    given = [_name(token.value) for token in argument.tokens]
-    for text in texts:
-        if not any(_same(_name(text), other) for other in given):
-            argument.append(
-                Token(keyword=f"[{option}]", value=text, source=source, index=len(argument.tokens))
-            )
-
-
-def _flat(table: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, Any]]:
-    """Yield names with dots and values; TOML makes tables of names with dots."""
-    for name, value in table.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{before}{name}.")
-        else:
-            yield before + name, value
-
-
-def _joined(table: Mapping[str, Any]) -> str:
-    return ",".join(f"{name}={_text(value)}" for name, value in table.items())
-
-
-def _name(text: str) -> str:
-    return text.partition("=")[0].strip().replace("-", "_")
-
-
-def _same(one: str, other: str) -> bool:
-    """Return True for two names of one setting: dcm_p is gains.dcm_p."""
-    return one == other or one.endswith(f".{other}") or other.endswith(f".{one}")
-
-
-def _text(value: Any) -> str:
-    """Return a value as it is written after name=."""
-    if isinstance(value, list):
-        return ",".join(map(_text, value))
-    if value is None or isinstance(value, bool):
-        return str(value).lower()
-    return str(value)
-
-
-def _refuse_beside_spec(arguments: ArgumentCollection) -> None:
-    """Refuse options of the walk beside --spec, which replaces all of them."""
-    place = next((i for i, argument in enumerate(arguments) if argument.name == SPEC), None)
-    if place is None or not arguments[place].tokens:
-        return
-    # Options of one class stand together, behind an argument without keys that stands for the class.
-    before = list(takewhile(lambda each: each.keys, reversed(arguments[:place])))
-    after = list(takewhile(lambda each: each.keys, arguments[place + 1 :]))
-    for argument in (*before, *after):
-        if argument.tokens and argument.name not in BESIDE_SPEC:
-            raise InputError(f"{SPEC} is the whole walk; leave {argument.name} out")
-
-
-def _given(arguments: ArgumentCollection, option: str) -> str | None:
-    """Return the last value given for an option; None without one."""
-    for argument in arguments:
-        if argument.name == option and argument.tokens:
-            return str(argument.tokens[-1].value)
-    return None
 
 
 def _check_whole(option: str, text: str) -> None:
@@ -185,6 +47,94 @@ def _check_whole(option: str, text: str) -> None:
         return  # cyclopts refuses what is no number
     if not number.is_integer():
         raise InputError(f"{option} must be a whole number, got {text}")
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Annotation of a parameter of a command: fields of a spec as options, of which it gets those that are given.
+
+    Types, choices and help are the spec's. Names and values, and settings of several values, are written name=value.
+
+    Attributes:
+        spec: Class of the spec.
+        options: Option → field, "plan.distance" for one of a field that is settings itself.
+        defaults: Field → value shown as its default, where the command has another one than the spec.
+        help: Option → help in place of the spec's.
+    """
+
+    spec: type
+    options: Mapping[str, str]
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    help: Mapping[str, str] = field(default_factory=dict)
+
+    def made(self) -> type:
+        """Return a dataclass with a field for each option; what is not given is None, or empty."""
+        made = [
+            (option.replace("-", "_"), self._hint(option), field(default=() if self._texts(option) else None))
+            for option in self.options
+        ]
+        return make_dataclass(
+            "Given", made, kw_only=True, namespace={"__fields_of__": self, "__module__": __name__}
+        )
+
+    def given(self, made: Any) -> dict[str, Any]:
+        """Return what was given as plain values by field, fields of a field in an object of their own."""
+        values: dict[str, Any] = {}
+        for option, path in self.options.items():
+            value = getattr(made, option.replace("-", "_"))
+            if value is None or value == ():
+                continue
+            kind = self._texts(option)
+            if kind == "pairs":
+                value = read_changes(value)
+            elif kind == "settings":
+                value = [read_changes(text.split(",")) for text in value]
+            *group, name = path.split(".")
+            (values.setdefault(group[0], {}) if group else values)[name] = value
+        return values
+
+    def _field(self, option: str) -> tuple[type, str]:
+        kind, name = self.spec, self.options[option]
+        if "." in name:
+            group, _, name = name.partition(".")
+            kind = nested_settings(kind, group)
+        return kind, name
+
+    def _bare(self, option: str) -> Any:
+        kind, name = self._field(option)
+        return _plain(typing.get_type_hints(kind, include_extras=True)[name])
+
+    def _texts(self, option: str) -> str:
+        """Return what texts of an option hold: pairs of name and value, settings, or themselves; empty for no texts."""
+        bare = self._bare(option)
+        inside = typing.get_args(bare)
+        if typing.get_origin(bare) is not tuple or inside[-1] is not ...:
+            return ""
+        if is_dataclass(inside[0]):
+            return "settings"
+        return "pairs" if typing.get_origin(inside[0]) is tuple else "texts"
+
+    def _hint(self, option: str) -> Any:
+        kind, name = self._field(option)
+        about = self.help.get(option) or attribute_docs(kind)[name]
+        default = self.defaults.get(name, next(each.default for each in fields(kind) if each.name == name))
+        if isinstance(default, (str, int, float)) and not isinstance(default, bool):
+            about += f" [default: {default}]"
+        hint = tuple[str, ...] if self._texts(option) else self._bare(option) | None
+        return Annotated[hint, Parameter(help=about, show_default=False)]
+
+
+def attribute_docs(kind: type) -> dict[str, str]:
+    """Return the documentation of each field of a dataclass, from it and the classes it derives from."""
+    found: dict[str, str] = {}
+    for cls in reversed(kind.__mro__):
+        if not is_dataclass(cls):
+            continue
+        _, _, section = (inspect.cleandoc(cls.__doc__ or "")).partition("\nAttributes:\n")
+        section = re.split(r"\n(?=\S)", section)[0]
+        for name, text in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", section, flags=re.MULTILINE):
+            found[name] = " ".join(text.split())
+    return found
 
 
 def plain_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -202,10 +152,16 @@ def plain_options(command: Callable[..., None]) -> Callable[..., None]:
         command(*map(_settings, args), **{name: _settings(value) for name, value in values.items()})
 
     hints = typing.get_type_hints(command, include_extras=True)
-    parameters = [
-        parameter.replace(annotation=_plain(hints[name]), default=_twin_of(parameter.default))
-        for name, parameter in inspect.signature(command).parameters.items()
-    ]
+    parameters = []
+    for name, parameter in inspect.signature(command).parameters.items():
+        chosen = next(
+            (item for item in getattr(hints[name], "__metadata__", ()) if isinstance(item, Fields)), None
+        )
+        hint, default = _plain(hints[name]), _twin_of(parameter.default)
+        if chosen is not None:
+            kind = chosen.made()
+            hint, default = Annotated[kind, Parameter(name="*")], kind()
+        parameters.append(parameter.replace(annotation=hint, default=default))
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     run.__dict__["__signature__"] = inspect.Signature(parameters)
     del run.__dict__["__wrapped__"]
@@ -250,7 +206,10 @@ def _twin_of(value: Any) -> Any:
 
 
 def _settings(value: Any) -> Any:
-    """Return the settings of a plain dataclass; anything else as it is."""
+    """Return the settings of a plain dataclass, or the fields of a spec that were given; anything else as it is."""
+    chosen = getattr(type(value), "__fields_of__", None)
+    if chosen is not None:
+        return chosen.given(value)
     kind = getattr(type(value), "__settings__", None)
     if kind is None:
         return value

@@ -30,7 +30,10 @@ def make_app(words: Sequence[str] | None = ()) -> App:
         words: Words of the command line. The command that they name explains itself in full, the others have a line;
             with None each command explains itself, and all are imported.
     """
-    options = {"default_parameter": Parameter(negative=()), "help_format": "markdown"}
+    options = {
+        "default_parameter": Parameter(negative=(), show_default=_shown_default),
+        "help_format": "markdown",
+    }
     app = App(
         name="wbc",
         help="Whole-body QP control for humanoids: tasks, contacts and limits, solved at every tick.",
@@ -54,6 +57,11 @@ def make_app(words: Sequence[str] | None = ()) -> App:
         about = None if words is None or list(words[: len(path)]) == path else summary
         parent.command(where, name=path[-1], help=about, **options)
     return app
+
+
+def _shown_default(value: object) -> object:
+    """Return a default for the help; nothing for options that are off or empty."""
+    return None if value is False or value == () else value
 
 
 def _prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:

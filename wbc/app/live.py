@@ -41,9 +41,9 @@ class LiveView:
     """Options of the live view in a browser.
 
     Attributes:
-        view: Show the run live in the browser, in real time.
-        host: Address of the page; the default is reached from this machine alone, 0.0.0.0 from everywhere.
-        port: Port of the page; the first free one from 7000 on when not given.
+        view: Show the run in the browser, in real time.
+        host: Address of the page; 0.0.0.0 is reached from other machines, too.
+        port: Port of the page; the first free one from 7000 on if not given.
     """
 
     view: bool = False

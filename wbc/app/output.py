@@ -34,7 +34,7 @@ class Output:
     """Options of the output.
 
     Attributes:
-        json: Print one JSON object on stdout instead of a text.
+        json: Print one JSON object instead of a text.
         verbose: Log more on stderr.
     """
 

@@ -1,38 +1,123 @@
-"""`wbc walk`: a robot that walks."""
+"""`wbc walk`: a robot that walks. Options are fields of `WalkSpec`; `--set` and `--spec` reach all the others."""
 
 from __future__ import annotations
 
+import math
+import tomllib
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
-from wbc.app.files import check_target
+from wbc.app.files import check_target, read_object
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
-from wbc.app.walk_options import WalkOptions
 from wbc.app.walk_report import walk_text
-from wbc.core.settings import to_json
+from wbc.core.changes import read_changes, setting_names
+from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
+from wbc.core.files import read_text
+from wbc.core.settings import Positive, nested_settings, settings, to_json
 from wbc.sim.terrain import check_clearance
-from wbc.sim.walks import WalkHook, WalkTrial
+from wbc.sim.walks import WalkHook, WalkSpec, WalkTrial
+from wbc.sim.walks.plans import KINDS
+from wbc.sim.walks.presets import WALK_PRESETS
+from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
 
 if TYPE_CHECKING:
     from wbc.app.log import Recorder
 
+DEFAULTS = {"foot": "variable", "terrain": "stones", "amplitude": 0.02}
+"""What a walk has that the command line does not name: an unknown ground, and soles that are set to it."""
+
+FOLLOWERS = {
+    "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
+    "terrain": ("amplitude", "terrain_params"),
+    "scene": ("scene_params",),
+    "law": ("mode",),
+}
+"""Field → those that belong to its value: another value on the command line drops what a file says of them."""
+
+PAIRS = ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes")
+"""Fields that hold names and values."""
+
+DRIVE_TIME = 3600.0
+"""Longest time of a drive from the page, s, unless another one is given."""
+
+OPTIONS = Fields(
+    WalkSpec,
+    {
+        "robot": "robot",
+        "gait": "law",
+        "foot": "foot",
+        "stiffness": "stiffness",
+        "foot-param": "foot_changes",
+        "policy": "policy",
+        "policy-param": "policy_params",
+        "terrain": "terrain",
+        "amplitude": "amplitude",
+        "param": "terrain_params",
+        "scene": "scene",
+        "seed": "seed",
+        "noise": "noise",
+        "distance": "plan.distance",
+        "velocity": "plan.velocity",
+        "steps": "plan.steps",
+        "turn": "plan.turn",
+        "stairs": "plan.stairs",
+        "mode": "mode",
+        "servo": "servo",
+        "push": "pushes",
+    },
+    defaults=DEFAULTS,
+    help={
+        "turn": "On the spot to the left, degrees.",
+        "push": "A push such as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (90 is left), at a share of "
+        "a step.",
+    },
+)
+
+
+@settings(kw_only=True)
+class WalkOptions:
+    """What is done with the walk, and the rest of its spec.
+
+    Attributes:
+        drive: Drive from the live page: arrow keys, stick, gamepad.
+        seconds: Longest time of a drive, s.
+        set: Any other setting, as name=value: dcm_p=5, swing_height=0.07, payload=2.
+        spec: Walk to begin with: a preset (frizza, the paper's), or a file, whole or in part (JSON, TOML; --json prints
+            one).
+        record: File to write every tick to (.arrow).
+        profile: Divide the time of the walk, from physics to each task.
+    """
+
+    drive: bool = False
+    seconds: Positive | None = None
+    set: tuple[str, ...] = ()
+    spec: str | None = None
+    record: Path | None = None
+    profile: bool = False
+
 
 @reports
 def walk(
-    options: Flat[WalkOptions] = WalkOptions(),
+    given: Annotated[Mapping[str, Any], OPTIONS] = NONE_GIVEN,
     *,
+    options: Flat[WalkOptions] = WalkOptions(),
     live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Walk in the simulator, and report how far the robot came and how well. A fall is a result like any other."""
     target = None
     if options.record is not None:
-        inputs = [options.spec, options.config, options.velocity_file, *options.param, *options.policy_param]
-        target = check_target("a log", options.record, (".arrow",), inputs)
-    spec = options.walk()
+        named = (
+            each for name in ("terrain_params", "policy_params") for each in given.get(name, {}).values()
+        )
+        target = check_target("a log", options.record, (".arrow",), [options.spec, *map(str, named)])
+    spec = walk_spec(given, options)
     if options.drive:
         live = replace(live, view=True)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
@@ -66,3 +151,108 @@ def walk(
         data |= {"profile": to_json(profile)}
         text += f"\n\n{profile_text(profile)}"
     return output.report(data, text, lost)
+
+
+def walk_spec(given: Mapping[str, Any], options: WalkOptions) -> WalkSpec:
+    """Return the walk: what is given, over what the file of `--spec` says, over the defaults of the command.
+
+    Raises:
+        InputError: A walk that cannot be walked, or a file that cannot be read.
+    """
+    upper = {name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()}
+    lower = {} if options.spec is None else read_spec(options.spec)
+    plan = upper.setdefault("plan", {})
+    if "turn" in plan:
+        plan["turn"] = math.radians(plan["turn"])
+    for push in upper.get("pushes", ()):
+        if "direction" in push:
+            push["direction"] = math.radians(
+                finite_scalar("direction of a push (degrees)", push["direction"])
+            )
+    if options.drive:
+        plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
+    elif options.seconds is not None:
+        raise InputError("seconds belong to a drive; give --drive as well")
+    law = upper.get("law", lower.get("law", "lipm"))
+    for name, value in read_changes(options.set).items():
+        *groups, last = place_of(name, law).split(".", 1)
+        place = upper.setdefault(groups[0], {}) if groups else upper
+        place[last] = value
+    return WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS)))
+
+
+def place_of(name: str, law: str) -> str:
+    """Return the place in a spec of what `--set` names: one of its fields, or under "changes" one of the settings.
+
+    Args:
+        name: Full name, or as far as it is unique.
+        law: Law of the steps.
+
+    Raises:
+        UnknownNameError: Neither a field nor a setting; the nearest are given.
+        InputError: A field and a setting have it; they are given.
+    """
+    stepping = law == "stepping"  # has a gait of its own among its settings
+    own = [each.name for each in fields(WalkSpec)]
+    for kind in ("plan", "machine") if stepping else ("plan", "machine", "gait"):
+        own += [f"{kind}.{each.name}" for each in fields(nested_settings(WalkSpec, kind))]
+    if name in own or name.partition(".")[0] in PAIRS:
+        return name
+    found = [path for path in own if path.endswith(f".{name}")]
+    known = setting_names(SteppingTrialSettings() if stepping else TrialSettings())
+    others = [path for path in known if path == name or path.endswith(f".{name}")]
+    if found and len(others) == 1:
+        raise InputError(f"setting '{name}' could be {found[0]} or {others[0]}; give more of its name")
+    if found:
+        return found[0]
+    if not others:
+        unknown_name(
+            "setting", name, {part for path in (*known, *own) for part in (path, path.rpartition(".")[2])}
+        )
+    return f"changes.{name}"
+
+
+def read_spec(name: str) -> dict[str, Any]:
+    """Return a preset, or the walk in a file as plain values: a spec, a part of one, or the output of `--json`.
+
+    Raises:
+        UnknownNameError: Neither a file nor a preset.
+        InputError: The file cannot be read, or holds no walk.
+    """
+    path = Path(name)
+    if path.suffix.lower() == ".toml":
+        try:
+            data: dict[str, Any] = tomllib.loads(read_text(path))
+        except (tomllib.TOMLDecodeError, RecursionError) as error:
+            raise InputError(f"{path} is not TOML: {error}") from error
+    elif path.suffix.lower() == ".json" or path.exists():
+        data = read_object("walk", path)
+    else:
+        return dict(WALK_PRESETS[name])
+    spec = data.get("spec", data)
+    if not isinstance(spec, dict):
+        raise InputError(f"spec in {path} must be an object, got {shown(spec)}")
+    return spec
+
+
+def _over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values over others; what belongs to a value that is replaced is dropped with it."""
+    kept = dict(lower)
+    for name, followers in FOLLOWERS.items():
+        if upper.get(name, kept.get(name)) != kept.get(name):
+            kept = {key: value for key, value in kept.items() if key not in followers}
+    if any(kind in (upper.get("plan") or ()) for kind in KINDS):  # a walk has one plan
+        kept.pop("plan", None)
+    for name, value in upper.items():
+        below = kept.get(name)
+        if isinstance(value, Mapping) and isinstance(below, Mapping):
+            below = {key: old for key, old in below.items() if not any(_same(key, new) for new in value)}
+            kept[name] = {**below, **value}
+        else:
+            kept[name] = value
+    return kept
+
+
+def _same(one: str, other: str) -> bool:
+    """Return True for two names of one setting: dcm_p is gains.dcm_p."""
+    return one == other or one.endswith(f".{other}") or other.endswith(f".{one}")

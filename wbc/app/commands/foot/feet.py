@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
-import re
 from typing import Any
 
+from wbc.app.arguments import attribute_docs
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import setting_names
 from wbc.core.errors import InputError
@@ -59,19 +58,6 @@ def parameters(design: Foot) -> list[dict[str, Any]]:
         default, about = to_json(getattr(owner, name)), attribute_docs(type(owner)).get(name, "")
         listed.append({"name": path, "default": default, "about": about})
     return listed
-
-
-def attribute_docs(kind: type) -> dict[str, str]:
-    """Return the documentation of each field of a dataclass, from it and the classes it derives from."""
-    found: dict[str, str] = {}
-    for cls in reversed(kind.__mro__):
-        if not dataclasses.is_dataclass(cls):
-            continue
-        _, _, section = (inspect.cleandoc(cls.__doc__ or "")).partition("\nAttributes:\n")
-        section = re.split(r"\n(?=\S)", section)[0]
-        for name, text in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", section, flags=re.MULTILINE):
-            found[name] = " ".join(text.split())
-    return found
 
 
 def _summary(kind: type) -> str:
