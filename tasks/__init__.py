@@ -32,7 +32,7 @@ from wbc.tasks.scheduling.policies import (
 )
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.tasks.trajectories import Quintic, Trajectory
+from wbc.tasks.trajectories import Trajectory
 
 __all__ = [
     # Controller of a standing robot
@@ -56,7 +56,6 @@ __all__ = [
     "ImpedanceTask",
     # Targets that move
     "Trajectory",
-    "Quintic",
     # Options of tasks
     "TaskOptions",
     "GainOptions",
