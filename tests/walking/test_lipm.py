@@ -1,15 +1,14 @@
-"""Frequency and capture point of the pendulum; points of wrenches."""
+"""Frequency of the pendulum; points of wrenches."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from pendulum import com_after
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
 from wbc.walking.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 
 
@@ -19,16 +18,6 @@ def test_natural_frequency_of_a_085_m_pendulum() -> None:
         natural_frequency(0.0)
     with pytest.raises(InputError, match="acceleration"):
         natural_frequency(0.8, -GRAVITY)
-
-
-def test_stepping_on_the_capture_point_brings_to_rest() -> None:
-    com, velocity = np.array([0.1, 0.02, 0.8]), np.array([0.4, -0.1, 0.0])
-    omega = natural_frequency(0.8)
-    point = capture_point(com, velocity, omega, 0.0)
-    assert point[2] == 0.0
-    end, speed = com_after(com[:2], velocity[:2], point[:2], omega, 5.0)
-    np.testing.assert_allclose(end, point[:2], atol=1e-6)
-    np.testing.assert_allclose(speed, 0.0, atol=1e-6)
 
 
 def test_pendulum_at_rest() -> None:

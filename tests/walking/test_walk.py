@@ -372,20 +372,6 @@ def test_until_it_starts_the_pendulum_rests_and_then_changes_its_height_smoothly
     assert np.abs(np.diff(heights, 2)).max() < 5.8 * 0.05 / 0.8**2 * DT**2
 
 
-@pytest.mark.parametrize("feedback", [0.25, 1.0])
-def test_a_plan_takes_over_its_share_of_the_measured_error(feedback: float) -> None:
-    plan, shift = walk_distance(START, 0.6), np.array([0.01, -0.004])
-    both, starts = (WEIGHT / 2, WEIGHT / 2), []
-    for settings in (STEADY, replace(STEADY, feedback=feedback)):
-        walk = Walk(ROBOT, plan, HEIGHT, DT, settings)
-        walk.update(both)
-        walk.start()
-        dcm = starts[0].dcm[:2] + shift if starts else None
-        starts.append(walk.update(both, None, dcm).pendulum)
-    planned, taken = starts
-    np.testing.assert_allclose(taken.com[:2] - planned.com[:2], feedback * shift, atol=1e-5)
-
-
 def test_stopping_on_the_way() -> None:
     result = run(walk_distance(START, 3.0), act=lambda w, t: w.stop() if abs(t - 3.0) < DT / 2 else None)
     walk = result.walk
@@ -512,7 +498,6 @@ def test_a_plan_must_begin_where_the_robot_stands(move: tuple[float, float, floa
             "two control periods",
         ),
         (lambda: Walk(ROBOT, START, HEIGHT, DT).start(), "steps left"),
-        (lambda: WalkSettings(feedback=2.0), "feedback"),
         (lambda: AdjustmentSettings(landing=0.0), "landing"),
         (lambda: AdjustmentSettings(max_shift=(-1.0, 0.0)), "max_shift"),
     ],

@@ -9,7 +9,7 @@ from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arm, Arms, ArmSettings
 from wbc.walking.load import HeldLoad, LoadSettings
-from wbc.walking.pattern.lipm import Pendulum, capture_point, natural_frequency
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, analytic_pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.swing import FootMotion, SwingFoot
@@ -94,7 +94,6 @@ __all__ = [
     "PreviewSettings",
     "ZmpTarget",
     "analytic_pattern",
-    "capture_point",
     "natural_frequency",
     "FootMotion",
     "SwingFoot",

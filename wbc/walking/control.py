@@ -160,7 +160,7 @@ class WalkingControl:
         self.time = 0.0
         self._in_contact = (True, True)
         self._wrench_targets = np.zeros((2, 6))
-        self._com, self._dcm = np.zeros(3), np.zeros(3)  # as measured, with its bias
+        self._dcm = np.zeros(3)  # as measured, with its bias
 
         # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control), of the
         # estimated soles and of the estimated torso: they move on with their models.
@@ -302,7 +302,6 @@ class WalkingControl:
         if self.load is not None:
             self._hold(self.load)
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
-        self._com = com
         self._dcm = com + velocity / self._omega
         bias = None if self.bias is None else self._estimate_bias(self.bias)
         self.reference = reference = self._update_walk(bias)

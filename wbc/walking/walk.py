@@ -57,8 +57,6 @@ class WalkSettings:
         phases: Loads and times at which phases change.
         adjustment: Step adjustment; None for none.
         replan: Time between plans of the pattern, s; each event plans it anew as well.
-        feedback: Share of the measured DCM error from which the pattern is planned: 0 plans on from the plan and
-            leaves the error to the stabilizer, 1 plans from where the robot is.
         ground_memory: Share of the unexpected height of a landing by which the next landings are moved.
         rise_memory: Share of that height by which the expected rise from step to step changes. Where the ground keeps
             rising, or the estimate drifts (by a millimetre or two a step), feet would always land too early.
@@ -69,7 +67,6 @@ class WalkSettings:
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
     replan: Annotated[Positive, "s"] = 0.1
-    feedback: Share = 0.0
     ground_memory: Share = 0.5
     rise_memory: Share = 0.1
 
@@ -231,7 +228,7 @@ class Walk:
         """
         self._events = (self.phases.start(),)
         self._rest, self._time = None, 0.0
-        self._replan(None)
+        self._replan()
 
     def stop(self) -> None:
         """Come to a stand safely; a walk that stands, or stops already, is left alone."""
@@ -248,7 +245,7 @@ class Walk:
             self.phases.plan = plan.with_step(
                 len(plan) - 1, replace(closing, z=closing.z - self._ground.height)
             )
-        self._replan(None)
+        self._replan()
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
@@ -274,7 +271,7 @@ class Walk:
             self._events = (phases.start(),)
             if self._rest is not None:
                 self._rest, self._time = None, 0.0
-        self._replan(None)
+        self._replan()
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
@@ -307,8 +304,8 @@ class Walk:
         overdue = self.phases.overdue
         interval = 0.5 * self.settings.phases.hold if overdue else self.settings.replan
         if self._rest is None and (events or self._time >= interval - 1e-9):
-            if self._time > 0.0 or self.settings.feedback > 0.0:  # a swing that begins has planned already
-                self._replan(dcm)
+            if self._time > 0.0:  # a swing that begins has planned already
+                self._replan()
         elif dcm is not None and self._adjuster and self._swing is not None and not overdue:
             self._adjust(dcm, self._steady if self.reaction > 0.0 else self._adjuster, self._swing)
         if self._swing is not None:
@@ -360,7 +357,7 @@ class Walk:
         self.phases.land(landing, carry=False)
         side = SIDES.index(step.side)
         self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait)
-        self._replan(None)
+        self._replan()
         self._plan_swing(landing)
 
     def _land(self, placements: list[pin.SE3]) -> None:
@@ -377,15 +374,9 @@ class Walk:
         self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
 
-    def _replan(self, dcm: Array | None) -> None:
-        """Plan the pattern anew: from the pendulum as planned, or partly as measured."""
-        start = self._pattern.at(self._time)
-        if dcm is not None and self.settings.feedback > 0.0:
-            error = self.settings.feedback * (np.asarray(dcm[:2]) - start.dcm[:2])
-            com = start.com.copy()
-            com[:2] += error
-            start = start._replace(com=com)
-        self._pattern = self._preview.plan(self.phases.supports(), start)
+    def _replan(self) -> None:
+        """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
+        self._pattern = self._preview.plan(self.phases.supports(), self._pattern.at(self._time))
         self._time = 0.0
         status = self._preview.status
         if not status.ok and self._pattern_status.ok:
@@ -435,4 +426,4 @@ class Walk:
         phases.land(landing, carry=True)
         phases.retime(time)
         swing.retarget(elapsed, landing, elapsed + time)
-        self._replan(None)
+        self._replan()

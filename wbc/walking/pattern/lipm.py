@@ -46,24 +46,6 @@ def dcm(com: Array, com_velocity: Array, omega: float) -> Array:
     return com + com_velocity / omega
 
 
-@checked_on_failure
-def capture_point(com: Array, com_velocity: Array, omega: float, ground: float) -> Array:
-    """Return the point of the ground to step on to come to rest: the DCM, put on the ground.
-
-    Args:
-        com: Centre of mass in the world, shape (3,), m.
-        com_velocity: Its velocity, shape (3,), m/s.
-        omega: Natural frequency, 1/s.
-        ground: Height of the ground, m.
-
-    Returns:
-        Point in the world, shape (3,), m.
-    """
-    point = dcm(com, com_velocity, omega)
-    point[2] = ground
-    return point
-
-
 class Pendulum(NamedTuple):
     """Reference of the pendulum at one instant, in the world.
 
