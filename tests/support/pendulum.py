@@ -2,12 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wbc.core.errors import Array
+from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.pattern.pattern import Pattern, height_profile
+from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
 
 
 def com_after(com: Array, velocity: Array, zmp: Array, omega: float, time: float) -> tuple[Array, Array]:
     """Return CoM (m) and its velocity (m/s) after a time (s) over a ZMP at rest (m)."""
     c, s = np.cosh(omega * time), np.sinh(omega * time)
     return zmp + c * (com - zmp) + s / omega * velocity, omega * s * (com - zmp) + c * velocity
+
+
+def analytic_pattern(
+    supports: Sequence[SupportPhase],
+    height: float,
+    start: Pendulum,
+) -> Pattern:
+    """Return the plan whose ZMP rests under the stance feet, from any state of the pendulum.
+
+    One more knot in the middle of the first support gives the DCM its present value; unlike in the preview controller
+    it may lie outside the support.
+    """
+    times, points = zmp_reference(supports, ZmpTarget(), start.zmp[:2])
+    keep = np.concatenate([[True], np.diff(times) > 1e-9])
+    times, points = times[keep], points[keep]
+    times = np.insert(times, 1, 0.5 * times[1])
+    points = np.insert(points, 1, 0.5 * (points[0] + points[1]), axis=0)
+    profile = height_profile(supports, height, start)
+    omega = natural_frequency(height)
+    com, velocity = start.com[:2], start.com_velocity[:2]
+    free = Pattern(times, points, com, velocity, height, profile)
+    nudged = points.copy()
+    nudged[1] += 1.0
+    gain = (Pattern(times, nudged, com, velocity, height, profile).dcm[0] - free.dcm[0])[0]
+    points[1] += (com + velocity / omega - free.dcm[0]) / gain
+    return Pattern(times, points, com, velocity, height, profile)

@@ -11,6 +11,7 @@ import pytest
 import qpsolvers
 from hypothesis import given
 from hypothesis import strategies as st
+from pendulum import analytic_pattern
 from properties import examples
 from scipy.spatial import ConvexHull
 
@@ -18,11 +19,11 @@ from wbc.core.errors import InputError
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.solver import Status
 from wbc.robots import load
-from wbc.tasks.trajectories import Quintic
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.pattern.pattern import Pattern, analytic_pattern
+from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
+from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.pattern.reaction import TRUNK, SwingReaction, Travel, leg_share
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
@@ -235,10 +236,7 @@ def test_bad_patterns_are_refused() -> None:
     with pytest.raises(InputError, match="increase"):
         Pattern(np.array([0.0, 0.1, 0.1]), np.zeros((3, 2)), np.zeros(2), np.zeros(2), HEIGHT, profile)
     with pytest.raises(InputError, match="height"):
-        analytic_pattern(WALK, -1.0, REST)
-    for none in ([], np.zeros(0)):
-        with pytest.raises(InputError, match="at least one support, got none"):
-            analytic_pattern(none, HEIGHT, REST)  # type: ignore[arg-type]
+        Pattern(np.array([0.0, 0.1]), np.zeros((2, 2)), np.zeros(2), np.zeros(2), -1.0, profile)
 
 
 # Preview

@@ -9,14 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from pendulum import com_after
+from pendulum import analytic_pattern, com_after
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.control import WalkingControl
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.pattern.pattern import analytic_pattern
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.ground import GroundEstimate

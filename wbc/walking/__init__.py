@@ -10,7 +10,7 @@ from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arm, Arms, ArmSettings
 from wbc.walking.load import HeldLoad, LoadSettings
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.pattern.pattern import Pattern, analytic_pattern
+from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.swing import FootMotion, SwingFoot
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
@@ -93,7 +93,6 @@ __all__ = [
     "PreviewController",
     "PreviewSettings",
     "ZmpTarget",
-    "analytic_pattern",
     "natural_frequency",
     "FootMotion",
     "SwingFoot",

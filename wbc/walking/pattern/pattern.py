@@ -1,4 +1,4 @@
-"""Motion of the pendulum over a broken line of ZMPs, in closed form; and the analytic plan.
+"""Motion of the pendulum over a broken line of ZMPs, in closed form.
 
 The DCM is known backwards from the point of rest at the end of the walk, the CoM follows it forwards:
 
@@ -15,11 +15,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.core.arguments import checked, checked_on_failure
+from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
+from wbc.walking.planning.schedule import SupportPhase
 
 
 def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Array:
@@ -163,45 +163,3 @@ def height_profile(supports: Sequence[SupportPhase], height: float, start: Pendu
         supports,
         (float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])),
     )
-
-
-@checked
-def analytic_pattern(
-    supports: Sequence[SupportPhase],
-    height: float,
-    start: Pendulum,
-    *,
-    target: ZmpTarget | None = None,
-) -> Pattern:
-    """Return the plan whose ZMP rests under the stance feet, from any state of the pendulum.
-
-    One more knot in the middle of the first support gives the DCM its present value; unlike in the preview controller
-    (`wbc.walking.pattern.preview`), it may lie outside the support.
-
-    Args:
-        supports: Schedule from now on; its first support has time left.
-        height: Height of the CoM over the support, m.
-        start: State of the pendulum now.
-        target: Reference of the ZMP under a stance foot; the sole centre when None.
-
-    Raises:
-        InputError: A schedule without supports, or a first one without time left.
-    """
-    if len(supports) == 0:
-        raise InputError("supports must be a schedule of at least one support, got none")
-    times, points = zmp_reference(supports, target or ZmpTarget(), start.zmp[:2])
-    if times[1] <= 0.0:
-        raise InputError("the first support of a schedule must have time left")
-    keep = np.concatenate([[True], np.diff(times) > 1e-9])
-    times, points = times[keep], points[keep]
-    times = np.insert(times, 1, 0.5 * times[1])
-    points = np.insert(points, 1, 0.5 * (points[0] + points[1]), axis=0)
-    profile = height_profile(supports, height, start)
-    omega = natural_frequency(height)
-    com, velocity = start.com[:2], start.com_velocity[:2]
-    free = Pattern(times, points, com, velocity, height, profile)
-    nudged = points.copy()
-    nudged[1] += 1.0
-    gain = (Pattern(times, nudged, com, velocity, height, profile).dcm[0] - free.dcm[0])[0]
-    points[1] += (com + velocity / omega - free.dcm[0]) / gain
-    return Pattern(times, points, com, velocity, height, profile)
