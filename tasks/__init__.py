@@ -32,6 +32,7 @@ from wbc.tasks.scheduling.policies import (
 )
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.trajectories import Trajectory
 
 __all__ = [
     # Controller of a standing robot
@@ -53,6 +54,8 @@ __all__ = [
     "CoPTask",
     "FirstOrderImpedanceTask",
     "ImpedanceTask",
+    # Targets that move
+    "Trajectory",
     # Options of tasks
     "TaskOptions",
     "GainOptions",

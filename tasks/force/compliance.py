@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -32,10 +32,12 @@ from wbc.core.errors import (
     non_negative,
     positive,
 )
+from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
+from wbc.tasks.motion.moving import Course, Placing
 from wbc.tasks.options import MotionOptions, OffsetOptions
 
 VELOCITY_BOUND = (0.1, 0.3)
@@ -104,7 +106,10 @@ class ComplianceTask(FrameTask):
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
-        self._target = pose(f"target of task '{self.name}'", value)
+        target = pose(f"target of task '{self.name}'", value)
+        if self._held:
+            self._take_over()
+        self._target = target
 
     @property
     def target_wrench(self) -> Array:
@@ -149,20 +154,26 @@ class ComplianceTask(FrameTask):
     @property
     def feedforward_velocity(self) -> Array:
         """Velocity of the target along the chosen axes of the frame, shape (dim,), m/s and rad/s."""
-        return self._target_velocity
+        return read_only(self._target_velocity)
 
     @feedforward_velocity.setter
     def feedforward_velocity(self, value: ArrayLike) -> None:
-        self._target_velocity = self._vector("feed-forward velocity", value)
+        velocity = self._vector("feed-forward velocity", value)
+        if self._held:
+            self._take_over()
+        self._target_velocity = velocity
 
     @property
     def feedforward_acceleration(self) -> Array:
         """Acceleration of the target along the chosen axes of the frame, shape (dim,), m/s² and rad/s²."""
-        return self._target_acceleration
+        return read_only(self._target_acceleration)
 
     @feedforward_acceleration.setter
     def feedforward_acceleration(self, value: ArrayLike) -> None:
-        self._target_acceleration = self._vector("feed-forward acceleration", value)
+        acceleration = self._vector("feed-forward acceleration", value)
+        if self._held:
+            self._take_over()
+        self._target_acceleration = acceleration
 
     @property
     def wrench_error(self) -> Array:
@@ -186,6 +197,7 @@ class ComplianceTask(FrameTask):
 
     def reset(self) -> None:
         """Set offset, compliance velocity and low-pass to zero."""
+        super().reset()
         self._wrench_error, self._wrench_rate = np.zeros(6), np.zeros(6)
         self._velocity, self._acceleration = np.zeros(6), np.zeros(6)
         self._offset_position, self._offset_rotation = np.zeros(3), np.eye(3)
@@ -230,6 +242,19 @@ class ComplianceTask(FrameTask):
         self._local = pin.LOCAL
         if self._target is None:
             self._target = pin.SE3(self._placement)
+
+    def _course(self) -> Course:
+        return Placing(self.target, lambda value: pose(f"target of task '{self.name}'", value))
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        back = self._rotation.T
+        rates = [np.concatenate([back @ rate[:3], back @ rate[3:]]) for rate in (velocity, acceleration)]
+        keep = slice(None) if self._keep is None else self._keep
+        self._target, self._target_velocity, self._target_acceleration = (
+            target,
+            rates[0][keep],
+            rates[1][keep],
+        )
 
     def observe(self, measurement: Measurement, dt: float) -> None:
         """Read the wrench of the sole, if the frame is one, and yield for one control period.

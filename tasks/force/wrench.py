@@ -12,7 +12,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, check_options, finite_array, unknown_name
 from wbc.core.qp.contact import AXES, Contact
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.task import VariableTask
+from wbc.core.qp.task import VariableTask, read_only
 from wbc.tasks.motion.axes import axis_mask
 from wbc.tasks.options import TaskOptions
 
@@ -64,12 +64,27 @@ class WrenchTask(VariableTask):
 
     @property
     def target(self) -> Array:
-        """Force variables in the contact frame, shape (6,), or (3,) for a point contact, N and Nm."""
-        return self._target
+        """Force variables in the contact frame, shape (6,), or (3,) for a point contact, N and Nm, read-only."""
+        return read_only(self._target)
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        self._target = finite_array(f"target of task '{self.name}' (N, Nm)", value, (self._size,))
+        target = finite_array(f"target of task '{self.name}' (N, Nm)", value, (self._size,))
+        if self._held:
+            self._take_over()
+        self._target = target
+
+    def follow(self, target: Array) -> None:
+        """Set the target for one tick, unchecked: for a controller that makes it itself.
+
+        Args:
+            target: As `target`, shape (6,) or (3,), N and Nm; kept, not copied.
+        """
+        self._target = target
+
+    def waits_for(self) -> object | None:
+        """Return the contact, where the task was given it and not its name."""
+        return self._contact if isinstance(self._contact, Contact) else None
 
     def bind_problem(self, problem: Problem) -> None:
         """Find the force variables of the contact.

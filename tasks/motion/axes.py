@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.core.errors import Array, InputError, check_options, names_in, unknown_name
 from wbc.core.qp.task import ERROR_BOUNDS, MotionTask
 from wbc.core.robot import BASE_DOF, Robot
+from wbc.tasks.motion.moving import MovingTask
 from wbc.tasks.options import MotionOptions
 
 POSITION_AXES = ("x", "y", "z")
@@ -21,7 +22,7 @@ BASE = "base"
 """Name of the six coordinates of the floating base in a choice of joints."""
 
 
-class AxesTask(MotionTask):
+class AxesTask(MovingTask, MotionTask):
     """Base of motion tasks with a choice of axes and joints.
 
     Attributes:
@@ -84,6 +85,12 @@ class AxesTask(MotionTask):
     def _vectors(self) -> Sequence[slice]:
         parts = (slice(0, self._linear_rows), slice(self._linear_rows, self.dim))
         return [part for part in parts if part.stop > part.start]
+
+    def _feed(self, velocity: Array, acceleration: Array) -> None:
+        """Set the feed-forwards of the chosen axes from those of all."""
+        keep = self._keep
+        self._rows.velocity[:] = velocity if keep is None else velocity[keep]
+        self._rows.acceleration[:] = acceleration if keep is None else acceleration[keep]
 
     def _write(self, rows: tuple[Array, Array, Array], values: tuple[Array, Array, Array]) -> None:
         """Write Jacobian, error and drift of all axes into the rows of the chosen ones."""

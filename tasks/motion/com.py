@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, finite_array
+from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
+from wbc.tasks.motion.moving import Course
 from wbc.tasks.options import MotionOptions
 
 ERROR_BOUND = 0.3
@@ -44,12 +46,15 @@ class CoMTask(AxesTask):
 
     @property
     def target(self) -> Array:
-        """Point in the world, shape (3,), m."""
-        return np.array(self.robot.com) if self._target is None else self._target
+        """Point in the world, shape (3,), m, read-only; assign one, or see `move_to`."""
+        return read_only(np.array(self.robot.com) if self._target is None else self._target)
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        self._target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        if self._held:
+            self._take_over()
+        self._target = target
 
     def follow(self, com: Array, velocity: Array, acceleration: Array) -> None:
         """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
@@ -62,6 +67,15 @@ class CoMTask(AxesTask):
         self._target = com
         self._rows.velocity[:] = velocity
         self._rows.acceleration[:] = acceleration
+
+    def _course(self) -> Course:
+        return Course(
+            self.target, lambda value: finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        )
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self._target = target
+        self._feed(velocity, acceleration)
 
     def bind(self, robot: Robot) -> None:
         """Take the present centre of mass as target when none was given.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES, AxesTask
+from wbc.tasks.motion.moving import Course, Placing, Turning
 from wbc.tasks.options import MotionOptions
 
 
@@ -118,14 +120,26 @@ class PositionTask(FrameTask):
 
     @property
     def target(self) -> Array:
-        """Point in the world, shape (3,), m."""
-        return (
+        """Point in the world, shape (3,), m, read-only; assign one, or see `move_to`."""
+        return read_only(
             np.array(self.robot.placement(self.frame).translation) if self._target is None else self._target
         )
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        self._target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        if self._held:
+            self._take_over()
+        self._target = target
+
+    def _course(self) -> Course:
+        return Course(
+            self.target, lambda value: finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        )
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self._target = target
+        self._feed(velocity, acceleration)
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
@@ -167,12 +181,17 @@ class OrientationTask(FrameTask):
 
     @property
     def target(self) -> Array:
-        """Rotation from the frame to the world, shape (3, 3)."""
-        return np.array(self.robot.placement(self.frame).rotation) if self._target is None else self._target
+        """Rotation from the frame to the world, shape (3, 3), read-only; assign one, or see `move_to`."""
+        return read_only(
+            np.array(self.robot.placement(self.frame).rotation) if self._target is None else self._target
+        )
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        self._target = rotation_matrix(f"target of task '{self.name}'", value)
+        target = rotation_matrix(f"target of task '{self.name}'", value)
+        if self._held:
+            self._take_over()
+        self._target = target
 
     def follow(self, target: Array, velocity: Array | None = None, acceleration: Array | None = None) -> None:
         """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
@@ -193,6 +212,13 @@ class OrientationTask(FrameTask):
         super().bind(robot)
         if self._target is None:
             self._target = np.array(self._rotation)
+
+    def _course(self) -> Course:
+        return Turning(self.target, lambda value: rotation_matrix(f"target of task '{self.name}'", value))
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self._target = target
+        self._feed(velocity, acceleration)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
@@ -238,6 +264,8 @@ class PoseTask(FrameTask):
     @target.setter
     def target(self, value: pin.SE3) -> None:
         target = pose(f"target of task '{self.name}'", value)
+        if self._held:
+            self._take_over()
         self._orientation, self._position = np.array(target.rotation), np.array(target.translation)
 
     def follow(self, placement: pin.SE3, velocity: Array, acceleration: Array) -> None:
@@ -257,6 +285,13 @@ class PoseTask(FrameTask):
         super().bind(robot)
         if self._orientation is None:
             self._orientation, self._position = np.array(self._rotation), np.array(self._translation)
+
+    def _course(self) -> Course:
+        return Placing(self.target, lambda value: pose(f"target of task '{self.name}'", value))
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self._orientation, self._position = target.rotation, target.translation
+        self._feed(velocity, acceleration)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import Task, read_only
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import distinct_joints, joint_columns
 
@@ -72,24 +72,29 @@ class JointTask(Task):
 
     @property
     def target(self) -> Array:
-        """Targets, shape (dim,), `unit`; assign an array, or joint name → target for some joints."""
+        """Targets, shape (dim,), `unit`, read-only; assign an array, or joint name → target for some joints."""
         if self._target is None:
             raise InputError(f"task '{self.name}' has no target before it is added to a controller")
-        return self._target
+        return read_only(self._target)
 
     @target.setter
     def target(self, value: JointValues) -> None:
         if self._target is None:
             self._pending = value
             return
-        if isinstance(value, Mapping):
-            changed = np.array(self._target)
-            for joint, target in value.items():
-                changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
-            self._target = changed
-        else:
-            self._target = finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
-        self._pending = None
+        target = self._targets(value, self._target)
+        if self._held:
+            self._take_over()
+        self._target, self._pending = target, None
+
+    def _targets(self, value: JointValues, others: Array) -> Array:
+        """Return targets after a check, shape (dim,); those that are not given are those of `others`."""
+        if not isinstance(value, Mapping):
+            return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
+        changed = np.array(others)
+        for joint, target in value.items():
+            changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
+        return changed
 
     def saturate(self, error: Array) -> None:
         """Bring the error of each joint into its bound; see `Task.saturate`."""

@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.task import read_only
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import POSE_AXES, AxesTask
+from wbc.tasks.motion.moving import Course
 from wbc.tasks.options import MotionOptions
 
 
@@ -48,12 +50,18 @@ class MomentumTask(AxesTask):
 
     @property
     def target(self) -> Array:
-        """[linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s."""
-        return self._target
+        """[linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s, read-only."""
+        return read_only(self._target)
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        self._target = finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
+        target = finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
+        if self._held:
+            self._take_over()
+        self._target = target
+
+    def _course(self) -> Course:
+        raise InputError(f"task '{self.name}' has a momentum for its target, which is not moved: assign it")
 
     @property
     def damping(self) -> Array:

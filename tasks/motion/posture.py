@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Unpack
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,11 @@ from wbc.core.errors import Array, check_options, non_negative
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
+from wbc.tasks.motion.moving import Course, MovingTask
 from wbc.tasks.options import GainOptions
 
 
-class PostureTask(JointTask, SelectionTask):
+class PostureTask(MovingTask, JointTask, SelectionTask):
     """Bring joints to given positions; what is left free by all other tasks goes here.
 
     Error and residual are in rad and rad/s² (m and m/s² for sliding joints); the weight is a cost per (rad/s²)².
@@ -95,7 +96,30 @@ class PostureTask(JointTask, SelectionTask):
         self._rows.velocity[:] = velocity
         self._rows.acceleration[:] = acceleration
 
+    def _course(self) -> Course:
+        return _Joints(self.target, self._targets)
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self.follow(target, velocity, acceleration)
+
+    def _greatest(self, rows: Array) -> float:
+        return float(abs(rows).max())
+
+    def _within(self, rows: Array, bounds: Sequence[float]) -> bool:
+        return self._greatest(rows) <= bounds[0]
+
     def evaluate(self, error: Array) -> None:
         """Fill target − measured; see `SelectionTask.evaluate`."""
         assert self._target is not None
         np.subtract(self._target, self.robot.q[self._positions], out=error)
+
+
+class _Joints(Course):
+    """Joint positions; joints that a target does not name stay where they were before."""
+
+    def __init__(self, start: Array, targets: Callable[[JointValues, Array], Array]) -> None:
+        super().__init__(start, np.asarray, [slice(joint, joint + 1) for joint in range(start.size)])
+        self._targets = targets
+
+    def point(self, target: Any, before: Array) -> Array:
+        return self._targets(target, before)

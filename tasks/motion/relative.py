@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +12,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
+from wbc.tasks.motion.moving import Course, Placing
 from wbc.tasks.options import MotionOptions
 
 
@@ -55,7 +56,29 @@ class RelativeFrameTask(FrameTask):
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
-        self._target = pose(f"target of task '{self.name}'", value)
+        target = pose(f"target of task '{self.name}'", value)
+        if self._held:
+            self._take_over()
+        self._target = target
+
+    def follow(self, target: pin.SE3, velocity: Array, acceleration: Array) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            target: Pose of the frame in the reference frame; kept, not copied.
+            velocity: [linear; angular] along the task's axes, shape (dim,), m/s and rad/s.
+            acceleration: Its derivative, shape (dim,), m/s² and rad/s².
+        """
+        self._target = target
+        self._rows.velocity[:] = velocity
+        self._rows.acceleration[:] = acceleration
+
+    def _course(self) -> Course:
+        return Placing(self.target, lambda value: pose(f"target of task '{self.name}'", value))
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self._target = target
+        self._feed(velocity, acceleration)
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

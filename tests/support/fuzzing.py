@@ -558,6 +558,7 @@ def own_values(function: str) -> dict[str, Any]:
     plane = pin.SE3.Identity()
     reach = walking.Reach(0.3, 0.1, 0.4, 0.5, 0.2, 0.2)
     sizes = ((0.2, 0.1), (0.2, 0.1))
+    standing = walking.Pendulum(*np.zeros((5, 3)), 3.5)
     x = 0.004 * np.arange(41)
     makers: dict[str, Callable[[], dict[str, Any]]] = {
         "Arm": lambda: {"name": "left_hand"},
@@ -623,6 +624,7 @@ def own_values(function: str) -> dict[str, Any]:
             "com_velocity": np.zeros(2),
             "profile": HeightProfile(walking.schedule(_plan())),
         },
+        "analytic_pattern": lambda: {"supports": walking.schedule(_plan()), "start": standing},
         "SwingFoot": lambda: {"start": plane, "landing": walking.Footstep("left", 0.2, 0.0)},
         "net_wrench": lambda: {"soles": [plane, plane]},
         "zmp": lambda: {"plane": plane},

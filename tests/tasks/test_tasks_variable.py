@@ -156,14 +156,12 @@ def test_force_of_a_point_contact_is_tracked() -> None:
 
 def test_wrench_task_refuses_contacts_that_do_not_fit() -> None:
     controller = standing("hrp4_class")
-    task = controller.add(WrenchTask("left_fot"))
     with pytest.raises(UnknownNameError, match="left_foot"):
-        controller.solve()
-    controller.remove(task)
+        controller.add(WrenchTask("left_fot"))
     hand = PointContact(left_hand(controller.robot))
-    controller.add(hand, WrenchTask(hand.name))
     with pytest.raises(InputError, match="3 force variables"):
-        controller.solve()
+        controller.add(hand, WrenchTask(hand.name))
+    assert controller.solve().ok  # nothing of it was added
     with pytest.raises(UnknownNameError, match="axis"):
         WrenchTask(hand, axes=("roll",))
 

@@ -12,7 +12,7 @@ from wbc import load_robot
 from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
-from wbc.sim import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
+from wbc.sim import Plant, WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
 from wbc.tasks import CoMTask, PostureTask
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.reaching import Arm, Arms, approach
@@ -207,3 +207,32 @@ def test_a_hand_sent_two_metres_away_makes_no_walk_fall(
     result = trial.run([hook])
     assert result.outcome == "completed" and result.failures == 0
     assert np.linalg.norm(hook.errors[-1]) > 0.5, "it is out of reach"
+
+
+def test_a_hand_goes_at_the_speed_that_it_is_given_and_says_when_it_is_there() -> None:
+    description = load_robot("hrp4_class")
+    plant, robot = Plant(description), description.robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
+    hand = walking.arms["right_hand"]
+    start = np.array(robot.placement(hand.frame).translation)
+    goal = start + [0.12, 0.02, 0.08]
+    for bad, message in (
+        ({"speed": 0.0}, "above zero"),
+        ({"duration": -1.0}, "duration"),
+        ({"acceleration": 1.0}, "needs a duration or a speed"),
+    ):
+        with pytest.raises(InputError, match=message):
+            hand.reach(goal, **bad)
+    assert hand.target is None and not hand.moving and not hand.reached
+    hand.reach(goal, speed=0.1)
+    speeds, since = [], None
+    while plant.time < 4.0 and since is None:
+        plant.step(walking.command(plant.measure()))
+        speeds.append(hand.speed)
+        since = plant.time if hand.reached else None
+    way = float(np.linalg.norm(goal - start))
+    assert since == pytest.approx(1.875 * way / 0.1, abs=0.6) and not hand.moving
+    assert 0.09 < max(speeds) < 0.115
+    np.testing.assert_allclose(robot.placement(hand.frame).translation, goal, atol=0.01)
+    with pytest.raises(InputError, match=r"use walking\.arms\['right_hand'\]\.reach"):
+        walking.controller.task("right_hand").target = hand.target

@@ -19,11 +19,11 @@ from wbc.core.errors import InputError
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.solver import Status
 from wbc.robots import load
+from wbc.tasks.trajectories import Quintic
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
-from wbc.walking.pattern.quintic import Quintic
 from wbc.walking.pattern.reaction import TRUNK, SwingReaction, Travel, leg_share
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait

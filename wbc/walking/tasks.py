@@ -157,7 +157,7 @@ class WalkTasks:
             if not reference.contact[side]:
                 self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
             elif self._torque:
-                self._wrenches[side].target = output.feet.wrenches[side]
+                self._wrenches[side].follow(output.feet.wrenches[side])
                 if self._moment_by_load:
                     self._weigh_moments(side, reference, output)
             else:

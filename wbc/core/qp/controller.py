@@ -13,7 +13,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, as_period, choose, positive, shown
+from wbc.core.errors import Array, InputError, WbcError, as_period, choose, positive, shown
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
@@ -22,7 +22,7 @@ from wbc.core.qp.levels import LevelSolver
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import MotionTask, SelectionTask, Task, evaluated
+from wbc.core.qp.task import MotionTask, SelectionTask, Task, VariableTask, evaluated
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
@@ -68,6 +68,7 @@ class Controller:
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []
         self._limits: list[Limit] = []
+        self._moving: list[Task] = []  # tasks whose targets are on their way
         self.model_time = 0.0
         self._solution: Solution | None = None
         self.outside: Array | None = None
@@ -131,7 +132,8 @@ class Controller:
         Raises:
             UnknownNameError: A frame, joint or sole that the robot does not have.
             InputError: A name used twice, a second set of joint or torque limits, an item of another controller, not a
-                task, contact or limit, or a task whose rows cannot be evaluated. None of the items is added then.
+                task, contact or limit, or a task whose rows cannot be evaluated, such as one on the wrench of a contact
+                that is not there. None of the items is added then.
         """
         new, present = (item, *items), [*self._tasks, *self._contacts, *self._limits]
         for each in new:
@@ -142,6 +144,7 @@ class Controller:
             for each in new:
                 self._bind(each, present)
                 present.append(each)
+            self._check_variable_tasks(new)
         except BaseException:
             for each, values in before.values():  # what is bound has taken a place as its target
                 vars(each).clear()
@@ -150,6 +153,8 @@ class Controller:
         for each in new:
             self._list_of(each).append(each)
             vars(each)["_owner"] = weakref.ref(self)
+            if isinstance(each, Task):
+                each.fix_attributes()
         self._dirty = True
         return new if items else item
 
@@ -177,6 +182,27 @@ class Controller:
         if item.name in {other.name for other in others}:
             raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
 
+    def _check_variable_tasks(self, new: Sequence[Item]) -> None:
+        """Refuse tasks on all variables that cannot be bound to the QP, or evaluated: they would fail at every tick."""
+        contacts = [*self._contacts, *(item for item in new if isinstance(item, Contact))]
+        tasks = [
+            item for item in new if isinstance(item, VariableTask) and item.waits_for() in (None, *contacts)
+        ]
+        if not tasks:
+            return
+        problem = Assembly(self.robot, [], contacts, [], self._regularisation).problem
+        for task in tasks:
+            task.bind_problem(problem)
+            rows = np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim)
+            try:
+                task.evaluate(*rows)
+            except WbcError:
+                raise
+            except Exception as failure:  # whatever a task of one's own may raise
+                raise InputError(
+                    f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
+                ) from failure
+
     def _list_of(self, item: Item) -> list[Any]:
         if isinstance(item, Task):
             return self._tasks
@@ -196,6 +222,7 @@ class Controller:
                 item.detach()
             of_kind = self._list_of(item)
             of_kind[:] = [other for other in of_kind if other is not item]
+            self._moving = [other for other in self._moving if other is not item]
             del vars(item)["_owner"]
         self._dirty = True
 
@@ -214,6 +241,15 @@ class Controller:
             UnknownNameError: There is no such contact; the nearest names are given.
         """
         return _by_name("contact", name, self._contacts)
+
+    def move(self, task: Task) -> None:
+        """Advance the target of a task at every tick until it has arrived; `move_to` of the task calls it.
+
+        Args:
+            task: One of this controller's tasks.
+        """
+        if not any(task is other for other in self._moving):
+            self._moving.append(task)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -241,6 +277,8 @@ class Controller:
         start = perf_counter()
         if self._dirty:
             self._rebuild()
+        if self._moving:
+            self._moving = [task for task in self._moving if task.move_on(self._dt)]
         assembly, solver = self._assembly, self._solver
         if measurement is not None:
             for task in assembly.listening:

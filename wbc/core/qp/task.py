@@ -13,13 +13,14 @@ target out of reach pulls no harder the further away it is.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.attributes import FixedAttributes
 from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, whole_number
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
@@ -60,8 +61,10 @@ class Rows:
             getattr(self, field)[:] = getattr(other, field)
 
 
-class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
+class Task(FixedAttributes):
     """Base of all tasks; subclass `MotionTask`, `SelectionTask` or `VariableTask`, not this.
+
+    An attribute that a task does not have after its constructor, its `bind` and its first evaluation is refused.
 
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
@@ -72,6 +75,8 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     unit = "m"
     idle = False
+    _set_by: str | None = None
+    _held = False  # by another part that sets the target, or by a move
 
     def __init__(
         self,
@@ -169,7 +174,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     @property
     def weight(self) -> Array:
         """Cost per squared residual unit, shape (dim,), read-only; assign a scalar or an array."""
-        return _read_only(self._rows.weight)
+        return read_only(self._rows.weight)
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
@@ -179,7 +184,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     @property
     def stiffness(self) -> Array:
         """Acceleration per error, 1/s², shape (dim,), read-only; assigning one makes an unset damping critical."""
-        return _read_only(self._rows.stiffness)
+        return read_only(self._rows.stiffness)
 
     @stiffness.setter
     def stiffness(self, value: ArrayLike) -> None:
@@ -191,7 +196,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     @property
     def damping(self) -> Array:
         """Acceleration per velocity error, 1/s, shape (dim,), read-only; assign None to make it critical again."""
-        return _read_only(self._rows.damping)
+        return read_only(self._rows.damping)
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
@@ -208,7 +213,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     @property
     def error_bound(self) -> Array:
         """Greatest component of the error that acts, `unit`, shape (dim,), read-only; assign one, or inf for none."""
-        return _read_only(self._rows.bound)
+        return read_only(self._rows.bound)
 
     @error_bound.setter
     def error_bound(self, value: ArrayLike) -> None:
@@ -244,21 +249,27 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
 
     @property
     def feedforward_velocity(self) -> Array:
-        """Velocity of the target, shape (dim,), `unit`/s."""
-        return self._rows.velocity
+        """Velocity of the target, shape (dim,), `unit`/s, read-only."""
+        return read_only(self._rows.velocity)
 
     @feedforward_velocity.setter
     def feedforward_velocity(self, value: ArrayLike) -> None:
-        self._rows.velocity[:] = self._vector("feed-forward velocity", value)
+        velocity = self._vector("feed-forward velocity", value)
+        if self._held:
+            self._take_over()
+        self._rows.velocity[:] = velocity
 
     @property
     def feedforward_acceleration(self) -> Array:
-        """Acceleration of the target, shape (dim,), `unit`/s²."""
-        return self._rows.acceleration
+        """Acceleration of the target, shape (dim,), `unit`/s², read-only."""
+        return read_only(self._rows.acceleration)
 
     @feedforward_acceleration.setter
     def feedforward_acceleration(self, value: ArrayLike) -> None:
-        self._rows.acceleration[:] = self._vector("feed-forward acceleration", value)
+        acceleration = self._vector("feed-forward acceleration", value)
+        if self._held:
+            self._take_over()
+        self._rows.acceleration[:] = acceleration
 
     @property
     def error(self) -> Array:
@@ -269,6 +280,37 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
     def residual_unit(self) -> str:
         """Unit of the residual: that of an acceleration of the error."""
         return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
+
+    def set_by(self, setting: str | None) -> None:
+        """State that another part sets the target at every tick: what is assigned from then on is an error, not lost.
+
+        Args:
+            setting: What to use instead, such as "walking.body.com_height"; None to let the target be assigned again.
+        """
+        self._set_by = setting
+        self._held = setting is not None
+
+    def move_on(self, dt: float) -> bool:
+        """Move a target that is on its way on by one tick; `wbc.tasks` has the tasks whose targets move.
+
+        Args:
+            dt: Control period, s.
+
+        Returns:
+            True if it is still on its way.
+        """
+        return False
+
+    def _take_over(self) -> None:
+        """Refuse a target that another part sets; called by the setters of a target that is held.
+
+        Raises:
+            InputError: Another part sets the target at every tick.
+        """
+        if self._set_by is not None:
+            raise InputError(
+                f"the target of task '{self.name}' is set at every tick by another part: use {self._set_by}"
+            )
 
     def reset(self) -> None:  # noqa: B027 (optional)
         """Reset internal state, such as the offset of a compliance task; targets stay."""
@@ -286,6 +328,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
             UnknownNameError: A frame or joint that the robot does not have.
         """
         self._robot = robot
+        self._fixed = False  # a task of one's own makes attributes here
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Read the sensors before the rows are written; does nothing unless a task overrides it.
@@ -330,7 +373,7 @@ class Task(ABC):  # noqa: B024 (the subclasses below have the abstract methods)
         return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
 
 
-def _read_only(values: Array) -> Array:
+def read_only(values: Array) -> Array:
     """Return a view that cannot be written: what is assigned is checked, an element that is written is not."""
     view = values.view()
     view.flags.writeable = False
@@ -378,6 +421,10 @@ class VariableTask(Task):
     def residual_unit(self) -> str:
         """Unit of the residual: that of the variables themselves."""
         return self.unit
+
+    def waits_for(self) -> object | None:
+        """Return the contact object of the task, which may be added after it; None where nothing may."""
+        return None
 
     def bind_problem(self, problem: Problem) -> None:
         """Look up contacts or torque rows; called whenever the layout of the QP has changed.

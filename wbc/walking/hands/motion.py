@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.walking.pattern.quintic import Quintic
+from wbc.tasks.trajectories import Quintic
 
 
 class Ramp:
@@ -23,7 +23,7 @@ class Ramp:
     def __init__(self, value: float = 0.0) -> None:
         """Rest at a value."""
         self.value = self.goal = value
-        self._curve: Quintic | None = None
+        self._curve: Quintic[float] | None = None
         self._elapsed = 0.0
 
     def to(self, goal: float, duration: float) -> None:

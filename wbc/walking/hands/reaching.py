@@ -1,6 +1,7 @@
 """Hands that go to targets and stay there while the robot stands or walks.
 
-    target  →  reference that moves with bounded speed and acceleration  →  pose or position task of the hand
+    target  →  reference that moves with bounded speed and acceleration, or on a minimum jerk trajectory
+            →  pose or position task of the hand
 
 A target is given in the world, in the frame of the pelvis, or in that of an object whose pose is told as it moves. The
 error of the task is bounded, and the reference waits for a hand that cannot follow. The hand moves its arm alone, and
@@ -11,7 +12,6 @@ a target an arm is held by the posture, or swings with the opposite foot.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Protocol
 
@@ -26,10 +26,15 @@ from wbc.core.robot import BASE_DOF
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import PoseTask, pose
+from wbc.tasks.motion.moving import NEAR, SLOW, Placing
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
+from wbc.tasks.trajectories import Trajectory, approach
 from wbc.walking.hands.arm_swing import ArmSwing
 from wbc.walking.pattern.swing import FootMotion
+
+ARRIVED = 1e-3
+"""Way of the reference to a target, m and rad, from which it counts as there."""
 
 WORLD, PELVIS = "world", "pelvis"
 """Frames of targets that are always there."""
@@ -118,6 +123,8 @@ class Arm:
         self._goal: pin.SE3 | None = None
         self._point = False
         self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
+        self._way: Trajectory | None = None
+        self._course, self._elapsed = Placing(self._reference, _any_pose), 0.0
         self._share = 0.0  # of the weight
         self._on = False
 
@@ -139,7 +146,7 @@ class Arm:
         """
         if self._goal is None or not self._on:
             return np.full(6, np.nan)
-        here = self._frame_pose.actInv(self._robot.placement(self.frame))
+        here = self._pose_of(self._within).actInv(self._robot.placement(self.frame))
         error = np.concatenate(
             [self._goal.translation - here.translation, pin.log3(self._goal.rotation @ here.rotation.T)]
         )
@@ -147,17 +154,59 @@ class Arm:
             error[3:] = 0.0
         return error
 
+    @property
+    def moving(self) -> bool:
+        """True while the reference of the hand is on its way to the target."""
+        if self._goal is None or not self._on:
+            return False
+        if self._way is not None:
+            return True
+        left = self._reference.actInv(self._goal)
+        return bool(
+            np.linalg.norm(left.translation) > ARRIVED or pin.AngleAxis(left.rotation).angle > ARRIVED
+        )
+
+    @property
+    def speed(self) -> float:
+        """Speed of the hand as it is commanded, m/s, over the ground or in the pelvis."""
+        task = self._tasks.get(self._within == PELVIS)
+        return 0.0 if task is None else float(np.linalg.norm(task.velocity[:3]))
+
+    @property
+    def reached(self) -> bool:
+        """True once the hand is at its target: within 10 mm, of a pose 0.05 rad, and below 0.05 m/s."""
+        task, error = self._tasks.get(self._within == PELVIS), self.error
+        if task is None or not self._on or self.moving or self.speed > SLOW["m"]:
+            return False
+        return bool(np.linalg.norm(error[:3]) < NEAR["m"] and np.linalg.norm(error[3:]) < NEAR["rad"])
+
     @checked
-    def reach(self, target: ArrayLike | pin.SE3, frame: str = WORLD) -> None:
+    def reach(
+        self,
+        target: ArrayLike | pin.SE3,
+        frame: str = WORLD,
+        *,
+        duration: float | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
         """Go to a target and stay there, from the next tick on.
+
+        The hand goes as fast as the settings let it; with a duration or a speed on a minimum jerk trajectory, which
+        waits, as the reference always does, for a hand that cannot follow.
 
         Args:
             target: Point, shape (3,), m, or pose of the hand.
             frame: "world", "pelvis" or the name of an object that `Arms.place` knows.
+            duration: Time on the way, s.
+            speed: Greatest speed, m/s, or a pair (linear, angular), m/s and rad/s.
+            acceleration: Greatest acceleration, as `speed`; reaches that speed in 0.2 s when None and no duration is
+                given.
 
         Raises:
             UnknownNameError: No such frame.
-            InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips.
+            InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
+                limit that is not above zero.
         """
         choose("frame of a hand's target", frame, (WORLD, PELVIS, *self._objects))
         what = f"target of '{self.name}'"
@@ -172,19 +221,31 @@ class Arm:
                 f"{what} must wait until the hand neither presses nor grips: hands.release('{self.name}') lets go, "
                 f"got {np.round(goal.translation, 3).tolist()}"
             )
-        moved = frame != self._within or not self.active
-        turned = self._point and not point  # at a point a hand turns as it likes
-        self._within, self._goal, self._point, self._on = frame, goal, point, True
-        if moved:  # the reference begins where the hand is
-            self._reference = self._frame_pose.actInv(self._robot.placement(self.frame))
-            self._velocity = np.zeros(6)
-        elif turned:  # as far as its rotation goes
-            self._reference.rotation = (
-                self._frame_pose.rotation.T @ self._robot.placement(self.frame).rotation
-            )
-            self._velocity[3:] = 0.0
+        if acceleration is not None and duration is None and speed is None:
+            raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
+        reference, velocity = self._reference, self._velocity
+        if frame != self._within or not self.active:  # the reference begins where the hand is
+            reference = self._pose_of(frame).actInv(self._robot.placement(self.frame))
+            velocity = np.zeros(6)
+        elif self._point and not point:  # as far as its rotation goes: at a point a hand turns as it likes
+            turn = self._pose_of(frame).rotation.T @ self._robot.placement(self.frame).rotation
+            reference, velocity = pin.SE3(turn, reference.translation), velocity * ([1.0] * 3 + [0.0] * 3)
         if point:
-            self._goal.rotation = self._reference.rotation
+            goal.rotation = reference.rotation
+        way, course = None, Placing(reference, _any_pose)
+        if duration is not None or speed is not None:
+            points = [course.start, course.point(goal, course.start)]
+            way = Trajectory(
+                points,
+                duration,
+                speed=speed,
+                acceleration=acceleration,
+                parts=course.parts,
+                velocity=velocity,
+            )
+        self._within, self._goal, self._point, self._on = frame, goal, point, True
+        self._reference, self._velocity = reference, velocity
+        self._way, self._course, self._elapsed = way, course, 0.0
         self._task_of(frame == PELVIS)
         for within, task in self._tasks.items():
             if within != (frame == PELVIS):
@@ -219,6 +280,9 @@ class Arm:
         if self._point:
             way[3:] = 0.0
         before = self._velocity.copy()
+        if self._way is not None:
+            self._follow(task, *self._along(self._way, error))
+            return
         for part, speed, acceleration in (
             (slice(0, 3), s.speed, s.acceleration),
             (slice(3, 6), s.turn_speed, s.turn_acceleration),
@@ -230,31 +294,41 @@ class Arm:
         reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
         self._follow(task, reference, self._velocity, (self._velocity - before) / dt)
 
+    def _along(self, way: Trajectory, error: Array) -> tuple[pin.SE3, Array, Array]:
+        """Move the reference on along a trajectory, more slowly where the hand stays behind."""
+        behind = float(np.linalg.norm(error[:3]))
+        if not self._point:
+            behind = max(behind, float(np.linalg.norm(error[3:])))
+        share = min(1.0, max(0.0, 2.0 - 2.0 * behind / self._settings.lead))
+        self._elapsed += share * self._dt
+        reference, velocity, acceleration = self._course.motion(*way.at(self._elapsed))
+        self._reference, self._velocity = pin.SE3(reference), share * velocity
+        if self._elapsed >= way.duration:
+            self._way = None
+        return self._reference, self._velocity, share * share * acceleration
+
     def _follow(
         self, task: PoseTask | RelativeFrameTask, reference: pin.SE3, velocity: Array, acceleration: Array
     ) -> None:
         if isinstance(task, RelativeFrameTask) or self._within == WORLD:
-            task.target = reference
+            there = reference
         else:
             place, moving = self._objects[self._within]
             there = place * reference
-            task.target = there
             arm = there.translation - place.translation
             turn = place.rotation
             velocity = np.concatenate([turn @ velocity[:3], turn @ velocity[3:]]) + moving
             velocity[:3] += np.cross(moving[3:], arm)
             acceleration = np.concatenate([turn @ acceleration[:3], turn @ acceleration[3:]])
-        task.feedforward_velocity = velocity
-        task.feedforward_acceleration = acceleration
+        task.follow(pin.SE3(there), velocity, acceleration)
 
-    @property
-    def _frame_pose(self) -> pin.SE3:
-        """Pose in the world of the frame that the target is given in."""
-        if self._within == WORLD:
+    def _pose_of(self, frame: str) -> pin.SE3:
+        """Pose in the world of a frame that targets are given in."""
+        if frame == WORLD:
             return pin.SE3.Identity()
-        if self._within == PELVIS:
+        if frame == PELVIS:
             return self._robot.placement(self._robot.base_frame)
-        return self._objects[self._within][0]
+        return self._objects[frame][0]
 
     def _task_of(self, within_pelvis: bool) -> PoseTask | RelativeFrameTask:
         """Return the task, added to the controller when it is used for the first time."""
@@ -276,6 +350,7 @@ class Arm:
                     self.frame, name=self.name, weight=0.0, stiffness=s.stiffness, error_bound=bound
                 )
             task.spared = self._spared
+            task.set_by(f"walking.arms['{self.name}'].reach(…)")
             self._tasks[within_pelvis] = self._controller.add(task)
         return self._tasks[within_pelvis]
 
@@ -378,25 +453,6 @@ class Arms:
             self._com.spared_acceleration = solution.accelerations[self._com.spared]
 
 
-def approach(way: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
-    """Return the next velocity of a point on its way to rest at a goal.
-
-    Args:
-        way: From the point to the goal, shape (n,), m or rad.
-        velocity: Velocity now, shape (n,), per second.
-        speed: Greatest speed.
-        acceleration: Greatest acceleration; half of it brakes before the goal.
-        dt: Control period, s.
-
-    Returns:
-        Velocity, shape (n,), changed by `acceleration` · dt at most.
-    """
-    distance = math.sqrt(float(way @ way))
-    wanted = np.zeros_like(way)
-    if distance > 0.0:
-        wanted = way * (min(speed, math.sqrt(acceleration * distance), 8.0 * distance) / distance)
-    change = wanted - velocity
-    size = math.sqrt(float(change @ change))
-    if size > acceleration * dt:
-        change *= acceleration * dt / size
-    return np.asarray(velocity + change)
+def _any_pose(target: pin.SE3) -> pin.SE3:
+    """Return a target as it is: `reach` has checked it."""
+    return target

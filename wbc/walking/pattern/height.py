@@ -10,7 +10,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-from wbc.walking.pattern.quintic import Quintic
+from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.schedule import SupportPhase
 
 SHORTEST = 0.1

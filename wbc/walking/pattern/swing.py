@@ -19,7 +19,7 @@ import pinocchio as pin
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.core.vectors import Vector
-from wbc.walking.pattern.quintic import Quintic
+from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
 
@@ -55,7 +55,7 @@ class _Coordinate:
     """One coordinate of the foot as quintics in a row, at rest before the first."""
 
     def __init__(self, value: float) -> None:
-        self._pieces: list[tuple[float, Quintic]] = []
+        self._pieces: list[tuple[float, Quintic[float]]] = []
         self._value = value
 
     def at(self, time: float) -> tuple[float, float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from wbc.tasks.trajectories import jerk_to_rest
 from wbc.walking.stepping.law import Point
 from wbc.walking.stepping.settings import SteppingSettings
 
@@ -58,7 +59,7 @@ class SwingReference:
         dt, left = self._dt, self._s.settle * time - elapsed
         if left > 1.25 * self._s.follow:
             coordinates = [
-                _quintic(x, v, a, to, left, dt)
+                jerk_to_rest(x, v, a, to, left, dt)
                 for x, v, a, to in zip(self.place, self.velocity, self.acceleration, landing, strict=True)
             ]
             (x, vx, ax), (y, vy, ay) = coordinates
@@ -99,12 +100,6 @@ class SwingReference:
             self.height = _cubic(
                 high + s.swing_height, 0.0, ground - s.aim, -s.landing_speed, time - apex, elapsed - apex
             )
-
-
-def _quintic(x: float, v: float, a: float, to: float, left: float, dt: float) -> tuple[float, float, float]:
-    """Return the state after a period of the quintic that comes to rest at `to` after `left`, by its jerk now."""
-    jerk = (60.0 * (to - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
-    return x + (v + 0.5 * a * dt) * dt, v + a * dt, a + jerk * dt
 
 
 def _cubic(

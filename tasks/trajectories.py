@@ -1,0 +1,313 @@
+"""Trajectories: the references of targets that move, and the polynomials and followers that they are made of.
+
+    Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
+    Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
+    approach       next velocity towards a goal that may move, with bounded speed and acceleration
+    jerk_to_rest   one tick of the minimum jerk to rest at a goal that may move at every tick
+
+Swing feet, hands, the height of the pendulum and `move_to` of every task use these and no others.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline, make_interp_spline
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, finite_array, positive
+
+ValueT = TypeVar("ValueT", float, Array)
+
+SAMPLES = 100
+"""Samples of a piece, with which the greatest speed and acceleration of a path are found: to 0.1 % of them."""
+
+RUN_UP = 0.2
+"""Time in which the greatest speed is reached where only a speed is given, s: bounds the acceleration of short ways."""
+
+
+class Quintic(Generic[ValueT]):
+    """Polynomial of fifth order with given position, velocity and acceleration at both ends.
+
+    Of all motions between these states in that time it has the least mean squared jerk.
+
+    Attributes:
+        duration: Time between the ends, s.
+
+    Source: Flash & Hogan, "The coordination of arm movements", Journal of Neuroscience 5(7), 1985, appendix A.
+    """
+
+    def __init__(
+        self,
+        start: tuple[ValueT, ValueT, ValueT],
+        end: tuple[ValueT, ValueT, ValueT],
+        duration: float,
+    ) -> None:
+        """Fit.
+
+        Args:
+            start: Position, velocity and acceleration at time 0, numbers or arrays of one shape.
+            end: The same at the end.
+            duration: Time between them, s, above zero.
+        """
+        self.duration = duration
+        p0, v0, a0 = start
+        p1, v1, a1 = end
+        t = duration
+        d = p1 - p0 - v0 * t - 0.5 * a0 * t * t
+        v = (v1 - v0 - a0 * t) * t
+        a = (a1 - a0) * t * t
+        self._c: tuple[ValueT, ...] = (
+            p0,
+            v0,
+            0.5 * a0,
+            (10.0 * d - 4.0 * v + 0.5 * a) / t**3,
+            (-15.0 * d + 7.0 * v - a) / t**4,
+            (6.0 * d - 3.0 * v + 0.5 * a) / t**5,
+        )
+
+    def at(self, time: float) -> tuple[ValueT, ValueT, ValueT]:
+        """Return position, velocity and acceleration at a time between the ends."""
+        c0, c1, c2, c3, c4, c5 = self._c
+        t = time
+        return (
+            c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
+            c1 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5))),
+            2 * c2 + t * (6 * c3 + t * (12 * c4 + t * 20 * c5)),
+        )
+
+
+class Trajectory:
+    """Minimum jerk through waypoints to rest at the last: a quintic spline whose first four derivatives are continuous.
+
+        way = Trajectory([[0, 0, 1.0], [0.2, 0, 1.1], [0.4, 0, 1.0]], speed=0.3)
+        position, velocity, acceleration = way.at(0.5)
+
+    Between two points alone, x(s) = x₀ + (x₁ − x₀) (10 s³ − 15 s⁴ + 6 s⁵), s = t / T: the greatest speed is
+    15/8 · |x₁ − x₀| / T, the greatest acceleration 10/√3 · |x₁ − x₀| / T². Waypoints in between are passed at times in
+    proportion to the way, without a stop.
+
+    Attributes:
+        duration: s.
+        end: Last point, shape (n,).
+
+    Source: Flash & Hogan, Journal of Neuroscience 5(7), 1985: of all motions through the points at these times it has
+    the least mean squared jerk, which makes it a spline of degree 5 (de Boor, "A Practical Guide to Splines", ch. 13).
+    """
+
+    @checked
+    def __init__(
+        self,
+        points: Sequence[ArrayLike] | Array,
+        duration: float | None = None,
+        *,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        parts: Sequence[slice] | None = None,
+        velocity: ArrayLike | None = None,
+        acceleration_at_start: ArrayLike | None = None,
+    ) -> None:
+        """Fit.
+
+        Args:
+            points: Start, waypoints and end, each of shape (n,); two points that follow each other differ, unless all
+                are the same.
+            duration: Time for the whole way, s; the least within the limits when None.
+            speed: Greatest speed, above zero; one for each part, or one for all. None for no limit, with a duration.
+            acceleration: Greatest acceleration, above zero; that which reaches the greatest speed in 0.2 s when None
+                and no duration is given.
+            parts: Coordinates that are one vector, such as position and rotation of a pose; all of them when None.
+            velocity: Velocity at the start, shape (n,); at rest when None.
+            acceleration_at_start: Shape (n,); none when None.
+
+        Raises:
+            InputError: Fewer than two points, points of different shapes, one twice in a row, a duration or limit that
+                is not above zero, no duration and no speed, or a duration in which the limits cannot be kept.
+        """
+        way = [finite_array("points of a trajectory", point) for point in points]
+        if len(way) < 2 or way[0].ndim != 1 or any(point.shape != way[0].shape for point in way):
+            raise InputError(
+                f"a trajectory needs two or more points of one shape (n,), got shapes {[p.shape for p in way]}"
+            )
+        steps = np.diff(np.array(way), axis=0)
+        parts = (slice(0, way[0].size),) if parts is None else parts
+        speeds = _limits("speed", speed, len(parts))
+        accelerations = _limits("acceleration", acceleration, len(parts))
+        if duration is not None:
+            duration = positive("duration of a trajectory (s)", duration)
+        elif speeds is None:
+            raise InputError("a trajectory needs a duration or a speed, got neither")
+        elif accelerations is None:
+            accelerations = speeds / RUN_UP
+        self.end = way[-1]
+        begin = [
+            np.zeros(way[0].size)
+            if rate is None
+            else finite_array(f"{what} at the start", rate, way[0].shape)
+            for what, rate in (("velocity", velocity), ("acceleration", acceleration_at_start))
+        ]
+        lengths = _lengths(steps, parts, speeds)
+        self._pieces: list[Quintic[Array]] = []
+        self._starts: list[float] = []
+        if not lengths.any() and not begin[0].any():
+            self.duration = duration or 0.0
+            return
+        if not lengths.all():
+            if len(way) > 2:
+                i = int(lengths.argmin())
+                raise InputError(
+                    f"points of a trajectory that follow each other must differ, {i} and {i + 1} are {way[i]}"
+                )
+            lengths = np.ones(1)
+        path = _Path(np.array(way), begin, lengths, parts, speeds, accelerations)
+        least = path.least_duration()
+        if duration is not None and duration < least * (1.0 - 1e-6):
+            raise InputError(
+                f"duration of a trajectory must be at least {least:.4g} s to keep its greatest speed and acceleration, "
+                f"got {duration:g} s"
+            )
+        self.duration = least if duration is None else duration
+        self._starts, self._pieces = path.pieces(self.duration)
+
+    def at(self, time: float) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration, each of shape (n,); at rest before the start and after the end.
+
+        Args:
+            time: Time since the start, s.
+        """
+        if not self._pieces or time >= self.duration:
+            return self.end.copy(), np.zeros(self.end.size), np.zeros(self.end.size)
+        time = max(time, 0.0)
+        piece = bisect_right(self._starts, time) - 1
+        return self._pieces[piece].at(time - self._starts[piece])
+
+
+def _limits(what: str, value: ArrayLike | None, parts: int) -> Array | None:
+    """Return a limit for each part, shape (parts,)."""
+    if value is None:
+        return None
+    limit = finite_array(f"greatest {what} of a trajectory", value)
+    if limit.shape not in ((), (parts,)):
+        raise InputError(f"greatest {what} of a trajectory must be one number or {parts}, got {limit}")
+    if not (limit > 0.0).all():
+        raise InputError(f"greatest {what} of a trajectory must be above zero, got {limit}")
+    return np.broadcast_to(limit, (parts,))
+
+
+def _lengths(steps: Array, parts: Sequence[slice], speeds: Array | None) -> Array:
+    """Length of each step, in seconds at full speed where there is one: of the part that takes longest."""
+    each = np.array([np.linalg.norm(steps[:, part], axis=1) for part in parts])
+    length: Array = (each if speeds is None else each / speeds[:, None]).max(axis=0)
+    return np.where(length > 1e-12, length, 0.0)
+
+
+class _Path:
+    """Minimum jerk through waypoints, as a function of the time that it takes."""
+
+    def __init__(
+        self,
+        points: Array,
+        begin: Sequence[Array],
+        lengths: Array,
+        parts: Sequence[slice],
+        speeds: Array | None,
+        accelerations: Array | None,
+    ) -> None:
+        self._points, self._begin, self._parts = points, begin, parts
+        self._shares = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
+        self._limits = [  # order of the derivative, part, its greatest value; what is exceeded at the start may be
+            (order, part, max(float(limit), float(np.linalg.norm(begin[order - 1][part]))))
+            for order, limits in ((1, speeds), (2, accelerations))
+            if limits is not None
+            for part, limit in zip(parts, limits, strict=True)
+        ]
+
+    def spline(self, duration: float) -> BSpline:
+        """Return the spline over times from 0 to 1."""
+        still = np.zeros(self._points.shape[1])
+        start = [(1, duration * self._begin[0]), (2, duration**2 * self._begin[1])]
+        return make_interp_spline(self._shares, self._points, k=5, bc_type=(start, [(1, still), (2, still)]))
+
+    def least_duration(self) -> float:
+        """Least time, s, in which the path keeps its limits; 0 without any."""
+        inner = np.linspace(0.0, 1.0, SAMPLES + 1)
+        samples = (self._shares[:-1, None] + np.diff(self._shares)[:, None] * inner).ravel()
+        duration, excess = (1.0, 2.0) if self._limits else (0.0, 1.0)
+        for _ in range(100):
+            if abs(excess - 1.0) < 1e-6:
+                break
+            spline = self.spline(duration)
+            rates = {order: spline(samples, order) / duration**order for order in (1, 2)}
+            excess = max(
+                (float(np.linalg.norm(rates[order][:, part], axis=1).max()) / limit) ** (1.0 / order)
+                for order, part, limit in self._limits
+            )
+            if excess <= 1.0 and self._begin[0].any():
+                break  # with a speed at the start more time may need more of it
+            duration *= excess if not self._begin[0].any() else max(excess, 1.02)
+        return duration
+
+    def pieces(self, duration: float) -> tuple[list[float], list[Quintic[Array]]]:
+        """Return times at which the pieces begin, s, and the pieces."""
+        spline, shares = self.spline(duration), self._shares
+        states = list(
+            zip(
+                self._points,
+                spline(shares, 1) / duration,
+                spline(shares, 2) / duration**2,
+                strict=True,
+            )
+        )
+        return (duration * shares[:-1]).tolist(), [
+            Quintic(start, end, duration * share)
+            for start, end, share in zip(states, states[1:], np.diff(shares).tolist(), strict=False)
+        ]
+
+
+def approach(way: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
+    """Return the next velocity of a point on its way to rest at a goal that may move.
+
+    Args:
+        way: From the point to the goal, shape (n,), m or rad.
+        velocity: Velocity now, shape (n,), per second.
+        speed: Greatest speed.
+        acceleration: Greatest acceleration; half of it brakes before the goal.
+        dt: Control period, s.
+
+    Returns:
+        Velocity, shape (n,), changed by `acceleration` · dt at most.
+    """
+    distance = math.sqrt(float(way @ way))
+    wanted = np.zeros_like(way)
+    if distance > 0.0:
+        wanted = way * (min(speed, math.sqrt(acceleration * distance), 8.0 * distance) / distance)
+    change = wanted - velocity
+    size = math.sqrt(float(change @ change))
+    if size > acceleration * dt:
+        change *= acceleration * dt / size
+    return np.asarray(velocity + change)
+
+
+def jerk_to_rest(
+    x: float, v: float, a: float, to: float, left: float, dt: float
+) -> tuple[float, float, float]:
+    """Return the state after a period of the quintic that comes to rest at `to` after `left`, by its jerk now.
+
+    Args:
+        x: Position now.
+        v: Velocity now.
+        a: Acceleration now.
+        to: Position of the rest.
+        left: Time until then, s.
+        dt: Control period, s.
+
+    Returns:
+        Position, velocity and acceleration after the period.
+    """
+    jerk = (60.0 * (to - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
+    return x + (v + 0.5 * a * dt) * dt, v + a * dt, a + jerk * dt

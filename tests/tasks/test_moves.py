@@ -1,0 +1,287 @@
+"""Targets that move: trajectories against their equations, and every task that has `move_to`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from task_factory import arm, left_hand, make_robot, right_hand, standing
+
+from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.qp.contact import PointContact
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
+from wbc.tasks import (
+    CoMTask,
+    FirstOrderImpedanceTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    RelativeFrameTask,
+    Trajectory,
+    WrenchTask,
+)
+from wbc.tasks.motion.moving import MovingTask
+
+DT = 0.005
+POINTS = st.lists(st.tuples(*[st.floats(-2.0, 2.0)] * 3), min_size=2, max_size=5)
+
+TASKS: dict[str, tuple[Callable[[Robot], Any], Callable[[Any, Robot], Any]]] = {
+    "com": (lambda robot: CoMTask(weight=1e3), lambda now, _: now + [0.02, 0.01, -0.05]),
+    "position": (
+        lambda robot: PositionTask(left_hand(robot), weight=100.0),
+        lambda now, _: now + [0.05, 0.03, 0.1],
+    ),
+    "orientation": (
+        lambda robot: OrientationTask(left_hand(robot), weight=100.0),
+        lambda now, _: pin.exp3(np.array([0.2, -0.3, 0.1])) @ now,
+    ),
+    "pose": (lambda robot: PoseTask(left_hand(robot), weight=100.0), lambda now, _: moved(now)),
+    "relative": (
+        lambda robot: RelativeFrameTask(left_hand(robot), right_hand(robot), weight=100.0),
+        lambda now, _: moved(now),
+    ),
+    "yielding": (
+        lambda robot: FirstOrderImpedanceTask(left_hand(robot), weight=100.0),
+        lambda now, _: moved(now),
+    ),
+    "posture": (
+        lambda robot: PostureTask(name="arm", joints=arm(robot), weight=100.0),
+        lambda now, robot: {arm(robot)[0]: now[0] + 0.2},
+    ),
+}
+
+
+def moved(pose: pin.SE3) -> pin.SE3:
+    return pin.SE3(
+        pin.exp3(np.array([0.1, 0.2, -0.2])) @ pose.rotation, pose.translation + np.array([0.04, 0.02, 0.06])
+    )
+
+
+def step(controller: Controller) -> None:
+    """Solve, and let the robot do what was solved for."""
+    robot, solution = controller.robot, controller.solve()
+    assert solution.ok
+    v = robot.v + DT * solution.accelerations
+    robot.update(pin.integrate(robot.model, robot.q, 0.5 * DT * (robot.v + v)), v)
+
+
+# ---- trajectories -----------------------------------------------------------------------------------------------
+
+
+@given(POINTS, st.floats(0.1, 2.0), st.floats(0.5, 5.0))
+def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
+    points: list[tuple[float, float, float]], speed: float, acceleration: float
+) -> None:
+    way = [np.array(point) for point in points]
+    if any(np.linalg.norm(b - a) < 1e-3 for a, b in zip(way, way[1:], strict=False)):
+        return
+    path = Trajectory(way, speed=speed, acceleration=acceleration)
+    times = np.linspace(0.0, path.duration, 2001)
+    states = np.array([path.at(float(t)) for t in times])
+    np.testing.assert_allclose(states[0], [way[0], np.zeros(3), np.zeros(3)], atol=1e-8)
+    np.testing.assert_allclose(states[-1], [way[-1], np.zeros(3), np.zeros(3)], atol=1e-6)
+    for point in way:
+        assert (
+            np.linalg.norm(states[:, 0] - point, axis=1).min() <= 0.6 * speed * (times[1] - times[0]) + 1e-9
+        )
+    speeds, pushes = np.linalg.norm(states[:, 1], axis=1), np.linalg.norm(states[:, 2], axis=1)
+    assert speeds.max() <= speed * 1.005 and pushes.max() <= acceleration * 1.01
+    # One of the limits is met: nothing is slower than it must be.
+    assert speeds.max() > 0.99 * speed or pushes.max() > 0.98 * acceleration
+    rate = np.gradient(states[:, 0], times, axis=0)[1:-1]
+    np.testing.assert_allclose(rate, states[1:-1, 1], atol=2e-3 * (speed + acceleration * path.duration))
+
+
+def test_between_two_points_it_is_the_minimum_jerk_of_the_paper() -> None:
+    start, end = np.array([1.0, -1.0]), np.array([2.0, 1.0])
+    path = Trajectory([start, end], 2.0)
+    for share in (0.0, 0.2, 0.5, 0.9):
+        s = 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+        np.testing.assert_allclose(path.at(2.0 * share)[0], start + s * (end - start), atol=1e-12)
+    way = float(np.linalg.norm(end - start))
+    assert Trajectory([start, end], speed=0.5, acceleration=100.0).duration == pytest.approx(
+        1.875 * way / 0.5
+    )
+    least = np.sqrt(10.0 / np.sqrt(3.0) * way / 0.7)
+    assert Trajectory([start, end], speed=100.0, acceleration=0.7).duration == pytest.approx(least, rel=1e-4)
+
+
+def test_a_trajectory_may_begin_in_motion() -> None:
+    path = Trajectory([[0.0], [1.0]], speed=1.0, velocity=[0.5], acceleration_at_start=[0.1])
+    np.testing.assert_allclose(np.array(path.at(0.0)).ravel(), [0.0, 0.5, 0.1], atol=1e-9)
+    np.testing.assert_allclose(np.array(path.at(path.duration)).ravel(), [1.0, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Trajectory([[0.0], [1.0]]), "a duration or a speed"),
+        (lambda: Trajectory([[0.0], [1.0]], 0.0), "duration of a trajectory"),
+        (lambda: Trajectory([[0.0], [1.0]], speed=0.0), "above zero"),
+        (lambda: Trajectory([[0.0], [1.0]], 1.0, speed=1.0), "at least 1.875 s"),
+        (lambda: Trajectory([[0.0]], 1.0), "two or more points"),
+        (lambda: Trajectory([[0.0], [1.0, 2.0]], 1.0), "of one shape"),
+        (lambda: Trajectory([[0.0], [1.0], [1.0]], 1.0), "must differ, 1 and 2"),
+        (lambda: Trajectory([[0.0], [float("nan")]], 1.0), "finite"),
+    ],
+)
+def test_a_trajectory_that_cannot_be_is_refused(make: Callable[[], Trajectory], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+# ---- tasks ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", TASKS)
+def test_a_target_moves_and_the_robot_arrives_with_it(case: str) -> None:
+    make, goal_of = TASKS[case]
+    controller = standing("hrp4_class", dt=DT)
+    robot = controller.robot
+    task = controller.add(make(robot))
+    goal = goal_of(task.target, robot)
+    task.move_to(goal, duration=0.8)
+    assert task.moving and not task.reached
+    errors, speeds = [], []
+    while task.moving:
+        step(controller)
+        errors.append(float(np.abs(task.error).max()))
+        speeds.append(task.speed)
+    assert len(errors) == pytest.approx(0.8 / DT, abs=2)
+    assert max(errors) < 2e-3  # feed-forwards leave nothing to catch up
+    assert max(speeds) > 10.0 * speeds[-1] and task.reached
+    if isinstance(goal, pin.SE3):
+        assert goal.isApprox(task.target, 1e-9)
+    elif isinstance(goal, dict):
+        np.testing.assert_allclose(task.target[0], goal[arm(robot)[0]])
+    else:
+        np.testing.assert_allclose(task.target, goal, atol=1e-12)
+    np.testing.assert_array_equal(task.feedforward_velocity, np.zeros(task.dim))
+
+
+@pytest.mark.parametrize("case", ["orientation", "pose", "yielding"])
+def test_feedforwards_of_waypoints_are_derivatives_of_the_target(case: str) -> None:
+    controller = standing("hrp4_class", dt=DT)
+    robot = controller.robot
+    task: MovingTask = controller.add(TASKS[case][0](robot))
+    one, two = (pin.exp3(np.array(r)) for r in ([0.6, 0.0, 0.4], [0.0, -0.8, 0.9]))
+    start = task.target
+    if case != "orientation":
+        goals: list[Any] = [
+            pin.SE3(turn @ start.rotation, start.translation + turn[0]) for turn in (one, two)
+        ]
+    else:
+        goals = [one @ start, two @ start]
+    task.move_through(goals, duration=2.0)
+    dt, targets, velocities, accelerations = 1e-3, [], [], []
+    axes = robot.placement(left_hand(robot)).rotation if case == "yielding" else np.eye(3)
+    while task.move_on(dt):
+        target = task.target
+        targets.append(target.rotation if case != "orientation" else np.array(target))
+        velocities.append(axes @ task.feedforward_velocity[-3:])
+        accelerations.append(axes @ task.feedforward_acceleration[-3:])
+    rates = [pin.log3(b @ a.T) / (2.0 * dt) for a, b in zip(targets, targets[2:], strict=False)]
+    np.testing.assert_allclose(velocities[1:-1], rates, atol=1e-4)
+    pushes = np.gradient(np.array(velocities), dt, axis=0)[2:-2]
+    np.testing.assert_allclose(np.array(accelerations)[2:-2], pushes, atol=1e-3)
+    gaps = [float(np.linalg.norm(pin.log3(np.asarray(turn).T @ one @ _rotation(start)))) for turn in targets]
+    assert min(gaps) < 2e-3  # it passes the waypoint
+
+
+def _rotation(target: Any) -> Array:
+    return np.asarray(target.rotation if isinstance(target, pin.SE3) else target)
+
+
+def test_a_move_goes_on_from_where_the_target_is_and_how_it_moves() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    com = controller.add(CoMTask(name="centre"))
+    com.move_to(com.target - [0.0, 0.0, 0.1], speed=0.2)
+    for _ in range(60):
+        step(controller)
+    before, velocity = com.target.copy(), com.feedforward_velocity.copy()
+    com.move_to(com.target + [0.0, 0.03, 0.05], speed=0.2)
+    step(controller)
+    np.testing.assert_allclose(com.target, before + DT * velocity, atol=1e-5)
+    np.testing.assert_allclose(com.feedforward_velocity, velocity, atol=5.0 * DT)
+    held = com.target.copy()
+    com.target = held  # an assignment ends it
+    step(controller)
+    np.testing.assert_array_equal(com.target, held)
+    np.testing.assert_array_equal(com.feedforward_velocity, np.zeros(3))
+    assert not com.moving
+
+
+def test_moves_that_cannot_be_are_refused_and_change_nothing() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    com, loose = controller.add(CoMTask(name="centre")), CoMTask()
+    target = com.target.copy()
+    for move, message in (
+        (lambda: loose.move_to([0.0, 0.0, 0.8], duration=1.0), "add it first"),
+        (lambda: com.move_to([0.0, 0.0], duration=1.0), r"shape \(3,\)"),
+        (lambda: com.move_to(target + 0.1, duration=0.0), "duration of a trajectory"),
+        (lambda: com.move_through([]), "one or more targets"),
+        (lambda: controller.add(MomentumTask()).move_to(np.ones(6)), "not moved: assign it"),
+    ):
+        with pytest.raises(InputError, match=message):
+            move()
+    step(controller)
+    np.testing.assert_array_equal(com.target, target)
+
+
+# ---- what a user cannot do by mistake -----------------------------------------------------------------------------
+
+
+def test_targets_are_given_out_read_only() -> None:
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    for task in (
+        controller.add(CoMTask(name="centre")),
+        controller.add(PositionTask(left_hand(robot))),
+        controller.add(OrientationTask(left_hand(robot))),
+        controller.add(PostureTask(name="arm", joints=arm(robot))),
+        controller.add(MomentumTask()),
+    ):
+        for values in (task.target, task.feedforward_velocity, task.feedforward_acceleration):
+            with pytest.raises(ValueError, match="read-only"):
+                values[0] = np.nan
+
+
+def test_an_attribute_that_a_task_does_not_have_is_refused() -> None:
+    for task in (CoMTask(), standing("hrp4_class").add(CoMTask(name="centre"))):
+        with pytest.raises(UnknownNameError, match="no attribute of CoMTask 'wieght'; did you mean 'weight'"):
+            task.wieght = 3.0  # type: ignore[attr-defined]
+        task.weight = 3.0
+
+
+def test_a_target_that_another_part_sets_says_what_to_use() -> None:
+    controller = standing("hrp4_class")
+    com = controller.add(CoMTask(name="centre"))
+    com.set_by("walking.body.com_height")
+    for name, value in (("target", [0.0, 0.0, 0.8]), ("feedforward_velocity", np.zeros(3))):
+        with pytest.raises(InputError, match=r"'centre' is set .* use walking\.body\.com_height"):
+            setattr(com, name, value)
+    with pytest.raises(InputError, match="use walking"):
+        com.move_to([0.0, 0.0, 0.8], duration=1.0)
+    controller.reset()
+    com.set_by(None)
+    com.target = [0.0, 0.0, 0.8]
+
+
+def test_a_task_on_a_wrench_that_is_not_there_is_refused_when_added() -> None:
+    controller = Controller(make_robot("hrp4_class"), DT)
+    point = PointContact(left_hand(controller.robot))
+    controller.add(point)
+    with pytest.raises(InputError, match="has 3 force variables, not 6"):
+        controller.add(WrenchTask(point.name))
+    with pytest.raises(UnknownNameError, match="no contact 'left_foot'"):
+        controller.add(WrenchTask("left_foot"))
+    assert not controller.tasks
+    controller.add(WrenchTask(point))
