@@ -3,7 +3,7 @@
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
 """
 
-from wbc.robots.derivation.servo import ServoGains, ServoRule
+from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.registry import load, names, others, register
@@ -18,6 +18,5 @@ __all__ = [
     "RobotDescription",
     "FrameDescription",
     "SoleDescription",
-    "ServoGains",
     "ServoRule",
 ]

@@ -16,7 +16,6 @@ import pinocchio as pin
 from wbc.core.arguments import check_fields, checked, spelled_out
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
-from wbc.core.registry import named_parameters
 from wbc.core.robot import Robot, Sole
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
@@ -101,7 +100,6 @@ class RobotDescription:
         return partial(type(self), **values), ()
 
     @classmethod
-    @named_parameters("RobotDescription.from_urdf")
     @checked
     @spelled_out
     def from_urdf(
@@ -152,7 +150,6 @@ class RobotDescription:
         )
 
     @classmethod
-    @named_parameters("RobotDescription.from_mjcf")
     @checked
     @spelled_out
     def from_mjcf(

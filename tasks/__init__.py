@@ -7,18 +7,16 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.tasks.check import check_task
-from wbc.tasks.force.admittance import AdmittanceTask, DampingTask
+from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.compliance import ComplianceTask
-from wbc.tasks.force.cop import CoPTask
 from wbc.tasks.force.impedance import FirstOrderImpedanceTask, ImpedanceTask
 from wbc.tasks.force.torque import JointTorqueTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask
-from wbc.tasks.motion.frame import FrameTask, OrientationTask, PoseTask, PositionTask
+from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
-from wbc.tasks.options import ComplianceOptions, GainOptions, MotionOptions, OffsetOptions, TaskOptions
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
@@ -28,9 +26,7 @@ from wbc.tasks.scheduling.policies import (
     SwingScan,
     register_stiffness_policy,
     stiffness_policy,
-    stiffness_policy_names,
 )
-from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.trajectories import Trajectory
 
@@ -50,29 +46,18 @@ __all__ = [
     "JointTorqueTask",
     "WrenchTask",
     "AdmittanceTask",
-    "DampingTask",
-    "CoPTask",
     "FirstOrderImpedanceTask",
     "ImpedanceTask",
     # Targets that move
     "Trajectory",
-    # Options of tasks
-    "TaskOptions",
-    "GainOptions",
-    "MotionOptions",
-    "ComplianceOptions",
-    "OffsetOptions",
     # Bases for tasks of one's own
     "MotionTask",
     "SelectionTask",
     "VariableTask",
-    "FrameTask",
     "ComplianceTask",
     "check_task",
     # Stiffness scheduling
     "StiffnessScheduler",
-    "StiffnessTiming",
-    "StepStiffness",
     "StiffnessPolicy",
     "SwingScan",
     "StiffnessDecision",
@@ -80,6 +65,5 @@ __all__ = [
     "GroundPolicy",
     "ModelPolicy",
     "stiffness_policy",
-    "stiffness_policy_names",
     "register_stiffness_policy",
 ]

@@ -20,13 +20,11 @@ class TaskOptions(TypedDict, total=False):
             contact when None.
         weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
         hard: Make the rows a constraint instead of a cost; False by default.
-        level: Priority, 1, the default, is the highest: no task of a greater level takes anything from it.
     """
 
     name: str | None
     weight: ArrayLike
     hard: bool
-    level: int
 
 
 class GainOptions(TaskOptions, total=False):
@@ -60,7 +58,7 @@ class MotionOptions(GainOptions, total=False):
 
 
 class ComplianceOptions(MotionOptions, total=False):
-    """Options of tasks that yield to a wrench: those of motion tasks, a filter and a bound.
+    """Options of tasks that yield to a wrench: those of motion tasks, a filter and bounds.
 
     Weight 10 and stiffness 100 1/s² by default: the gain with which the frame follows its reference.
 
@@ -69,19 +67,11 @@ class ComplianceOptions(MotionOptions, total=False):
         velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair (linear, angular), m/s and rad/s.
         target_wrench: Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm;
             zero by default.
+        offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
+            None, the default.
     """
 
     time_constant: float
     velocity_bound: ArrayLike
     target_wrench: ArrayLike | None
-
-
-class OffsetOptions(ComplianceOptions, total=False):
-    """Options of tasks that keep an offset: those of tasks that yield to a wrench, and a bound.
-
-    Attributes:
-        offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
-            None, the default.
-    """
-
     offset_bound: ArrayLike | None

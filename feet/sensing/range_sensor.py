@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, whole_number
 from wbc.core.settings import NonNegative, Positive, Share, settings
 
@@ -51,7 +50,6 @@ class RangeSampler:
         fresh: True if the last call took a new reading, False if it held the previous one.
     """
 
-    @checked
     def __init__(self, sensor: RangeSensor, seed: int = 0) -> None:
         """Start without a reading.
 

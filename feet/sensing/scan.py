@@ -226,7 +226,6 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     )
 
 
-@checked
 def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
     """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
 

@@ -46,7 +46,6 @@ def foot(name: str, **parameters: Any) -> Foot:
     return call_checked(f"foot '{name}'", _FEET[name], parameters)
 
 
-@checked
 def foot_name(design: Foot) -> str:
     """Return the name under which a foot's class is registered, or the name of the class if it is not."""
     return next((name for name, kind in _FEET.items() if kind is type(design)), type(design).__name__)

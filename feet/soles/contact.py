@@ -8,7 +8,6 @@ from typing import Annotated, Literal, NamedTuple, get_args
 import numpy as np
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, positive
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -98,7 +97,6 @@ With 2 ms it chatters in 1 case of 14, and the soles sink by less than 0.05 mm (
 """
 
 
-@checked
 def solver_parameters(law: ConstraintLaw) -> SolverParameters:
     """Return a constraint law as MuJoCo's parameters: solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2).
 
@@ -107,7 +105,6 @@ def solver_parameters(law: ConstraintLaw) -> SolverParameters:
     return SolverParameters((law.time_constant, law.damping_ratio), (*law.impedance, law.width, 0.5, 2.0))
 
 
-@checked
 def effective_time_constant(
     law: ConstraintLaw,
     timestep: float,

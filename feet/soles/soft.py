@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.settings import Count, settings
 from wbc.feet.soles.actuator import StiffnessActuator
@@ -72,7 +71,6 @@ class PaperFoot(VariableStiffnessFoot):
     actuator: StiffnessActuator = field(default_factory=StiffnessActuator.instantaneous)
 
 
-@checked
 def toe_sensor(foot: SoftFoot) -> Array:
     """Return the position of a soft foot's range sensor, the middle of its toe, in the sole frame, shape (3,), m."""
     return np.array([(foot.length - foot.length / foot.phalanges) / 2.0, 0.0, foot.hinge_height])

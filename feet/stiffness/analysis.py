@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, whole_number
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
@@ -34,7 +33,6 @@ class LearningCurve:
     mean_error: Array
 
 
-@checked
 def learning_curve(
     table: StiffnessTable,
     candidate: Candidate | ModelSettings | None = None,
@@ -107,7 +105,6 @@ class PrincipalComponents:
     scores: Array
 
 
-@checked
 def principal_components(
     table: StiffnessTable, features: Sequence[str] = PAPER_FEATURES
 ) -> PrincipalComponents:
@@ -133,7 +130,6 @@ def stiffness_by_amplitude(table: StiffnessTable) -> dict[str, tuple[Array, Arra
     return curves
 
 
-@checked
 def amplitude_trends(table: StiffnessTable) -> dict[str, float]:
     """Return Spearman's rank correlation between amplitude and mean best stiffness on each ground.
 

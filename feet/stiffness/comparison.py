@@ -80,7 +80,6 @@ def compare(
     ]
 
 
-@checked
 def comparison_table(results: Sequence[Validation]) -> str:
     """Return results as a Markdown table."""
     lines = [

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import qr, svd
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.settings import settings
 from wbc.feet.stiffness.roughness import PARAMETERS
@@ -150,7 +149,6 @@ class Selection:
         return "\n".join(lines)
 
 
-@checked
 def select_features(
     values: ArrayLike,
     *,
@@ -184,7 +182,7 @@ def select_features(
     Source: Golub & Van Loan, Matrix Computations, sections 5.4.2 (column pivoting) and 5.5.7 (subset selection).
     """
     choose("scaling of the features", scaling, get_args(Scaling))
-    choose("matrix to pivot", method, get_args(Method))
+    choose("method", method, get_args(Method))
     finite_scalar("condition number", bound, low=1.0)
     given = finite_array("roughness parameters", values)
     if given.ndim != 2 or given.shape[0] < 2:

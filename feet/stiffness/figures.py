@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.files import save_figure
 from wbc.feet.stiffness.analysis import (
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
 
-@checked
 def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings | None = None) -> None:
     """Draw a table and the quality of a nearest-neighbour model on it.
 
@@ -122,7 +120,6 @@ def _draw_trends(axes: Any, table: StiffnessTable) -> None:
     axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
-@checked
 def labels_figure(table: StiffnessTable) -> Figure:
     """Return a figure of best stiffness against amplitude, a panel per ground, with the range of nearly best values."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import

@@ -226,7 +226,6 @@ LOWEST_CORNER = 1e-6
 """Lowest corner of the low-pass, cycles per sample: below, its equations lose the ground in rounding."""
 
 
-@checked
 def low_pass(z: Array, step: float, corner: float) -> Array:
     """Return heights after a first-order Butterworth low-pass, forwards and backwards, same shape, m.
 

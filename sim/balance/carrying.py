@@ -121,7 +121,6 @@ class CarryTrial:
         walking: The controller.
     """
 
-    @checked
     def __init__(self, spec: CarrySpec) -> None:
         """Build robot, plant and controller, the arms in front of the robot."""
         self.spec = spec
@@ -241,7 +240,6 @@ class CarryTrial:
         self._errors = [mass, max(place, float(np.hypot(off[0], off[1])))]
 
 
-@checked
 def carry(spec: CarrySpec | None = None, **values: Any) -> CarryResult:
     """Simulate a robot that is handed a load of unknown mass.
 

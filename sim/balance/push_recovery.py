@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import Mode
 from wbc.core.errors import InputError, positive
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
@@ -68,7 +67,6 @@ class PushResult:
     failures: int
 
 
-@checked
 def push_standing(spec: StandPushSpec) -> PushResult:
     """Push a standing robot; the same spec gives the same result.
 
@@ -95,7 +93,6 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     )
 
 
-@checked
 def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
     """Return the largest impulse from which a robot recovers, found by bisection.
 
@@ -221,7 +218,6 @@ class PushCell:
     impulse: float
 
 
-@checked
 def push_table(table: PushTableSpec) -> Iterator[PushCell]:
     """Find the largest push for every robot, mode and direction.
 

@@ -112,7 +112,6 @@ class StandTrial:
         fallen: True once the robot has fallen.
     """
 
-    @checked
     def __init__(self, spec: StandSpec) -> None:
         """Build robot, plant and controller.
 

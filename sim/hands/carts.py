@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
 from wbc.sim.hands.trial import SIDES, ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
@@ -117,7 +116,6 @@ class CartTrial(HandTrial):
         spec: The trial.
     """
 
-    @checked
     def __init__(self, spec: CartSpec) -> None:
         """Build robot, cart and controller.
 
@@ -236,7 +234,6 @@ class CartTrial(HandTrial):
         self._greatest = np.maximum(self._greatest, (cart, tilt, force))
 
 
-@checked
 def push_cart(spec: CartSpec | None = None, **values: Any) -> CartResult:
     """Simulate a robot that pushes, turns and pulls a cart.
 

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
@@ -103,7 +102,6 @@ class DoorTrial(HandTrial):
         spec: The trial.
     """
 
-    @checked
     def __init__(self, spec: DoorSpec) -> None:
         """Build robot, door and controller.
 
@@ -214,7 +212,6 @@ class DoorTrial(HandTrial):
         self._touch = max(self._touch, self._given)
 
 
-@checked
 def open_door(spec: DoorSpec | None = None, **values: Any) -> DoorResult:
     """Simulate a robot that opens a door by its handle and walks through.
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
-from wbc.core.arguments import checked
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
@@ -72,7 +71,6 @@ class OneFootTrial(HandTrial):
         spec: The stand.
     """
 
-    @checked
     def __init__(self, spec: OneFootSpec) -> None:
         """Build robot, wall and controller."""
         self.spec = spec
@@ -132,7 +130,6 @@ class OneFootTrial(HandTrial):
         self._off = self._off and not self.walking.walk.phases.contact[0]
 
 
-@checked
 def push_on_one_foot(spec: OneFootSpec | None = None, **values: Any) -> OneFootResult:
     """Simulate a robot on one foot, a hand on a wall, that is pushed.
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
@@ -109,7 +108,6 @@ class HandPressTrial(HandTrial):
         spec: The press.
     """
 
-    @checked
     def __init__(self, spec: HandPressSpec) -> None:
         """Build robot, surface and controller.
 
@@ -188,7 +186,6 @@ class HandPressTrial(HandTrial):
         self._bounded = self._bounded or any(hand.bounded for hand in self.hands.all.values())
 
 
-@checked
 def press_hands(spec: HandPressSpec | None = None, **values: Any) -> HandPressResult:
     """Simulate a robot that presses with both hands.
 

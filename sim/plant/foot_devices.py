@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.feet import Foot, RangeSensor, SoftFoot, VariableStiffnessFoot
+from wbc.feet import Foot, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
+from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.model import PlantModel
 
 

@@ -14,8 +14,8 @@ from wbc.core.conventions import Index
 from wbc.core.errors import InputError, ModelError, unknown_name
 from wbc.core.hull import convex_hull
 from wbc.core.robot import Robot
-from wbc.feet import Foot, FootParts, SoleGeometry
-from wbc.feet.soles.sole import SIDES
+from wbc.feet import Foot, FootParts
+from wbc.feet.soles.sole import SIDES, SoleGeometry
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.body_shapes import add_body_shapes
 from wbc.sim.plant.hands import HandSensor, add_grips, add_hand_sensors

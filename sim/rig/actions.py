@@ -60,7 +60,6 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
     return PressResult(True) if polygon is None else PressResult(False, impact, hold, polygon)
 
 
-@checked
 def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
     """Drop the foot from higher up, for the share of a hard landing that its sole absorbs.
 
@@ -71,7 +70,6 @@ def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
     return press(replace(test, drop=positive("drop height (m)", height)), support=False)
 
 
-@checked
 def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> SlideResult:
     """Push a loaded foot forward: first gently, to measure creep, then harder until it slides.
 
@@ -101,7 +99,6 @@ def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> Sli
     return SlideResult(rig.diverged, shear_share, creep)
 
 
-@checked
 def pitch(
     test: FootTest, *, amplitude: float = math.radians(5.0), rate: float = math.radians(10.0)
 ) -> PitchResult:

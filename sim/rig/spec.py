@@ -9,7 +9,9 @@ from pydantic import Field
 
 from wbc.core.errors import InputError
 from wbc.core.settings import NonNegative, Positive, settings, to_json
-from wbc.feet import Foot, FootFit, SoleGeometry, foot, foot_name
+from wbc.feet import Foot, FootFit, foot
+from wbc.feet.soles.catalog import foot_name
+from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain
 

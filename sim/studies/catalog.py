@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from wbc.core.arguments import checked
 from wbc.core.registry import Registry
 from wbc.sim.studies.paper.experiments import (
     authority,
@@ -235,7 +234,6 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
 """Studies by name."""
 
 
-@checked
 def study_by_name(name: str) -> Study:
     """Return one of `STUDIES`.
 

@@ -32,7 +32,7 @@ from typing import Any, Literal, get_args
 
 from pydantic_core import from_json
 
-from wbc.core.arguments import LazyMapping, checked
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, choose, shown_path
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
@@ -150,7 +150,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-class Entries(LazyMapping[str, Entry]):
+class Entries(Mapping[str, Entry]):
     """Entries of a journal, by key; each is read from its line when it is asked for.
 
     A hundred thousand walks are 200 MB of lines, and six times as much as objects.

@@ -343,7 +343,6 @@ def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
     return 1.0 if answers and all(isinstance(value, bool) for value in answers) else None
 
 
-@checked
 def study_rows(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> tuple[list[str], list[list[Any]]]:

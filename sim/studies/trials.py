@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Protocol
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, positive
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
@@ -105,7 +104,6 @@ def with_seed(spec: Any, seed: int) -> Any:
     return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
-@checked
 def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
     """Run a trial. Nothing is raised: an error is an outcome.
 

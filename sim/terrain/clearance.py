@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 
-from wbc.core.arguments import checked
 from wbc.core.errors import non_negative
 from wbc.sim.terrain.spec import Terrain
 
@@ -13,7 +12,6 @@ class ClearanceWarning(UserWarning):
     """The ground is higher than the swing foot is lifted."""
 
 
-@checked
 def check_clearance(terrain: Terrain, clearance: float) -> bool:
     """Warn when a foot lifted by `clearance` cannot pass over the ground.
 

@@ -136,7 +136,7 @@ class WalkResult:
         sole_pitch: |pitch| likewise, rad.
         contact_area: Hull of the contacts of the stance sole in the middle of single supports, m².
         stiffness: Record of each swing, in order: side, stiffness commanded and actual at the landing, decision with
-            its features and its time before the landing, error of the scanned profile (`wbc.tasks.StepStiffness`,
+            its features and its time before the landing, error of the scanned profile (`StepStiffness`,
             `wbc.sim.walks.stiffness_meter`); None for soles without an actuator.
         failures: Ticks without a solution or with an unusable measurement.
         notes: Changes that made the plan walkable.

@@ -90,7 +90,7 @@ class WalkSpec:
         gait: Sizes and timings of steps of a LIPM walk.
         law: lipm plans footsteps, stepping decides place and time of each as it goes.
         gains: Preset of settings: "default" or "legacy".
-        changes: Settings that differ from the preset; see `wbc.sim.TrialSettings`.
+        changes: Settings that differ from the preset; see `wbc.sim.walks.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
         pushes: Pushes on the way.
     """

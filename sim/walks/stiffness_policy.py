@@ -10,7 +10,8 @@ import numpy as np
 from wbc.core.changes import Changes, as_changes
 from wbc.core.errors import InputError, choose, finite_scalar
 from wbc.core.files import check_hash, file_hash
-from wbc.feet import Foot, VariableStiffnessFoot
+from wbc.feet import Foot
+from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain import Terrain, terrain_families
 from wbc.sim.terrain.families.patchwork import stretches

@@ -19,7 +19,8 @@ from wbc.core.errors import Array, InputError, MeasurementError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.feet import RangeSensor, VariableStiffnessFoot
+from wbc.feet import RangeSensor
+from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks.arrival import Arrival

@@ -1,4 +1,4 @@
-"""Admittance and damping: tasks on a frame that yields at a speed proportional to the wrench error."""
+"""Admittance: a task on a frame that yields at a speed proportional to the wrench error."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, check_options
+from wbc.core.errors import Array
 from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import ComplianceOptions, OffsetOptions
+from wbc.tasks.options import ComplianceOptions
 
 
 class AdmittanceTask(ComplianceTask):
@@ -35,7 +35,7 @@ class AdmittanceTask(ComplianceTask):
         target: pin.SE3 | None = None,
         *,
         admittance: ArrayLike,
-        **options: Unpack[OffsetOptions],
+        **options: Unpack[ComplianceOptions],
     ) -> None:
         """Describe the task.
 
@@ -44,7 +44,7 @@ class AdmittanceTask(ComplianceTask):
             target: Pose in the world at zero offset; the present one when None.
             admittance: Velocity per wrench error along the axes of the frame, shape (6,) or a pair (linear, angular),
                 m/(N s) and rad/(Nm s). 1e-4 on ground of 1e5 N/m makes 10 1/s.
-            **options: See `OffsetOptions`.
+            **options: See `ComplianceOptions`.
         """
         super().__init__(frame, target, **options)
         self.admittance = admittance
@@ -61,35 +61,3 @@ class AdmittanceTask(ComplianceTask):
     def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
         """Return admittance ∘ error and its derivative; see `ComplianceTask.comply`."""
         return self._admittance * error, self._admittance * rate
-
-
-class DampingTask(AdmittanceTask):
-    """Yield at a speed proportional to the wrench error, without a moving reference.
-
-        acceleration = damping · (admittance ∘ (measured − target wrench) − velocity) + stiffness · pose error
-
-    A loop on the velocity: the damping is its bandwidth and must be well above the rate admittance · K at which the
-    wrench error decays on surroundings of stiffness K. The small stiffness pulls towards the target pose; the wrench
-    error that remains is stiffness · pose error / (damping · admittance). With a control period T the loop is stable
-    for damping < 2 / T only, which is checked. Stiffness 1 1/s² and damping 300 1/s by default.
-
-    Source: mc_rtc's DampingTask, with the gains that its walking stabilizer uses on feet in contact: stiffness
-    1 1/s², damping 300 1/s.
-    """
-
-    integrates = False
-    _kind = "damping"
-
-    @checked
-    def __init__(
-        self,
-        frame: str,
-        target: pin.SE3 | None = None,
-        *,
-        admittance: ArrayLike,
-        **options: Unpack[ComplianceOptions],
-    ) -> None:
-        """Describe the task; the arguments are those of `AdmittanceTask`, without an offset that could be bounded."""
-        check_options(self, ComplianceOptions, options)
-        options = {"stiffness": 1.0, "damping": 300.0, **options}
-        super().__init__(frame, target, admittance=admittance, **options)

@@ -38,7 +38,7 @@ from wbc.core.signals import Measurement
 from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.frame import FrameTask, pose
 from wbc.tasks.motion.moving import Course, Placing
-from wbc.tasks.options import MotionOptions, OffsetOptions
+from wbc.tasks.options import ComplianceOptions, MotionOptions
 
 VELOCITY_BOUND = (0.1, 0.3)
 """Clamp of the compliance velocity, m/s and rad/s: the bounds of mc_rtc's walking stabilizer on CoP tasks."""
@@ -53,26 +53,24 @@ class ComplianceTask(FrameTask):
     Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
     `PoseTask` whose rows are turned into the frame. Weight 10, stiffness 100 1/s², time constant 0.02 s and velocity
     bound 0.1 m/s and 0.3 rad/s by default.
-
-    Attributes:
-        integrates: True if the compliance velocity moves the reference pose; False if it is a feed-forward only.
     """
 
     unit = "m|rad"
-    integrates = True
     _kind = "compliance"
     _period = 0.0  # that of the ticks so far, s
 
     @checked
-    def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[OffsetOptions]) -> None:
+    def __init__(
+        self, frame: str, target: pin.SE3 | None = None, **options: Unpack[ComplianceOptions]
+    ) -> None:
         """Describe the task.
 
         Args:
             frame: Frame of the robot, or the name of a sole.
             target: Pose in the world at zero offset; the present one when None.
-            **options: See `OffsetOptions`.
+            **options: See `ComplianceOptions`.
         """
-        check_options(self, OffsetOptions, options)
+        check_options(self, ComplianceOptions, options)
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
         target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
@@ -218,10 +216,6 @@ class ComplianceTask(FrameTask):
             The velocity is clamped afterwards, and along axes that the task does not follow it becomes zero.
         """
 
-    def desired_wrench(self) -> Array:
-        """Return the target wrench of this tick, shape (6,), N and Nm; override it if that varies."""
-        return self._target_wrench
-
     def offset_vector(self) -> Array:
         """Return the offset as [translation; rotation vector] along the reference's axes, shape (6,), m and rad."""
         vector = np.empty(6)
@@ -281,7 +275,7 @@ class ComplianceTask(FrameTask):
         if dt != self._period:
             self._start(dt)
         error, rate = self._wrench_error, self._wrench_rate
-        np.subtract(self._measured_wrench, self.desired_wrench(), out=rate)
+        np.subtract(self._measured_wrench, self._target_wrench, out=rate)
         if self._time_constant > 0.0:
             rate -= error
             error += self._gain_of_period * rate
@@ -299,11 +293,10 @@ class ComplianceTask(FrameTask):
         clamped = np.minimum(np.maximum(velocity, low), high)
         acceleration[clamped != velocity] = 0.0
         self._velocity, self._acceleration = clamped, acceleration
-        if self.integrates:
-            step = np.dot(self._offset_rotation, clamped[:3])
-            step *= dt
-            self._offset_position += step
-            self._offset_rotation = np.dot(self._offset_rotation, pin.exp3(dt * clamped[3:]))
+        step = np.dot(self._offset_rotation, clamped[:3])
+        step *= dt
+        self._offset_position += step
+        self._offset_rotation = np.dot(self._offset_rotation, pin.exp3(dt * clamped[3:]))
 
     def _start(self, dt: float) -> None:
         self._check_damping(self.damping, positive("control period (s)", dt))

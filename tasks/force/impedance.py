@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, check_options
 from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import OffsetOptions
+from wbc.tasks.options import ComplianceOptions
 
 SMOOTHING = 0.05
 """Time constant of the low-pass on the wrench error, s: cut-off period of mc_rtc's ImpedanceTask."""
@@ -52,7 +52,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
         spring: ArrayLike = SPRING,
         damper: ArrayLike = DAMPER,
         wrench_gain: ArrayLike = (1.0, 1.0),
-        **options: Unpack[OffsetOptions],
+        **options: Unpack[ComplianceOptions],
     ) -> None:
         """Describe the task.
 
@@ -62,7 +62,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
             spring: Along the axes of the frame, shape (6,) or a pair (linear, angular), N/m and Nm/rad, ≥ 0.
             damper: Along the same axes, Ns/m and Nms/rad, above zero.
             wrench_gain: Factor on the wrench error, shape (6,) or a pair, ≥ 0.
-            **options: See `OffsetOptions`.
+            **options: See `ComplianceOptions`.
         """
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
         super().__init__(frame, target, **options)
@@ -127,7 +127,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
         spring: ArrayLike = SPRING,
         damper: ArrayLike | None = None,
         wrench_gain: ArrayLike = (1.0, 1.0),
-        **options: Unpack[OffsetOptions],
+        **options: Unpack[ComplianceOptions],
     ) -> None:
         """Describe the task.
 
@@ -138,13 +138,13 @@ class ImpedanceTask(FirstOrderImpedanceTask):
             spring: Along the same axes, N/m and Nm/rad, ≥ 0.
             damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
             wrench_gain: Factor on the wrench error.
-            **options: See `OffsetOptions`.
+            **options: See `ComplianceOptions`.
 
         Raises:
             UnknownNameError: An unknown option or axis.
             InputError: A value out of range; a spring of zero without a damper.
         """
-        check_options(self, OffsetOptions, options)
+        check_options(self, ComplianceOptions, options)
         if damper is None:
             name = options.get("name") or f"{frame} {self._kind}"
             stiffness = six(name, "spring (N/m, Nm/rad)", spring)

@@ -69,7 +69,6 @@ class FrameTask(AxesTask):
         frame: Frame of the robot.
     """
 
-    @checked
     def __init__(self, frame: str, name: str, choices: Sequence[str], options: MotionOptions) -> None:
         """Describe the task.
 

@@ -22,7 +22,8 @@ from wbc.app import cli
 from wbc.app.commands.foot.feet import attribute_docs, parameters
 from wbc.core.changes import changed, setting_names
 from wbc.core.errors import InputError
-from wbc.feet import SoftFoot, VariableStiffnessFoot, foot, foot_names
+from wbc.feet import SoftFoot, foot, foot_names
+from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant

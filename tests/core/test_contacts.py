@@ -22,8 +22,7 @@ from wbc.core.qp.contact import (
     rectangle_wrench_cone,
 )
 from wbc.core.qp.controller import Controller
-from wbc.core.signals import Measurement
-from wbc.tasks import CoMTask, CoPTask, PostureTask, WrenchTask
+from wbc.tasks import CoMTask, PostureTask, WrenchTask
 
 robots = pytest.mark.parametrize("name", ROBOTS)
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
@@ -257,33 +256,6 @@ def test_free_axis_that_keeps_its_force_may_have_both() -> None:
     ).vector
     np.testing.assert_allclose(total + robot.mass * np.array([0, 0, -9.80665]), rate[:3], atol=1e-4)
     np.testing.assert_allclose(moment, rate[3:], atol=1e-4)
-
-
-def test_loaded_foot_is_turned_by_its_cop_task() -> None:
-    controller = standing("hrp4_class")
-    robot = controller.robot
-    controller.remove(*controller.contacts)
-    for sole in robot.soles:
-        controller.add(SoleContact(sole.name, free_axes=("roll", "pitch"), free_force=True))
-    weight = 0.5 * robot.mass * 9.80665
-    controller.add(CoMTask())
-    for sole in robot.soles:
-        controller.add(CoPTask(sole.name, target_force=(0, 0, weight), time_constant=0.0))
-    wrenches = np.zeros((2, 6))
-    wrenches[:, 2] = weight
-    wrenches[0, 4] = -0.02 * weight  # the left CoP is 2 cm too far in front
-    q, v = np.array(robot.q), np.array(robot.v)
-    for _ in range(50):
-        controller.update(q, v)
-        none = np.zeros(3)
-        solution = controller.solve(Measurement(0.0, q[7:], v[6:], none, none, wrenches))
-        assert solution.ok, controller.diagnose()
-        q, v = integrate(controller, q, v, solution.accelerations)
-    rate = 0.01 * 0.02 * weight
-    for sole, expected in zip(robot.soles, (-rate, 0.0), strict=True):
-        turning = pin.getFrameVelocity(robot.model, robot.data, robot.frame_id(sole.frame), pin.LOCAL)
-        np.testing.assert_allclose(turning.angular, [0.0, expected, 0.0], atol=0.03 * rate)
-        np.testing.assert_allclose(turning.linear, 0.0, atol=1e-4)
 
 
 def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:

@@ -10,7 +10,8 @@ from wbc import Command, HybridControl, InputError, Observer, Plant, PositionCon
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.core.estimation.wrenches import WrenchSettings
-from wbc.feet import ContactSpheres, FlatFoot
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import load
 from wbc.sim import WalkSpec
 from wbc.sim.balance import StandSpec, StandTrial

@@ -268,16 +268,3 @@ def test_motion_weights_are_checked() -> None:
         with pytest.raises(InputError, match="motion weight of contact 'left_foot'"):
             soft.motion_weight = value  # type: ignore[assignment]
     np.testing.assert_array_equal(soft.motion_weight, [1, 2, 3, 0, 0, 0])
-
-
-def test_footholds_are_the_first_of_several_levels() -> None:
-    """A cascade holds them before anything of a lower priority."""
-    controller = Controller(make_robot("g1"), 0.002)
-    controller.add(
-        Foothold("left_foot"), Foothold("right_foot"), CoMTask(weight=10.0), PostureTask(weight=1.0, level=2)
-    )
-    solution = controller.solve()
-    assert solution.ok
-    for contact in controller.contacts:
-        jacobian, _, drift = rows_of(contact, controller.robot)
-        np.testing.assert_allclose(jacobian @ solution.accelerations + drift, 0.0, atol=0.05)

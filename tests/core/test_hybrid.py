@@ -12,7 +12,8 @@ from wbc import Command, HybridControl, InputError, Measurement, Plant, balance_
 from wbc.core.control import FailurePolicy
 from wbc.core.gate import CommandGate
 from wbc.core.robot import Robot
-from wbc.feet import ContactSpheres, FlatFoot
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import load
 from wbc.sim.balance import StandSpec, StandTrial
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from wbc.core.arguments import LazyMapping, checked, spelled_out
+from wbc.core.arguments import checked, spelled_out
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.registry import Registry, call_checked, named_parameters
+from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import (
     Count,
     NonNegative,
@@ -101,7 +101,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"start": (1, 2, "x")}, r"^start\[2\] must be a finite number, got 'x'$"),
     ({"open": 1}, "true or false"),
     ({"name": 3}, "text"),
-    ({"name": "a\0b"}, r"^name: must be text of Unicode characters without NUL, got 'a\\x00b'$"),
+    ({"name": "a\0b"}, r"^name must be text without NUL, got 'a\\x00b'$"),
     ({"push": 3}, "^push must be Push, got 3$"),
     ({"lenght": 1.0}, "did you mean 'length'"),
 ]
@@ -230,7 +230,7 @@ def test_parameters_are_looked_up_before_the_call() -> None:
 def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
     class Shoe:
         @classmethod
-        @named_parameters("Shoe.of")
+        @checked
         def of(cls, size: float, *, colour: str = "red") -> tuple[float, str]:
             """Return size and colour."""
             return size, colour
@@ -239,7 +239,7 @@ def test_a_decorated_function_refuses_names_it_does_not_take() -> None:
     assert (
         str(inspect.signature(Shoe.of)) == "(size: 'float', *, colour: 'str' = 'red') -> 'tuple[float, str]'"
     )
-    with pytest.raises(UnknownNameError, match="no parameter of Shoe.of 'color'; did you mean 'colour'"):
+    with pytest.raises(UnknownNameError, match="no parameter of .*Shoe.of 'color'; did you mean 'colour'"):
         Shoe.of(2.0, color="blue")  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="size"):
         Shoe.of()  # type: ignore[call-arg]
@@ -252,11 +252,11 @@ def test_text_that_no_file_takes_is_refused(text: str) -> None:
         """Do nothing."""
 
     call("é", place="ü")
-    with pytest.raises(InputError, match="^name must be text, got"):
+    with pytest.raises(InputError, match="^name must be text (without NUL|of whole characters), got"):
         call(text)
     with pytest.raises(InputError, match="^place must be"):
         call("a", place=text)
-    with pytest.raises(InputError, match="^name: must be text of Unicode characters"):
+    with pytest.raises(InputError, match="^name must be text (without NUL|of whole characters), got"):
         Spec(name=text)
 
 
@@ -266,7 +266,6 @@ class Laces(TypedDict, total=False):
 
 
 def test_options_of_a_typed_dictionary_are_checked_and_named_like_parameters() -> None:
-    @named_parameters("shoe")
     @checked
     @spelled_out
     def shoe(size: float, **options: Unpack[Laces]) -> tuple[float, Laces]:
@@ -278,12 +277,12 @@ def test_options_of_a_typed_dictionary_are_checked_and_named_like_parameters() -
     assert [parameters[name].default for name in Laces.__annotations__] == [None, ...]
     with pytest.raises(InputError, match="length must be a finite number or none, got 'long'"):
         shoe(2.0, length="long")  # type: ignore[arg-type]
-    with pytest.raises(UnknownNameError, match="no parameter of shoe 'color'; did you mean 'colour'"):
+    with pytest.raises(UnknownNameError, match="no parameter of .*shoe 'color'; did you mean 'colour'"):
         shoe(2.0, color="red")  # type: ignore[call-arg]
 
 
 def test_a_mapping_that_makes_its_values_when_asked_is_not_gone_through() -> None:
-    class Made(LazyMapping[str, int]):
+    class Made(Mapping[str, int]):
         def __getitem__(self, key: str) -> int:
             raise AssertionError(key)
 

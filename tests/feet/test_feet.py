@@ -18,27 +18,28 @@ from scipy.spatial.transform import Rotation
 from wbc.core.changes import changed
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import (
+    Foot,
+    RangeSensor,
+    SoftFoot,
+    StiffnessActuator,
+    TransverseBending,
+    foot,
+    foot_names,
+    register_foot,
+)
+from wbc.feet.sensing.range_sensor import RangeSampler
+from wbc.feet.soles import catalog
+from wbc.feet.soles.contact import (
     LOOP_CLOSURE,
     PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
     ContactSpheres,
-    Foot,
-    RangeSampler,
-    RangeSensor,
-    RigidFoot,
-    SoftFoot,
-    SoleGeometry,
-    StiffnessActuator,
-    TransverseBending,
     effective_time_constant,
-    foot,
-    foot_names,
-    register_foot,
     solver_parameters,
 )
-from wbc.feet.soles import catalog
-from wbc.feet.soles.sole import bar_inertia
+from wbc.feet.soles.rigid import RigidFoot
+from wbc.feet.soles.sole import SoleGeometry, bar_inertia
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
 FITTING = ("rigid", "soft", "long_arch", "variable")
@@ -57,7 +58,7 @@ def tilted_sole(seed: int) -> SoleGeometry:
 def test_feet_import_without_mujoco() -> None:
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from wbc.feet import SoleGeometry, foot, foot_names\n"
+        "from wbc.feet import foot, foot_names\nfrom wbc.feet.soles.sole import SoleGeometry\n"
         "[foot(n).fit(SoleGeometry.under_ankle(0.09, 0.16, 0.08)) for n in foot_names()]"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

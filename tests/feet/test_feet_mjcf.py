@@ -12,24 +12,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import InputError
-from wbc.feet import (
+from wbc.feet import Foot, FootParts, RangeSensor, StiffnessActuator, TransverseBending, foot
+from wbc.feet.soles.common_mjcf import RANGE_OFFSET
+from wbc.feet.soles.contact import (
     LOOP_CLOSURE,
     PAPER_SOLE_GROUND,
     SOLE_GROUND,
     ConstraintLaw,
     ContactSpheres,
-    Foot,
-    FootParts,
-    RangeSensor,
-    SoleGeometry,
-    StiffnessActuator,
-    TransverseBending,
     effective_time_constant,
-    foot,
     solver_parameters,
 )
-from wbc.feet.soles.common_mjcf import RANGE_OFFSET
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
+from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec

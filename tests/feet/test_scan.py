@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from wbc.core.errors import InputError
-from wbc.feet import SoleGeometry, foot
+from wbc.feet import foot
 from wbc.feet.sensing.scan import (
     PROFILE_STEP,
     GroundScan,
@@ -22,6 +22,7 @@ from wbc.feet.sensing.scan import (
     windows,
 )
 from wbc.feet.soles.soft import toe_sensor
+from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.terrain import terrain
 
 DOWN = (0.0, 0.0, -1.0)

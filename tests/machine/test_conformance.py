@@ -19,7 +19,8 @@ from wbc import Command, Measurement
 from wbc.app.cli import main
 from wbc.core.errors import InputError, MeasurementError
 from wbc.feet import foot
-from wbc.machine import ConformanceReport, conformance
+from wbc.machine import conformance
+from wbc.machine.conformance import ConformanceReport
 from wbc.sim import Machine, MujocoLoop, Plant, with_feet
 
 DESCRIPTION = wbc.load_robot("g1")

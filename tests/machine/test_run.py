@@ -24,10 +24,11 @@ import pytest
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import Clock, MachineError, Phase, Runner, RunSettings, UdpDriver, UdpRobot
+from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, UdpRobot
 from wbc.machine import run as run_machine
-from wbc.machine.clock import ask_priority
+from wbc.machine.clock import Clock, ask_priority
 from wbc.machine.guard import Guard
+from wbc.machine.report import Phase
 from wbc.machine.udp import OLD, pack_command, pack_measurement, unpack
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 

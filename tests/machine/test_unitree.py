@@ -19,7 +19,9 @@ import pytest
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import DdsError, MotionSwitcher, Phase, Runner, RunSettings, UnitreeDriver, UnitreeRobot
+from wbc.machine import MotionSwitcher, Runner, RunSettings, UnitreeDriver, UnitreeRobot
+from wbc.machine.report import Phase
+from wbc.machine.unitree import DdsError
 from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")

@@ -17,7 +17,6 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import (
-    MOTIONS,
     FilterSettings,
     MotionClip,
     check_motion,
@@ -29,6 +28,7 @@ from wbc.motion import (
 from wbc.motion.contacts import Contacts, find_contacts
 from wbc.motion.feasible import centre_of_mass_shift
 from wbc.motion.footsteps import footsteps
+from wbc.motion.generator import MOTIONS
 from wbc.motion.kinematics import BodyMotion, load_shares, second_difference, sole_corners
 from wbc.motion.measures import ZMP_SLACK, Support
 from wbc.walking.planning.reach import Reach

@@ -20,7 +20,8 @@ from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_cont
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
 from wbc.robots import load
-from wbc.sim import Machine, TrueFallDetector, WalkHook, WalkPlan, WalkSpec, WalkTick, walk
+from wbc.sim import Machine, TrueFallDetector, WalkHook, WalkPlan, WalkSpec, walk
+from wbc.sim.walks import WalkTick
 
 QUICK = (
     "joint_position nan",

@@ -12,7 +12,8 @@ import pytest
 
 from wbc.core.errors import InputError
 from wbc.core.settings import to_json
-from wbc.feet import ConstraintLaw, ContactSpheres, Foot, foot
+from wbc.feet import Foot, foot
+from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig import (
     FootTest,

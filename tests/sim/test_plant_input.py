@@ -12,7 +12,8 @@ import pytest
 
 from wbc.core.errors import InputError, MeasurementError, UnknownNameError
 from wbc.core.signals import Command
-from wbc.feet import ContactSpheres, FlatFoot
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.rigid import FlatFoot
 from wbc.motion.generator import make_motion
 from wbc.robots import load
 from wbc.sim import DivergedError, PhysicsSettings, Plant, SensorNoise, SignalNoise, real_time_factor

@@ -10,8 +10,9 @@ import pytest
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command
-from wbc.feet import ContactSpheres, FlatFoot
 from wbc.feet.soles.common_mjcf import CONTACT_GROUP
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant, real_time_factor
 from wbc.sim.terrain import terrain, terrain_families

@@ -11,8 +11,11 @@ import pytest
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command, Measurement
-from wbc.feet import ContactSpheres, FlatFoot, RangeSensor, StiffnessActuator, VariableStiffnessFoot
+from wbc.feet import RangeSensor, StiffnessActuator
 from wbc.feet import foot as foot_by_name
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.rigid import FlatFoot
+from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load
 from wbc.sim import Machine, PhysicsSettings, Plant, SensorNoise, SignalNoise
 from wbc.sim.plant.sensors import REALISTIC, SensorChain

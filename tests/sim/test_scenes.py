@@ -14,8 +14,9 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.feet import RangeSensor
 from wbc.robots import load
-from wbc.sim import Plant, TrueFallDetector, make_scene, scene_kinds
+from wbc.sim import Plant, TrueFallDetector, make_scene
 from wbc.sim.plant.settings import Machine
+from wbc.sim.scenes import scene_kinds
 
 
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])

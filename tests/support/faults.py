@@ -26,16 +26,9 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, MeasurementError
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
-from wbc.sim import (
-    PelvisLimits,
-    Plant,
-    StandSpec,
-    StandTrial,
-    TrueFallDetector,
-    WalkPlan,
-    WalkSpec,
-    WalkTrial,
-)
+from wbc.sim import Plant, StandSpec, TrueFallDetector, WalkPlan, WalkSpec, WalkTrial
+from wbc.sim.balance import StandTrial
+from wbc.sim.plant import PelvisLimits
 from wbc.tasks import CoMTask
 
 Fault = Callable[[Measurement, "Memory"], Any]

@@ -15,7 +15,7 @@ import numpy as np
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import Array
-from wbc.machine import Clock
+from wbc.machine.clock import Clock
 from wbc.machine.unitree.wire import G1_GAINS
 from wbc.sim import Machine, MujocoLoop, Plant
 

@@ -9,8 +9,9 @@ import sys
 import time
 
 import wbc
-from wbc.machine import Phase, Runner, RunSettings, UdpDriver, UdpRobot, UnitreeRobot
+from wbc.machine import Runner, RunSettings, UdpDriver, UdpRobot, UnitreeRobot
 from wbc.machine.clock import ask_priority
+from wbc.machine.report import Phase
 from wbc.sim import MujocoLoop, Plant, RobotServer
 
 ROBOT = "g1"

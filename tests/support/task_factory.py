@@ -18,8 +18,6 @@ from wbc.robots import RobotDescription, load
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
-    CoPTask,
-    DampingTask,
     FirstOrderImpedanceTask,
     ImpedanceTask,
     MomentumTask,
@@ -90,11 +88,9 @@ MOTION_TASKS: dict[str, Case] = {
     ),
     "momentum": Case(lambda r: MomentumTask()),
     "angular momentum": Case(lambda r: MomentumTask(axes=("roll", "pitch", "yaw"))),
-    "damping": Case(lambda r: DampingTask(left_hand(r), admittance=ADMITTANCE), in_frame=True),
     "admittance": Case(lambda r: AdmittanceTask(left_hand(r), admittance=ADMITTANCE), in_frame=True),
     "first-order impedance": Case(lambda r: FirstOrderImpedanceTask(left_hand(r)), in_frame=True),
     "impedance": Case(lambda r: ImpedanceTask(left_hand(r)), in_frame=True),
-    "cop": Case(lambda r: CoPTask("left_foot"), feasible=False, in_frame=True),
 }
 
 

@@ -17,9 +17,10 @@ from properties import examples
 from wbc.core.errors import InputError, UnknownNameError, WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
-from wbc.feet import SoftFoot, StiffnessActuator, StiffnessState, VariableStiffnessFoot
+from wbc.feet import SoftFoot, StiffnessActuator
 from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings, windows
-from wbc.feet.soles.soft import toe_sensor
+from wbc.feet.soles.actuator import StiffnessState
+from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, default_model
 from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness

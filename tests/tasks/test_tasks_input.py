@@ -19,8 +19,6 @@ from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
-    CoPTask,
-    DampingTask,
     FirstOrderImpedanceTask,
     ImpedanceTask,
     JointTorqueTask,
@@ -82,8 +80,6 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "impedance: no mass": lambda: ImpedanceTask("left_hand", mass=(0.0, 1.0)),
     "impedance: neither spring nor damper": lambda: ImpedanceTask("left_hand", spring=(0.0, 0.0)),
     "first-order impedance: no damper": lambda: FirstOrderImpedanceTask("left_hand", damper=(0.0, 1.0)),
-    "cop: shape": lambda: CoPTask("left_foot", target_cop=(0.0, 0.0, 0.0)),
-    "cop: nan": lambda: CoPTask("left_foot", target_force=(0.0, 0.0, NAN)),
 }
 
 
@@ -107,7 +103,6 @@ UNKNOWN_NAMES: dict[str, tuple[Callable[[], Task], str]] = {
     "joint weight": (lambda: PostureTask(joint_weights={"left_nee": 1.0}), "no joint 'left_nee'"),
     "joint selection": (lambda: PositionTask("left_hand", joints=["left_nee"]), "no joint 'left_nee'"),
     "torque of a joint": (lambda: JointTorqueTask(joints=["left_nee"]), "no joint 'left_nee'"),
-    "sole": (lambda: CoPTask("left_fot"), "no sole 'left_fot'; did you mean 'left_foot'"),
 }
 
 
@@ -127,9 +122,9 @@ UNKNOWN_OPTIONS: dict[str, tuple[Callable[..., Task], str]] = {
         lambda: PostureTask(joint_weigths={}),
         "no option of PostureTask 'joint_weigths'; did you mean 'joint_we",
     ),
-    "compliance": (lambda: CoPTask("left_foot", time_konstant=0.1), "did you mean 'time_constant'"),
+    "compliance": (lambda: ImpedanceTask("left_foot", time_konstant=0.1), "did you mean 'time_constant'"),
     "of another task": (
-        lambda: DampingTask("left_hand", admittance=(0, 0), offset_bound=1.0),
+        lambda: PoseTask("left_hand", offset_bound=1.0),
         "'offset_bound'",
     ),
     "stiffness of a torque": (
@@ -152,9 +147,9 @@ def test_unknown_option_is_refused_with_the_nearest_ones(what: str) -> None:
 
 
 def test_an_option_replaces_the_default_of_its_task() -> None:
-    task = CoPTask("left_foot", weight=2.0, name="ankles", axes=("z", "roll"), hard=True)
+    task = ImpedanceTask("left_foot", weight=2.0, name="ankles", axes=("z", "roll"), hard=True)
     assert (task.name, task.dim, task.hard) == ("ankles", 2, True)
-    assert (task.weight == 2.0).all() and (task.stiffness == 1.0).all() and (task.damping == 300.0).all()
+    assert (task.weight == 2.0).all() and (task.stiffness == 100.0).all() and (task.damping == 20.0).all()
     assert PoseTask("left_hand", name=None).name == "left_hand pose"
     assert CoMTask(stiffness=4.0).damping[0] == 4.0 and CoMTask(damping=3.0).damping[0] == 3.0
 
@@ -199,11 +194,6 @@ def test_momentum_has_nothing_to_damp() -> None:
     for damping in (1.0, None):
         with pytest.raises(InputError, match="rate"):
             MomentumTask(damping=damping)
-
-
-def test_wrench_of_a_cop_task_follows_from_cop_and_force() -> None:
-    with pytest.raises(InputError, match="target_cop"):
-        CoPTask("left_foot").target_wrench = np.zeros(6)
 
 
 def test_posture_refuses_joints_that_are_not_its_own() -> None:
@@ -298,15 +288,13 @@ def test_several_items_are_added_or_removed_together_or_not_at_all() -> None:
 
 def test_a_task_is_hard_or_not_as_long_as_a_controller_has_it() -> None:
     controller = Controller(make_robot("hrp4_class"), 0.002)
-    com, low = controller.add(CoMTask()), CoMTask(name="low", level=2)
+    com = controller.add(CoMTask())
     with pytest.raises(InputError, match="remove it, assign hard, and add it again"):
         com.hard = True
-    with pytest.raises(InputError, match="above all levels"):
-        low.hard = True
     controller.remove(com)
     com.hard = True
     controller.add(com, SoleContact("left_foot"))
-    assert com.hard and not low.hard and controller.solve().ok and "hard" in controller.status_table()
+    assert com.hard and controller.solve().ok and "hard" in controller.status_table()
 
 
 def test_gains_are_assigned_as_a_whole_and_the_period_is_fixed() -> None:

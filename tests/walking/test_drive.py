@@ -12,10 +12,10 @@ import pytest
 import wbc
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import FootstepPlan, Gait, Reach, WalkingControl, check_plan, climb_stairs, walk_distance
+from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs, walk_distance
 from wbc.walking.driver import Driver
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings
-from wbc.walking.planning.reach import bent_height
+from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,
     DriveSettings,

@@ -14,7 +14,8 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot
 from wbc.sim import Plant
 from wbc.sim.balance import CarrySpec, CarryTrial, arms_forward, carry
-from wbc.walking import FootstepPlan, HeldLoad, LoadSettings, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, LoadSettings, WalkingControl, WalkingControlSettings
+from wbc.walking.load import HeldLoad
 
 DESCRIPTION = load_robot("hrp4_class")
 DT = 0.005

@@ -11,8 +11,9 @@ from cyclopts import Parameter
 from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, settings
-from wbc.feet import Foot, SoftFoot, SoleGeometry
+from wbc.feet import Foot, SoftFoot
 from wbc.feet.soles.catalog import foot as foot_by_name
+from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings

@@ -16,29 +16,22 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationError
+from pydantic import PlainValidator, TypeAdapter, ValidationError
 
-from wbc.core.errors import Array, InputError, finite_array, shown, unknown_name
-from wbc.core.settings import CONFIG, bounded, choices_of, plain_value, rule_of, usable_text
+from wbc.core.errors import Array, InputError, choose, finite_array, shown, unknown_name
+from wbc.core.settings import CONFIG, choices_of, plain_value, rule_of, unusable
 
 P = ParamSpec("P")
-K = TypeVar("K")
 T = TypeVar("T")
-V_co = TypeVar("V_co", covariant=True)
 
 SIMPLE = (bool, int, float, str, type(None))
 
 WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, RecursionError)
 """Exceptions that a wrong argument causes in code that does not expect it."""
-
-
-class LazyMapping(Mapping[K, V_co]):
-    """Mapping that makes each value when it is asked for, of the kind that it should be: `checked` looks at none."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
@@ -127,6 +120,11 @@ def _check(
     kwargs: Mapping[str, Any],
 ) -> None:
     rules = _rules_of(function)
+    if not any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values()):
+        for name in kwargs:
+            choose(
+                f"parameter of {function.__qualname__.removesuffix('.__init__')}", name, signature.parameters
+            )
     for name, value in signature.bind(*args, **kwargs).arguments.items():
         if name in rules:
             _check_one(name, value, *rules[name])
@@ -134,12 +132,15 @@ def _check(
 
 def _check_one(name: str, value: Any, rule: TypeAdapter[Any], hint: Any) -> None:
     try:
-        rule.validate_python(plain_value(value))
+        given = rule.validate_python(plain_value(value))
     except (ValidationError, RecursionError, OverflowError):
         choices = choices_of(hint)
         if choices and isinstance(value, str):
             unknown_name(name.replace("_", " "), value, choices)
         raise InputError(f"{name} must be {rule_of(hint)}, got {shown(value)}") from None
+    reason = unusable(given)
+    if reason:
+        raise InputError(f"{name} must be {rule_of(hint)}{reason}, got {shown(value)}")
 
 
 @functools.cache
@@ -188,8 +189,7 @@ def _rule(hint: Any) -> Any:
         rules = [_rule(each) for each in inside]
         if any(rule is Any for rule in rules):
             return Any
-        either: Any = typing.Union[tuple(rules)]  # noqa: UP007
-        return Annotated[either, AfterValidator(_text_of_a_path)] if Path in inside else either
+        return typing.Union[tuple(rules)]  # noqa: UP007
     if origin is tuple:
         return tuple[tuple(each if each is ... else _rule(each) for each in inside)]  # type: ignore[misc]
     if origin in (Sequence, list):
@@ -201,23 +201,16 @@ def _rule(hint: Any) -> Any:
     if origin is Iterable:
         return _instance(Iterable)
     if hint in SIMPLE:
-        return bounded(hint)
+        return hint
     special = getattr(hint, "_is_protocol", False) or hasattr(hint, "__total__") or hint is object
     return _instance(hint) if isinstance(hint, type) and origin is None and not special else Any
-
-
-def _text_of_a_path(value: Any) -> Any:
-    """Refuse what no file can have in its name; a text may also be a content."""
-    if isinstance(value, (str, Path)):
-        usable_text(str(value))
-    return value
 
 
 def _instance(kind: Any) -> Any:
     def check(given: Any) -> Any:
         if not isinstance(given, kind):
             raise ValueError("another class")
-        return _text_of_a_path(given)
+        return given
 
     return Annotated[Any, PlainValidator(check)]
 
@@ -228,8 +221,8 @@ def _mapping_check(key: Any, value: Any) -> Callable[[Any], Any]:
     def check(given: Any) -> Any:
         if not isinstance(given, Mapping):
             raise ValueError("no mapping")
-        if isinstance(given, LazyMapping):
-            return given
+        if not isinstance(given, (dict, types.MappingProxyType)):
+            return given  # it may make its values when they are asked for
         return items.validate_python(tuple((k, plain_value(v)) for k, v in given.items()))
 
     return check

@@ -136,7 +136,7 @@ def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
 
     Args:
         owner: The task or contact.
-        kind: Typed dictionary of the options that it takes, such as `wbc.tasks.MotionOptions`.
+        kind: Typed dictionary of the options that it takes, such as `wbc.tasks.options.MotionOptions`.
         options: Names of the options given.
 
     Raises:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from wbc.core.errors import InputError, choose, shown, unknown_name
 
 T = TypeVar("T")
-P = ParamSpec("P")
 
 
 class Registry(dict[str, T]):
@@ -67,24 +65,3 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
         if needed and parameter.name not in parameters:
             raise InputError(f"the {what} needs a value for '{parameter.name}'")
     return make(**parameters)
-
-
-def named_parameters(what: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorate a function so that a keyword it does not take raises `UnknownNameError` with the nearest ones.
-
-    Args:
-        what: Name of the function in messages.
-    """
-
-    def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        known = inspect.signature(function).parameters
-
-        @functools.wraps(function)
-        def call(*args: P.args, **kwargs: P.kwargs) -> T:
-            for name in kwargs:
-                choose(f"parameter of {what}", name, known)
-            return function(*args, **kwargs)
-
-        return call
-
-    return decorate

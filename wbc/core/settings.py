@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import inspect
 import json
+import math
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -32,7 +32,17 @@ from wbc.core.errors import InputError, shown, unknown_name
 
 T = TypeVar("T")
 
-Positive = Annotated[float, Field(gt=0.0)]
+SMALLEST = 1e-12
+"""Smallest number above zero that a setting takes whose annotation asks for one above zero."""
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise ValueError(f"must be a finite number above 0, at least {SMALLEST:g}, got {value:g}")
+    return value
+
+
+Positive = Annotated[float, Field(gt=0.0), AfterValidator(_not_tiny)]
 """A finite number above zero."""
 
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -51,10 +61,7 @@ Seed = Annotated[int, Field(ge=0)]
 """Seed of a random generator: an integer, zero or above."""
 
 LARGEST = 1e12
-"""Largest number that a setting takes unless its annotation allows infinity; no quantity of a robot comes near."""
-
-SMALLEST = 1e-12
-"""Smallest number above zero that a setting takes whose annotation asks for one above zero."""
+"""Largest finite number that a setting takes; no quantity of a robot comes near."""
 
 WIDEST = 2**63 - 1
 """Largest integer that a setting takes: what 64 bits hold."""
@@ -91,10 +98,16 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
 
 
 def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
-    written = dict(vars(kind).get("__annotations__", {}))
-    kind.__annotations__ = {name: bounded(hint) for name, hint in _hints_of(kind).items() if name in written}
+    own = vars(kind).get("__post_init__")
+
+    def post_init(self: Any) -> None:
+        _check_usable(self)
+        if own is not None:
+            own(self)
+
+    if own is not None or not hasattr(kind, "__post_init__"):
+        setattr(kind, "__post_init__", post_init)  # noqa: B010 - unknown to type checkers
     made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, config=CONFIG)
-    made.__annotations__ = written  # messages and help show what was written
     checked = made.__init__
 
     @functools.wraps(checked)
@@ -105,72 +118,43 @@ def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
             )
         except ValidationError as error:
             _refuse(type(self), error)
-        except UnicodeError as error:  # half a character, which no file can hold
-            raise InputError(f"{type(self).__name__} takes text of whole characters: {error}") from None
 
     made.__init__ = init
-    _show_written(made)
     return typing.cast(type[T], made)
 
 
-def _show_written(made: Any) -> None:
-    """Give a class the signature with the annotations that were written, without the bounds."""
-    written: dict[str, Any] = {}
-    for base in reversed(made.__mro__):
-        written |= vars(base).get("__annotations__", {})
-    for owner in (made.__init__, made):
-        signature = inspect.signature(owner)
-        parameters = [
-            p.replace(annotation=written.get(p.name, p.annotation)) for p in signature.parameters.values()
-        ]
-        owner.__signature__ = signature.replace(parameters=parameters)
+def _check_usable(value: Any) -> None:
+    """Refuse settings with numbers or texts that `unusable` names."""
+    kind: Any = type(value)
+    for name in _field_names(kind):
+        given = getattr(value, name)
+        reason = unusable(given)
+        if reason:
+            path, hint, unit = _locate(kind, (name,))
+            what = f"{path} ({unit})" if unit else path
+            raise InputError(f"{what} must be {rule_of(hint)}{reason}, got {shown(given)}")
 
 
-def bounded(hint: Any) -> Any:
-    """Return an annotation whose numbers have bounds: magnitudes of `SMALLEST` to `LARGEST`, integers of 64 bits.
+def unusable(value: Any) -> str:
+    """Return what an argument lacks that is of the right kind, in words; empty for one that can be used.
 
     Args:
-        hint: Annotation; bounds that it states stay, and so does infinity where it is allowed.
+        value: A number, a text, a path, a tuple or list of them, or anything else, which can be used.
     """
-    if hint is float:
-        return Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-    if hint is int:
-        return Annotated[int, Field(ge=-WIDEST, le=WIDEST)]
-    if hint is str:
-        return Annotated[str, AfterValidator(usable_text)]
-    if hint is Path:
-        return Annotated[Path, AfterValidator(usable_path)]
-    origin, inside = typing.get_origin(hint), typing.get_args(hint)
-    if origin is Annotated:
-        parts = _constraints(inside[1:])
-        if any(getattr(part, "allow_inf_nan", False) for part in parts):
-            return hint
-        least = (
-            [Field(ge=SMALLEST)]
-            if inside[0] is float and any(getattr(p, "gt", None) == 0 for p in parts)
-            else []
-        )
-        return Annotated[(bounded(inside[0]), *inside[1:], *least)]
-    if origin in (typing.Union, types.UnionType):
-        return typing.Union[tuple(map(bounded, inside))]  # noqa: UP007 - of a tuple of types
-    if origin is tuple:
-        return tuple[tuple(each if each is ... else bounded(each) for each in inside)]  # type: ignore[misc]
-    return hint
-
-
-def usable_text(text: str) -> str:
-    """Return a text that files and other libraries take.
-
-    Raises:
-        ValueError: A text with a NUL, or with half of a surrogate pair.
-    """
+    if type(value) in (tuple, list):
+        return next(filter(None, map(unusable, value)), "")
+    if isinstance(value, float):
+        return f" within ±{LARGEST:g}" if LARGEST < abs(value) < math.inf else ""
+    if isinstance(value, int):
+        return f" within ±{WIDEST}" if abs(value) > WIDEST else ""
+    if isinstance(value, Path):
+        usable_path(value)
+    if not isinstance(value, str):
+        return ""
     try:
-        usable = b"\0" not in text.encode()
-    except UnicodeEncodeError:
-        usable = False
-    if not usable:
-        raise ValueError(f"must be text of Unicode characters without NUL, got {shown(text)}")
-    return text
+        return " without NUL" if b"\0" in value.encode() else ""
+    except UnicodeEncodeError:  # half of a surrogate pair
+        return " of whole characters"
 
 
 def usable_path(path: Path) -> Path:
@@ -179,12 +163,9 @@ def usable_path(path: Path) -> Path:
     Raises:
         InputError: Too long, or with characters that are not printable.
     """
-    if (
-        not str(path).isprintable()
-        or any(len(part.encode()) > 255 for part in path.parts)
-        or len(str(path)) > 4000
-    ):
-        raise InputError(f"{shown(str(path))} cannot be the name of a file")
+    name = str(path)
+    if not name.isprintable() or len(name) > 4000 or any(len(part.encode()) > 255 for part in path.parts):
+        raise InputError(f"{shown(name)} cannot be the name of a file")
     return path
 
 
@@ -324,19 +305,7 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
     choices = choices_of(hint)
     if choices and isinstance(value, str):
         unknown_name(what, value, choices)
-    raise InputError(f"{what} must be {rule_of(hint)}{_bound_of(first, value)}, got {shown(value)}") from None
-
-
-def _bound_of(refusal: Any, value: Any) -> str:
-    """The general bound that a number was outside of, in words; empty if it broke a rule of its annotation."""
-    context = refusal.get("ctx", {})
-    if context.get("le") == LARGEST or context.get("ge") == -LARGEST:
-        return f" within ±{LARGEST:g}"
-    if context.get("ge") == SMALLEST and value > 0.0:
-        return f", at least {SMALLEST:g}"
-    if context.get("le") == MOST:
-        return f" and of at most {MOST}"
-    return f" within ±{WIDEST}" if context.get("le") == WIDEST or context.get("ge") == -WIDEST else ""
+    raise InputError(f"{what} must be {rule_of(hint)}, got {shown(value)}") from None
 
 
 def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
@@ -362,11 +331,9 @@ def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
     return path, hint, unit
 
 
-def _hints_of(kind: type) -> dict[str, Any]:
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:
     return typing.get_type_hints(kind, include_extras=True)
-
-
-_hints = functools.cache(_hints_of)
 
 
 def _class_of(hint: Any) -> Any:

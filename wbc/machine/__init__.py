@@ -3,13 +3,12 @@
 A new wire is a class with the three methods of `Driver`, in a module of its own.
 """
 
-from wbc.machine.clock import Clock
-from wbc.machine.conformance import Check, ConformanceReport, conformance
+from wbc.machine.conformance import conformance
 from wbc.machine.loop import Driver, DriverLoop, Loop, MachineError
-from wbc.machine.report import Phase, RunReport
+from wbc.machine.report import RunReport
 from wbc.machine.run import Control, Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
-from wbc.machine.unitree import DdsError, MotionSwitcher, UnitreeDriver, UnitreeRobot
+from wbc.machine.unitree import MotionSwitcher, UnitreeDriver, UnitreeRobot
 
 __all__ = [
     # Interfaces
@@ -21,9 +20,7 @@ __all__ = [
     "Runner",
     "RunSettings",
     "RunReport",
-    "Phase",
     "Control",
-    "Clock",
     "MachineError",
     # Wires
     "UdpDriver",
@@ -31,9 +28,6 @@ __all__ = [
     "UnitreeDriver",
     "UnitreeRobot",
     "MotionSwitcher",
-    "DdsError",
     # Check of a loop
     "conformance",
-    "ConformanceReport",
-    "Check",
 ]

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.settings import Count, Positive, settings
 
@@ -54,7 +53,6 @@ class FallDetector:
         time: Time of the fall, s; None before a fall.
     """
 
-    @checked
     def __init__(self, settings: FallSettings | None = None) -> None:
         self.settings = settings or FallSettings()
         self.reason: FallReason | None = None

@@ -22,7 +22,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose
 from wbc.core.estimation.outside import OutsideWrench, moment_about
 from wbc.core.lag import lag_gain
@@ -67,7 +66,6 @@ class HeldLoad:
         offset: Horizontal place of the load from the middle of the hands, in the heading of the robot, shape (2,), m.
     """
 
-    @checked
     def __init__(self, robot: Robot, settings: LoadSettings | None = None) -> None:
         """Start with empty hands.
 

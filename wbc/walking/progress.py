@@ -82,7 +82,7 @@ class VelocityLimits(NamedTuple):
 
 
 class ReferenceLike(Protocol):
-    """References of one tick of any walk; `wbc.walking.WalkReference` describes the fields."""
+    """References of one tick of any walk; `wbc.walking.walk.WalkReference` describes the fields."""
 
     @property
     def pendulum(self) -> Pendulum:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, whole_number
 from wbc.core.settings import to_json
 from wbc.sim.studies.best_stiffness import Label
@@ -146,7 +145,6 @@ class Choice:
         return "\n".join(lines) + f"\n\n{worth}"
 
 
-@checked
 def choice(
     study: Study,
     entries: Mapping[str, Entry],

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.feet.soles.actuator import PAPER_STIFFEST
 from wbc.sim.studies.journal import Entry
@@ -104,7 +103,6 @@ def walked_points(
     return [found[seed] for seed in sorted(found)]
 
 
-@checked
 def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimum:
     """Find the best parameters that were walked, and the stiffnesses that cannot be told from them.
 

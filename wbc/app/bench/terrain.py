@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.feet import SoleGeometry, foot
+from wbc.feet import foot
+from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, add_to_spec
 

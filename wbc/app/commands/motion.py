@@ -16,16 +16,9 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.files import save_figure
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, Seed, settings, to_json
-from wbc.motion import (
-    FeasibleMotion,
-    MotionClip,
-    MotionMeasures,
-    check_motion,
-    make_feasible,
-    make_motion,
-    read_motion,
-    write_motion,
-)
+from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
+from wbc.motion.feasible import FeasibleMotion
+from wbc.motion.measures import MotionMeasures
 from wbc.sim.balance import TrackSpec, TrackTrial
 
 CLIPS = (".npz", ".csv")

@@ -28,7 +28,8 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import WalkHook
 
 if TYPE_CHECKING:
-    from wbc.sim import GroundTruth, MujocoLoop
+    from wbc.sim import MujocoLoop
+    from wbc.sim.plant import GroundTruth
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 

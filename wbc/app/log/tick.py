@@ -16,7 +16,8 @@ from wbc.walking.progress import WalkingLike
 
 if TYPE_CHECKING:
     from wbc.robots import RobotDescription
-    from wbc.sim import GroundTruth, MujocoLoop, Plant
+    from wbc.sim import MujocoLoop, Plant
+    from wbc.sim.plant import GroundTruth
 
 Control = PositionControl | TorqueControl | WalkingLike
 """Controllers that answer a measurement with a command."""

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from wbc.app.plot.style import BLACK, BLUE, COLOURS, ORANGE, SIDE_COLOURS, grid, legend, new_figure
 from wbc.core.robot import Robot
-from wbc.motion import FeasibleMotion, MotionClip
+from wbc.motion import MotionClip
+from wbc.motion.feasible import FeasibleMotion
 from wbc.motion.kinematics import BodyMotion
 
 SHOWN = 5

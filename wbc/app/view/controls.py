@@ -23,7 +23,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wbc.core.errors import InputError, WbcError, choose, finite_scalar
-from wbc.feet import VariableStiffnessFoot
+from wbc.feet.soles.soft import VariableStiffnessFoot
 
 if TYPE_CHECKING:
     from wbc.sim import Plant

@@ -34,7 +34,8 @@ from wbc.sim.terrain import Terrain
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
-    from wbc.sim import GroundTruth, MujocoLoop
+    from wbc.sim import MujocoLoop
+    from wbc.sim.plant import GroundTruth
     from wbc.walking.progress import WalkingLike
 
 PAUSE_TICK = 0.02

@@ -12,7 +12,7 @@ Torques are eliminated: τ = M_j a + h_j − J_jᵀ f, so that their limits are 
 The layout is fixed between ticks: a contact that is switched changes values, not sizes, so nothing is allocated.
 
     equalities    floating base | hard tasks that are no motion | contacts | hard motion tasks
-    soft rows     motion tasks | tasks on all variables, level by level
+    soft rows     motion tasks | tasks on all variables
     inequalities  torques | joint limits | cone and normal force of each contact | other limits
 
 From the contacts to the last soft row, and on to the selections, which are no rows, all share their arithmetic: one
@@ -82,7 +82,6 @@ class Assembly:
     Attributes:
         problem: The QP.
         layout: Names and places of everything in a solution.
-        level_dims: Number of soft rows of each level of priority, the highest first.
         torque_rows: Rows of the problem that are the joint torques, less the bias.
         listening: Tasks that read the sensors.
     """
@@ -109,26 +108,18 @@ class Assembly:
         hard_first = [t for t in (*selection, *variable) if t.hard]
         hard_motion = [t for t in motion if t.hard]
         soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
-        # Selections are entries of the diagonal in the last level, and rows in those above.
-        levels = sorted({t.level for t in tasks if not t.hard}) or [1]
-        above = [t for t in selection if not t.hard and t.level < levels[-1]]
-        selection = [t for t in selection if t not in above]
-        soft = sorted([*soft, *above], key=lambda task: task.level)
-        yielding = [c for c in contacts if c.motion_weight is not None]
-        self.level_dims = tuple(_dim([t for t in soft if t.level == level]) for level in levels)
-        self.level_dims = (sum(c.dim for c in yielding) + self.level_dims[0], *self.level_dims[1:])
+        n_soft = _dim(soft) + sum(c.dim for c in contacts if c.motion_weight is not None)
 
         nv, na = robot.nv, robot.na
         n_force = sum(c.dim for c in contacts)
         n_joint = na if self._joint_limits is not None else 0
         n_cone = sum(c.cone.shape[0] + 1 for c in contacts)  # and the normal force
         base, hard_rows, contact_rows, hard_motion_rows, soft_rows = _consecutive(
-            BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), sum(self.level_dims)
+            BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), n_soft
         )
         torques, joints, cones, other_limits = _consecutive(
             na, n_joint, n_cone, sum(r.dim for r in row_limits)
         )
-        n_soft = soft_rows.stop - soft_rows.start
         self.problem = p = Problem(nv, na, nv + n_force, soft_rows.start, n_soft, other_limits.stop)
         p.n_physics = BASE_DOF
         p.equality_groups["floating-base dynamics"] = base
@@ -156,7 +147,6 @@ class Assembly:
         self._variable: list[tuple[VariableTask, Array, Array]] = []
         self._selection: list[tuple[SelectionTask, Rows, Array, Array, Array | None]] = []
         self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
-        self._selected_rows: list[tuple[SelectionTask, Array]] = []
 
         self._place_hard_first(hard_first, hard_rows.start)
         if n_joint:
@@ -256,7 +246,7 @@ class Assembly:
         return soft_at
 
     def _place_tasks(self, tasks: Sequence[Task], at: int) -> None:
-        """Place hard motion tasks and all soft tasks but selections of the last level, from a row on."""
+        """Place hard motion tasks and all soft tasks but selections, from a row on."""
         p, nv = self.problem, self._robot.nv
         for task in tasks:
             rows = self._places[task.name] = slice(at, at + task.dim)
@@ -267,9 +257,6 @@ class Assembly:
                 self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
             elif isinstance(task, VariableTask):
                 self._variable.append((task, p.rows[rows], p.target[rows]))
-            elif isinstance(task, SelectionTask):
-                p.rows[rows, np.arange(nv)[task.columns]] = np.eye(task.dim)
-                self._selected_rows.append((task, view.error))
             if task.hard:
                 p.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
@@ -338,8 +325,6 @@ class Assembly:
         for motion, jacobian, error, drift in self._motion:
             if not motion.idle:
                 motion.evaluate(jacobian, error, drift)
-        for selection, error in self._selected_rows:
-            selection.evaluate(error)
         self._shared_matrix.dot(v, out=self._shared_velocity)
         for selection, rows, velocity, _, _ in self._selection:
             selection.evaluate(rows.error)

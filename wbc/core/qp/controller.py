@@ -18,7 +18,6 @@ from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
-from wbc.core.qp.levels import LevelSolver
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
@@ -74,7 +73,7 @@ class Controller:
         self.outside: Array | None = None
         self._torques: Array | None = None  # of the last tick
         self._assembly = self._assemble()
-        self._solver = self._solver_of(self._assembly)
+        self._solver = QpSolver(self._assembly.problem, self._settings)
         self._dirty = False
 
     @property
@@ -309,16 +308,10 @@ class Controller:
         """Return a QP of what the controller has now."""
         return Assembly(self.robot, self._tasks, self._contacts, self._limits, self._regularisation)
 
-    def _solver_of(self, assembly: Assembly) -> QpSolver | LevelSolver:
-        """Return the solver of a QP: of several levels if its tasks have several."""
-        if len(assembly.level_dims) == 1:
-            return QpSolver(assembly.problem, self._settings)
-        return LevelSolver(assembly.problem, assembly.level_dims, self._settings)
-
     def _rebuild(self) -> None:
         """Make QP and solver anew, after something was added or removed."""
         self._assembly = self._assemble()
-        self._solver = self._solver_of(self._assembly)
+        self._solver = QpSolver(self._assembly.problem, self._settings)
         self._dirty = False
 
     def reset(self) -> None:

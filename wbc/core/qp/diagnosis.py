@@ -123,7 +123,6 @@ def status_table(
     residuals = {} if solution is None else solution.residuals
     for task in tasks:
         weight = "hard" if task.hard else f"{task.weight.max():.3g}"
-        weight += f" @{task.level}" if task.level > 1 else ""
         error = f"{np.abs(task.error).max():.3g} {task.unit}"
         residual = (
             f"{np.abs(residuals[task.name]).max():.3g} {task.residual_unit}"

@@ -88,7 +88,6 @@ class Task(FixedAttributes):
         damping: ArrayLike | None = None,
         error_bound: ArrayLike | None = None,
         hard: bool = False,
-        level: int = 1,
     ) -> None:
         """Set gains; they can be changed at any time.
 
@@ -101,16 +100,14 @@ class Task(FixedAttributes):
             error_bound: Greatest component of the error that acts, `unit`, scalar or shape (dim,), > 0; that of
                 `ERROR_BOUNDS` when None.
             hard: Make the rows a constraint.
-            level: Priority, 1 is the highest; a hard task is above all levels.
 
         Raises:
-            InputError: A gain that is negative, not finite or of the wrong shape, a level below 1 or of a hard task.
+            InputError: A gain that is negative, not finite or of the wrong shape.
         """
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
         self._dim = whole_number(f"number of rows of task '{name}'", dim, low=1)
         self.name = name
-        self._level = whole_number(f"level of task '{name}'", level, low=1)
         self._rows = Rows.zeros(self._dim)
         self.hard = hard
         self._critical = True
@@ -131,8 +128,7 @@ class Task(FixedAttributes):
         """True if the rows are constraints instead of costs.
 
         Raises:
-            InputError: Assigned while a controller has the task, to a task of another level than the first, or not true
-                or false.
+            InputError: Assigned while a controller has the task, or not true or false.
         """
         return self._hard
 
@@ -145,17 +141,8 @@ class Task(FixedAttributes):
             )
         if not isinstance(value, (bool, np.bool_)):
             raise InputError(f"hard of task '{self.name}' must be true or false, got {shown(value)}")
-        if value and self._level != 1:
-            raise InputError(
-                f"task '{self.name}' is hard, above all levels, so that its level must be 1, got {self._level}"
-            )
         self._hard = bool(value)
         self.idle = not (self._hard or self._rows.weight.any())
-
-    @property
-    def level(self) -> int:
-        """Priority: 1 is the highest; tasks of a greater number take nothing from it, equals share by weight."""
-        return self._level
 
     @property
     def robot(self) -> Robot:

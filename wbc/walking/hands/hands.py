@@ -79,7 +79,6 @@ class Hands:
             estimate, which holds on to the feet.
     """
 
-    @checked
     def __init__(
         self,
         controller: Controller,

@@ -91,7 +91,6 @@ class Arm:
         joints: Joints of the arm, as indices in arrays of shape (na,).
     """
 
-    @checked
     def __init__(
         self,
         controller: Controller,
@@ -368,7 +367,6 @@ class Arms:
         occupied: Hands that may press or grip, role → hand; one that does is given no target.
     """
 
-    @checked
     def __init__(
         self, controller: Controller, com: CoMTask, posture: PostureTask, dt: float, settings: ArmSettings
     ) -> None:

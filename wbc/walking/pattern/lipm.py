@@ -19,12 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
 
 
-@checked_on_failure
 def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> float:
     """Return ω = √((g + c̈_z) / h), 1/s.
 

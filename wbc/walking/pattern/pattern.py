@@ -15,7 +15,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, InputError, positive
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.lipm import Pendulum, natural_frequency
@@ -60,7 +59,6 @@ class Pattern:
         height: Height of the CoM over the support, m.
     """
 
-    @checked_on_failure
     def __init__(
         self,
         times: Array,

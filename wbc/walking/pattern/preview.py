@@ -27,7 +27,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
@@ -76,7 +75,6 @@ class PreviewController:
             too small for it.
     """
 
-    @checked
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
         """Set up the QP.
 

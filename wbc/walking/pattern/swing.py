@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
 from wbc.core.vectors import Vector
 from wbc.tasks.trajectories import Quintic
@@ -86,7 +85,6 @@ class SwingFoot:
         landing: Planned landing.
     """
 
-    @checked
     def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
         """Plan from a foot at rest.
 

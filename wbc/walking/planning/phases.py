@@ -13,7 +13,6 @@ import enum
 from collections.abc import Sequence
 from typing import Annotated
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
@@ -89,7 +88,6 @@ class WalkPhases:
         weight: Weight of the robot with its load, N.
     """
 
-    @checked
     def __init__(self, plan: FootstepPlan, weight: float, settings: PhaseSettings | None = None) -> None:
         """Stand at the start of a plan.
 

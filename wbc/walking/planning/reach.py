@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Positive, settings
@@ -211,7 +210,6 @@ def _hip_yaw_range(robot: Robot) -> float:
     return min(ranges) if len(ranges) == 2 else 0.0
 
 
-@checked
 def check_plan(
     plan: FootstepPlan,
     robot: Robot,

@@ -10,7 +10,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.settings import settings
@@ -45,7 +44,6 @@ class SupportPhase:
         return len(self.feet) == 1
 
 
-@checked_on_failure
 def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     """Return the supports of a whole plan, from standing to standing."""
     gait, count = plan.gait, len(plan)

@@ -25,7 +25,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
@@ -99,7 +98,6 @@ class StepAdjuster:
         settings: Costs and limits.
     """
 
-    @checked
     def __init__(
         self, omega: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None
     ) -> None:

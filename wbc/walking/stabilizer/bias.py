@@ -21,7 +21,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -62,7 +61,6 @@ class BiasEstimator:
         settings: Noise levels and limits.
     """
 
-    @checked
     def __init__(self, settings: BiasSettings | None = None) -> None:
         self.settings = settings or BiasSettings()
         self._zmp = 0j

@@ -24,7 +24,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
@@ -123,7 +122,6 @@ class WrenchDistribution:
         settings: Limits and costs.
     """
 
-    @checked
     def __init__(
         self,
         sizes: Sequence[tuple[float, float]],

@@ -20,7 +20,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive, settings
@@ -79,7 +78,6 @@ class Lean:
         speed: Derivative of the lean, rad/s.
     """
 
-    @checked
     def __init__(self, mass: float, height: float, settings: LeanSettings | None = None) -> None:
         """Stand upright.
 

@@ -19,7 +19,6 @@ class NoContactForceError(WbcError):
     """A normal force too small to have a centre of pressure."""
 
 
-@checked_on_failure
 def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
     """Return the centre of pressure of a contact in its sole plane.
 
@@ -119,7 +118,6 @@ def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
     return np.array((my / weight, -mx / weight))
 
 
-@checked_on_failure
 def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
     """Return the sum of contact wrenches at the world origin in world axes.
 

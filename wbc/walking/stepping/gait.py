@@ -62,7 +62,7 @@ class BodyState(NamedTuple):
 
 
 class StepReference(NamedTuple):
-    """References of one tick; the first fields are those of `wbc.walking.WalkReference`.
+    """References of one tick; the first fields are those of `wbc.walking.walk.WalkReference`.
 
     Attributes:
         pendulum: CoM as measured at its desired height, with its desired acceleration, and the contact point as ZMP.

@@ -13,7 +13,8 @@ from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.app.rig_options import Several, StudyOptions
 from wbc.core.settings import settings, to_json
-from wbc.feet import RigidFoot, SoftFoot
+from wbc.feet import SoftFoot
+from wbc.feet.soles.rigid import RigidFoot
 from wbc.sim import rig as bench
 from wbc.sim.rig import LOADS, Deflection, FootTest, StiffnessRow
 from wbc.sim.rig.study import rising_loads, with_stiffness
