@@ -122,29 +122,47 @@ def test_measurements_of_another_period_than_the_controllers_are_named(period: f
     assert control.plausibility.pace == ""
 
 
-def test_functions_of_the_tick_that_cannot_be_called_are_refused_before_it() -> None:
-    controller = standing("hrp4_class", DT)
-    for kind in (PositionControl, TorqueControl):
-        with pytest.raises(
-            InputError, match="prepare must be a function of robot and measurement, or none, got 3"
-        ):
-            kind(controller, prepare=3)  # type: ignore[arg-type]
-    for wrong in ("yes", None, 1):
-        with pytest.raises(InputError, match="feedforward must be true, false or a function of the solution"):
-            PositionControl(controller, feedforward=wrong)  # type: ignore[arg-type]
+@pytest.mark.parametrize("wrong", ["yes", None, 1])
+def test_a_feedforward_that_is_no_truth_value_is_refused(wrong: object) -> None:
+    with pytest.raises(InputError, match="feedforward must be true or false"):
+        PositionControl(standing("hrp4_class", DT), feedforward=wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("wrong", [None, 0.0, "much", np.zeros(3)])
-def test_torques_of_a_feedforward_that_are_none_fail_the_tick_and_the_last_ones_are_held(
-    wrong: object,
-) -> None:
-    controller = standing("hrp4_class", DT)
-    robot = controller.robot
-    answers = [np.ones(robot.na), wrong, np.ones(robot.na).tolist()]
-    control = PositionControl(controller, feedforward=lambda solution: answers.pop(0))  # type: ignore[arg-type,return-value]
-    failing = []
+def test_targets_that_follow_from_the_state_are_set_between_the_halves_of_a_tick() -> None:
+    whole, halves = (PositionControl(standing("hrp4_class", DT)) for _ in range(2))
+    robot = whole.controller.robot
     for tick in range(3):
-        command = control.command(sensors(robot, tick * DT, np.zeros(robot.na)))
-        failing.append(control.failing)
-        np.testing.assert_array_equal(command.joint_torque, np.ones(robot.na))
-    assert failing == [False, True, False]
+        measurement = sensors(robot, tick * DT, np.zeros(robot.na))
+        state = halves.estimate(measurement)
+        assert state.ok and state.robot is halves.observer.robot and state.received is measurement
+        found, expected = halves.act(state), whole.command(measurement)
+        np.testing.assert_array_equal(found.joint_torque, expected.joint_torque)
+        np.testing.assert_array_equal(found.joint_position, expected.joint_position)
+
+
+def test_a_tick_whose_targets_fail_holds_the_last_torques() -> None:
+    control = PositionControl(standing("hrp4_class", DT))
+    robot = control.controller.robot
+    first = control.command(sensors(robot, 0.0, np.zeros(robot.na)))
+    state = control.estimate(sensors(robot, DT, np.zeros(robot.na)))
+    refused = control.refuse(state, RuntimeError("no such table"))
+    held = control.act(refused)
+    assert not refused.ok and control.failures == 1 and "no such table" in control.status()
+    np.testing.assert_array_equal(held.joint_torque, first.joint_torque)
+
+
+def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques() -> None:
+    """With the QP's own wrenches the torques are the QP's; another force f changes them by −Jᵀ f."""
+    control = TorqueControl(standing("hrp4_class", DT))
+    robot = control.controller.robot
+    state = control.estimate(sensors(robot, 0.0, np.zeros(robot.na)))
+    command = control.act(state)
+    solution = control.solution
+    assert solution is not None
+    own = np.array(list(solution.wrenches.values()))
+    np.testing.assert_allclose(control.controller.torques(solution, own), command.joint_torque, atol=1e-8)
+    more = own.copy()
+    more[0, 2] += 10.0
+    jacobian = robot.frame_jacobian(robot.soles[0].frame)[:, 6:]
+    change = control.controller.torques(solution, more) - command.joint_torque
+    np.testing.assert_allclose(change, -10.0 * jacobian[2], atol=1e-8)

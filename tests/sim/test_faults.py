@@ -186,21 +186,6 @@ def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.Da
     logging.disable(logging.NOTSET)
 
 
-@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
-def test_what_the_user_adds_may_fail(kind: Any) -> None:
-    """An exception in `prepare` fails the tick, and its text is the reason."""
-    description = load("hrp4_class")
-    plant = Plant(description)
-
-    def prepare(robot: wbc.Robot, measurement: Measurement) -> None:
-        raise RuntimeError("no such table")
-
-    control = kind(balance_controller(description.robot(), plant.control_period), prepare=prepare)
-    for _ in range(3):
-        plant.step(control.command(plant.measure()))
-    assert control.failures == 3 and "no such table" in control.status()
-
-
 def test_a_clock_that_jumps_for_good_is_adopted_again() -> None:
     description = load("hrp4_class")
     plant = Plant(description)

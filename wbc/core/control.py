@@ -1,22 +1,27 @@
-"""Control of a robot's drives: what all modes have in common, from a measurement to a solution, and ticks that fail.
+"""One tick of a robot's drives: what all modes have in common, and ticks that fail.
 
-The modes are in `wbc.core.drive`: `wbc.core.drive.position` integrates accelerations to references of the servos,
-`wbc.core.drive.torque` sends torques, `wbc.core.drive.hybrid` both.
+    state = control.estimate(measurement)   plausibility, observer, monitor      never raises
+    …targets of tasks and contacts, from the state…
+    command = control.act(state)            QP, drive, gate                      never raises
+
+`command` does both, for targets that come from elsewhere. The modes are in `wbc.core.drive`: `wbc.core.drive.position`
+integrates accelerations to references of the servos, `wbc.core.drive.torque` sends torques, `wbc.core.drive.hybrid`
+both.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field, replace
 from time import perf_counter
-from typing import Annotated, Literal, cast
+from typing import Annotated, Literal, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, MeasurementError, shown
+from wbc.core.errors import Array, InputError, MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
@@ -35,11 +40,24 @@ logger = logging.getLogger(__name__)
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
 
-Prepare = Callable[[Robot, Measurement], None]
-"""Function called once a tick with the estimated robot and the measurement, to move targets of tasks and contacts."""
 
-Feedforward = Callable[[Solution], Array]
-"""Function called once a tick after the QP has been solved; returns joint torques, shape (na,), Nm."""
+class State(NamedTuple):
+    """What is known of a robot in one tick.
+
+    Attributes:
+        robot: The estimated robot: its kinematics and dynamics until the next tick.
+        measurement: The measurement, with what was refused replaced by predictions, and with wrenches that are
+            estimated where none are measured; as it came if the tick has failed.
+        load: Filtered vertical forces on the soles, shape (number of soles,), N.
+        received: The measurement as it came.
+        ok: False if the tick has failed already: by its measurement, or by what was to follow from it.
+    """
+
+    robot: Robot
+    measurement: Measurement
+    load: Array
+    received: Measurement
+    ok: bool
 
 
 @settings
@@ -78,13 +96,12 @@ class SafetySettings:
 class DriveControl:
     """Base of all modes: plausibility, observer, failures, the last solution and the gate.
 
-    A mode has `reset` and `command`, which calls `_think` for a solution and `_send` with what follows from it.
+    A mode has `reset`, and two methods that make a command: `_follow` a solution, or `_hold` without one.
 
     Attributes:
         controller: The controller.
         observer: Observer that estimates the state from measurements.
         policy: Reaction to failures.
-        prepare: Function called once a tick before the QP is solved; None for none.
         solution: Result of the last tick.
         measurement: Measurement of the last tick, with what was refused replaced by predictions.
         wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
@@ -102,15 +119,9 @@ class DriveControl:
         controller: Controller,
         observer: Observer | None,
         policy: FailurePolicy | None,
-        prepare: Prepare | None,
         safety: SafetySettings | None,
     ) -> None:
-        if prepare is not None and not callable(prepare):
-            raise InputError(
-                f"prepare must be a function of robot and measurement, or none, got {shown(prepare)}"
-            )
         self.controller = controller
-        self.prepare = prepare
         self.observer = Observer(controller.robot) if observer is None else observer
         if self.observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
@@ -173,42 +184,101 @@ class DriveControl:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
 
-    def _think(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None = None) -> bool:
-        """Estimate, prepare and solve; True if there is a solution, otherwise `reason` says why not."""
-        controller, robot = self.controller, self.controller.robot
-        start = perf_counter()
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick; targets of tasks and contacts are as they are.
+
+        Args:
+            measurement: Measurement of this tick.
+
+        Returns:
+            Command of the drives until the next tick. Nothing is raised: a failed tick follows the policy.
+        """
+        return self.act(self.estimate(measurement))
+
+    def estimate(self, measurement: Measurement) -> State:
+        """Begin a tick: estimate the state, and bring the controller's robot there.
+
+        Args:
+            measurement: Measurement of this tick.
+
+        Returns:
+            The state. Nothing is raised: `State.ok` is False for a measurement that cannot be used.
+        """
+        observer, start = self.observer, perf_counter()
         try:
-            self.measurement = measurement = self._estimate(measurement, soles)
-            estimate = self.observer.robot
+            self.measurement = plausible = self._estimate(measurement, self._begin())
+            estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
-            controller.model_time = perf_counter() - start
-            if self.prepare is not None:
-                self.prepare(estimate, measurement)
-            self.solution = solution = controller.solve(measurement)
-            if solution.ok and not self.stopped:
-                self._use(solution)
-        except MeasurementError as error:
-            return self._fail(f"measurement refused: {error}")
-        except Exception as error:  # of tasks and callbacks of the user: a robot gets a command in every tick
-            return self._fail(f"{type(error).__name__} in the tick: {error}", error)
-        if not self.solution.ok:
-            return self._fail(self.solution.status.value)
-        if self.stopped:
-            return self._fail("failed for too long")
-        self._failing = 0
-        self.observer.commanded(solution.accelerations, controller.dt)
-        return True
+            self.controller.model_time = perf_counter() - start
+        except Exception as error:  # a robot gets a command in every tick
+            return self.refuse(State(observer.robot, measurement, observer.load, measurement, True), error)
+        return State(estimate, plausible, observer.load, measurement, True)
 
-    def _send(self, command: Command) -> Command:
-        """Remember a command, for the torques that it makes, and return it."""
+    def refuse(self, state: State, error: Exception) -> State:
+        """Fail a tick between `estimate` and `act`, because its targets could not be computed.
+
+        Args:
+            state: State of this tick.
+            error: What went wrong.
+
+        Returns:
+            The state with `ok` False, for `act`: it holds the robot as after any failure.
+        """
+        if isinstance(error, MeasurementError):
+            self._fail(f"measurement refused: {error}")
+        else:
+            self._fail(f"{type(error).__name__} in the tick: {error}", error)
+        return state._replace(ok=False)
+
+    def act(self, state: State, wrenches: Array | None = None) -> Command:
+        """End a tick: solve the QP, and return what the drives are to do.
+
+        Args:
+            state: State of this tick.
+            wrenches: Wrenches on the first contacts, shape (n, 6), N and Nm, in place of the solution's in the
+                torques: the wrenches that a stabilizer wants, where the QP's own are free. None for the solution's.
+
+        Returns:
+            Command of the drives until the next tick. Nothing is raised: a failed tick follows the policy.
+        """
+        solution = self._solve(state, wrenches) if state.ok else None
+        command = self._hold(state) if solution is None else self._follow(state, solution)
         if self.wrenches is not None:
-            self._sent.sent(command)
+            self._sent.sent(command)  # for the torques that it makes
         return command
 
-    def _use(self, solution: Solution) -> None:
-        """Take over the torques of a solution."""
-        self._torques = solution.torques
+    def _begin(self) -> Sequence[pin.SE3 | None] | None:
+        """Return where loaded soles are, in the world of the controller's robot; None where the observer is to say."""
+        return None
+
+    def _follow(self, state: State, solution: Solution) -> Command:
+        """Return the command that follows from a solution, and `_torques`."""
+        raise NotImplementedError
+
+    def _hold(self, state: State) -> Command:
+        """Return the command of a tick that has failed."""
+        raise NotImplementedError
+
+    def _solve(self, state: State, wrenches: Array | None) -> Solution | None:
+        """Solve, and take over the torques; None if there is no solution, and `reason` says why not."""
+        try:
+            self.solution = solution = self.controller.solve(state.measurement)
+            if solution.ok and not self.stopped:
+                self._torques = self._torques_of(solution, wrenches)
+        except Exception as error:  # of tasks of the user
+            self.refuse(state, error)
+            return None
+        if not solution.ok or self.stopped:
+            self._fail("failed for too long" if solution.ok else solution.status.value)
+            return None
+        self._failing = 0
+        self.observer.commanded(solution.accelerations, self.controller.dt)
+        return solution
+
+    def _torques_of(self, solution: Solution, wrenches: Array | None) -> Array:
+        """Return the torques that the drives get with a solution, shape (na,), Nm."""
+        return solution.torques if wrenches is None else self.controller.torques(solution, wrenches)
 
     def _estimate(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None) -> Measurement:
         """Update the estimate from what is plausible of a measurement, and return that."""
@@ -251,7 +321,7 @@ class DriveControl:
             wrench_source=cast(WrenchSource, source),
         )
 
-    def _fail(self, reason: str, error: Exception | None = None) -> bool:
+    def _fail(self, reason: str, error: Exception | None = None) -> None:
         """Count a failed tick and log the first of a row and the stop."""
         stopped = self.stopped
         self.observer.commanded(np.zeros(self.controller.robot.nv), self.controller.dt)
@@ -261,4 +331,3 @@ class DriveControl:
             self.reason = reason
             state = "; stopped" if self.stopped else "; command held"
             logger.error("tick failed (%s)%s", reason, state, exc_info=error)
-        return False

@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.core.arguments import checked
+from wbc.core.control import State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -26,7 +27,6 @@ from wbc.core.errors import Array, InputError, as_period, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
@@ -131,7 +131,7 @@ class WalkingControl:
         self.falls = FallDetector(s.falls)
         self.stiffness = stiffness
 
-        torque = s.mode != "position"
+        self._torque = torque = s.mode != "position"
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
         self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
@@ -139,13 +139,12 @@ class WalkingControl:
         self.arms = Arms(self.controller, self.tasks.com, self.tasks.posture, self.dt, s.arms)
         self.control: PositionControl | TorqueControl
         if s.mode == "hybrid":
-            self.control = HybridControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
+            self.control = HybridControl(self.controller, observer, safety=s.safety)
         elif torque:
-            self.control = TorqueControl(self.controller, observer, prepare=self._prepare, safety=s.safety)
+            self.control = TorqueControl(self.controller, observer, safety=s.safety)
         else:
-            feedforward = self._feedforward if s.feedforward else False
             self.control = PositionControl(
-                self.controller, observer, prepare=self._prepare, feedforward=feedforward, safety=s.safety
+                self.controller, observer, feedforward=s.feedforward, safety=s.safety
             )
         if s.hands is not None:
             self.hands = self._make_hands(s.hands, height)
@@ -291,14 +290,21 @@ class WalkingControl:
             control.
         """
         self.time += self.dt
-        command = self.control.command(measurement)
+        state = self.control.estimate(measurement)
+        if state.ok:
+            try:
+                self._set_targets(state)
+            except Exception as error:  # of a source of footsteps, or of hands, of the user's own
+                state = self.control.refuse(state, error)
+        command = self.control.act(state, None if self._torque else self._wrench_targets)
         self._detect_fall()
         return with_sole_stiffness(command, self)
 
     # Steps of a tick
 
-    def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
-        """Set all targets of this tick."""
+    def _set_targets(self, state: State) -> None:
+        """Set the targets of all tasks and contacts of this tick."""
+        estimate, measurement = state.robot, state.measurement
         if self.load is not None:
             self._hold(self.load)
         com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
@@ -392,16 +398,6 @@ class WalkingControl:
             return UPRIGHT
         x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
         return self.lean.update((x, y), self.dt)
-
-    def _feedforward(self, solution: Solution) -> Array:
-        """Joint torques of the commanded motion with the desired foot wrenches in place of the QP's own, Nm."""
-        x = solution.variables.copy()
-        soles = solution.layout.nv  # their contacts come first; further ones keep the forces of the QP
-        x[soles : soles + self._wrench_targets.size] = self._wrench_targets.reshape(-1)
-        problem = self.controller.problem
-        torques: Array = np.dot(problem.torque_matrix, x)
-        torques += problem.torque_bias
-        return torques
 
     def _support_area(self) -> tuple[Array, Array]:
         """Half-planes of the hull of both soles as they are now, for the fall test."""

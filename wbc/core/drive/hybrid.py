@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import FailurePolicy, Prepare, SafetySettings
+from wbc.core.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError, finite_array, non_negative, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command
 
 
 class HybridControl(TorqueControl):
@@ -39,7 +40,6 @@ class HybridControl(TorqueControl):
         kp: Array | None = None,
         kd: Array | None = None,
         reference_time: float = 0.02,
-        prepare: Prepare | None = None,
         safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
@@ -53,13 +53,12 @@ class HybridControl(TorqueControl):
             kd: Damping of the machine's servos, shape (na,), Nms/rad; likewise.
             reference_time: Time constant with which the position references are drawn to the estimate, s; 0 starts
                 them from the estimate in every tick.
-            prepare: Function called once a tick before the QP is solved.
             safety: Ranges of measurements and commands.
 
         Raises:
             InputError: An observer of another robot model, gains that are negative or missing, a negative time.
         """
-        super().__init__(controller, observer, policy, prepare=prepare, safety=safety)
+        super().__init__(controller, observer, policy, safety=safety)
         robot = controller.robot
         if kp is None or kd is None:
             if robot.servos is None:
@@ -81,42 +80,37 @@ class HybridControl(TorqueControl):
         super().reset(q)
         self.q[:], self.v[:] = self.controller.robot.q[7:], 0.0
 
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick.
+    def _follow(self, state: State, solution: Solution) -> Command:
+        robot = self.controller.robot
+        velocity = robot.v[BASE_DOF:]
+        step = solution.accelerations[BASE_DOF:] * self._dt
+        self.q += self._pull * (robot.q[7:] - self.q)
+        self.v += self._pull * (velocity - self.v)
+        self.q += (self.v + 0.5 * step) * self._dt
+        self.v += step
+        return self._passed(state, self._torques, (self.kp, self.kd))
 
-        Args:
-            measurement: Measurement of this tick.
-
-        Returns:
-            References that the servos should reach at the next tick, feed-forward torques and gains. Nothing is raised:
-            a failed tick holds references and torques while the servos damp; after `FailurePolicy.stop_after` the
-            joints are only damped.
-        """
-        robot, gains = self.controller.robot, (self.kp, self.kd)
-        good = self._think(measurement)
-        last = self.measurement  # None before the first good one
-        position = self.q if last is None else last.joint_position
-        measured = position, self.plausibility.joint_velocity(measurement)
-        torques = self._torques
-        if good:
-            assert self.solution is not None
-            velocity = robot.v[BASE_DOF:]
-            step = self.solution.accelerations[BASE_DOF:] * self._dt
-            self.q += self._pull * (robot.q[7:] - self.q)
-            self.v += self._pull * (velocity - self.v)
-            self.q += (self.v + 0.5 * step) * self._dt
-            self.v += step
-        elif self.stopped:
-            damping = self.policy.joint_damping * np.minimum(robot.torque_limit, 1e6)
-            gains, torques = (self._off, np.maximum(self.kd, damping)), self._off
-            self.q[:], self.v[:] = measured[0], 0.0
-        else:
+    def _hold(self, state: State) -> Command:
+        """Hold references and torques while the servos damp; once stopped, only damp."""
+        if not self.stopped:
             self.v[:] = 0.0
+            return self._passed(state, self._torques, (self.kp, self.kd))
+        damping = self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6)
+        self.q[:], self.v[:] = self._position(), 0.0
+        return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))
+
+    def _position(self) -> Array:
+        """Joint positions as measured last; the references before the first good measurement, shape (na,), rad."""
+        return self.q if self.measurement is None else self.measurement.joint_position
+
+    def _passed(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
+        """Return the command of the references, within all limits; the references are where it says."""
+        measured = self._position(), self.plausibility.joint_velocity(state.received)
         command = self.gate.pass_on_with_gains(torques, self.q.copy(), self.v.copy(), gains, measured)
         if self.gate.faults:
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[:], self.v[:] = command.joint_position, command.joint_velocity
-        return self._send(command)
+        return command
 
 
 def _gains(name: str, value: Array, joints: int) -> Array:

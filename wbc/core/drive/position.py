@@ -6,20 +6,21 @@ mc_rtc.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.control import DriveControl, FailurePolicy, Feedforward, Prepare, SafetySettings
+from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.errors import Array, InputError, positive, scalar, shown
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import checked_configuration
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command
 
 
 class PositionControl(DriveControl):
@@ -30,7 +31,7 @@ class PositionControl(DriveControl):
         observer: Observer that estimates the state from measurements.
         feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
             them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
-        feedforward: True to add the torques of the solution to the servos; a function to add its torques instead.
+        feedforward: True to add the torques of the solution to the servos.
         solution: Result of the last tick.
         measurement: Measurement of the last tick, with what was refused replaced by predictions.
         failures: Number of failed ticks so far.
@@ -49,9 +50,8 @@ class PositionControl(DriveControl):
         policy: FailurePolicy | None = None,
         *,
         feedback: Literal["open", "closed"] = "open",
-        feedforward: bool | Feedforward = True,
+        feedforward: bool = True,
         reference_time: float = 0.1,
-        prepare: Prepare | None = None,
         safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
@@ -62,10 +62,8 @@ class PositionControl(DriveControl):
             observer: Observer of the same robot model; a new one when None.
             policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
-            feedforward: Add the torques of the solution to the servos, against the sag of position servos. A function
-                replaces them by torques of its own.
+            feedforward: Add the torques of the solution to the servos, against the sag of position servos.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
-            prepare: Function called once a tick before the QP is solved.
             safety: Ranges of measurements and commands.
 
         Raises:
@@ -73,17 +71,15 @@ class PositionControl(DriveControl):
         """
         if feedback not in ("open", "closed"):
             raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
-        if not isinstance(feedforward, bool) and not callable(feedforward):
-            raise InputError(
-                f"feedforward must be true, false or a function of the solution, got {shown(feedforward)}"
-            )
+        if not isinstance(feedforward, bool):
+            raise InputError(f"feedforward must be true or false, got {shown(feedforward)}")
         if feedback == "open" and observer is not None and observer.robot is controller.robot:
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
             )
         if controller.robot.servos is not None:
             controller.robot.servos.check_position_control()
-        super().__init__(controller, observer, policy, prepare, safety)
+        super().__init__(controller, observer, policy, safety)
         self.feedback = feedback
         self._follows_estimate = feedback == "closed"
         self.feedforward = feedforward
@@ -107,49 +103,38 @@ class PositionControl(DriveControl):
         self.observer.reset(self.q)
         self._forget()
 
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick.
+    def _begin(self) -> Sequence[pin.SE3 | None] | None:
+        if self.feedback != "open":
+            return None
+        # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
+        self.controller.robot.update(self.q, self.v)
+        return self._soles
 
-        Args:
-            measurement: Measurement of this tick.
+    def _torques_of(self, solution: Solution, wrenches: Array | None) -> Array:
+        return super()._torques_of(solution, wrenches) if self.feedforward else self._torques
 
-        Returns:
-            References that the servos should reach at the next tick, and feed-forward torques. Nothing is raised: a
-            failed tick follows the policy.
-        """
-        dt, robot, soles = self.controller.dt, self.controller.robot, None
-        if self.feedback == "open":
-            # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
-            robot.update(self.q, self.v)
-            soles = self._soles
-        if self._think(measurement, soles):
-            assert self.solution is not None
-            acceleration = self.solution.accelerations
-        else:
-            acceleration = -self.v / (dt if self.stopped else max(self.policy.damping_time, dt))
+    def _follow(self, state: State, solution: Solution) -> Command:
+        if self.feedback == "closed":
+            self._draw()
+        return self._passed(solution.accelerations)
+
+    def _hold(self, state: State) -> Command:
+        """Let the motion decay; once stopped, freeze the references."""
+        dt = self.controller.dt
+        return self._passed(-self.v / (dt if self.stopped else max(self.policy.damping_time, dt)))
+
+    def _passed(self, acceleration: Array) -> Command:
+        """Move the commanded robot on, and return it as references within all limits."""
         # Constant acceleration over the period, for which the braking law of the joint limits is made.
         step = np.multiply(acceleration, self._half_square, out=self._step)
         step += self.v * self._dt
-        self.q[:] = pin.integrate(robot.model, self.q, step)
+        self.q[:] = pin.integrate(self.controller.robot.model, self.q, step)
         self.v += np.multiply(acceleration, self._dt, out=step)
         command = self.gate.pass_on(self._torques, self.q[7:].copy(), self.v[6:].copy())
         if self.gate.faults:  # the commanded robot is where the command says
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
-        return self._send(command)
-
-    def _use(self, solution: Solution) -> None:
-        if callable(self.feedforward):
-            torques = np.asarray(self.feedforward(solution), dtype=float)
-            if torques.shape != self._torques.shape:
-                raise InputError(
-                    f"feedforward must return torques of shape {self._torques.shape}, got {torques.shape}"
-                )
-            self._torques = torques
-        elif self.feedforward:
-            self._torques = solution.torques
-        if self.feedback == "closed":
-            self._draw()
+        return command
 
     def _draw(self) -> None:
         """Draw the commanded robot to the estimated one."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import DriveControl, FailurePolicy, Prepare, SafetySettings
+from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.errors import Array
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
-from wbc.core.signals import Command, Measurement
+from wbc.core.qp.solution import Solution
+from wbc.core.signals import Command
 
 
 class TorqueControl(DriveControl):
@@ -33,7 +34,6 @@ class TorqueControl(DriveControl):
         observer: Observer | None = None,
         policy: FailurePolicy | None = None,
         *,
-        prepare: Prepare | None = None,
         safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
@@ -43,7 +43,6 @@ class TorqueControl(DriveControl):
             observer: Observer of the same robot model; a new one when None. If it estimates into the controller's own
                 robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
             policy: Reaction to failures.
-            prepare: Function called once a tick before the QP is solved.
             safety: Ranges of measurements and commands.
 
         Raises:
@@ -51,7 +50,7 @@ class TorqueControl(DriveControl):
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
-        super().__init__(controller, observer, policy, prepare, safety)
+        super().__init__(controller, observer, policy, safety)
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest.
@@ -64,17 +63,10 @@ class TorqueControl(DriveControl):
         robot.update(self.observer.robot.q, self.observer.robot.v)
         self._forget()
 
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick.
+    def _follow(self, state: State, solution: Solution) -> Command:
+        return self.gate.pass_on(self._torques)
 
-        Args:
-            measurement: Measurement of this tick.
-
-        Returns:
-            Torques to apply until the next tick. Nothing is raised: a failed tick follows the policy.
-        """
-        if self._think(measurement):
-            return self._send(self.gate.pass_on(self._torques))
-        velocity = self.plausibility.joint_velocity(measurement)
+    def _hold(self, state: State) -> Command:
+        velocity = self.plausibility.joint_velocity(state.received)
         damping = -self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6) * velocity
-        return self._send(self.gate.pass_on(damping if self.stopped else self._torques + damping))
+        return self.gate.pass_on(damping if self.stopped else self._torques + damping)

@@ -304,6 +304,24 @@ class Controller:
         )
         return solution
 
+    def torques(self, solution: Solution, wrenches: Array) -> Array:
+        """Return the joint torques of a solution's motion with other wrenches on the first contacts.
+
+        Args:
+            solution: Solution of this tick.
+            wrenches: Wrenches in place of the solution's, in the frames of the contacts, shape (n, 6), N and Nm;
+                further contacts keep those of the solution.
+
+        Returns:
+            Shape (na,), Nm (or N).
+        """
+        x, first = solution.variables.copy(), solution.layout.nv
+        x[first : first + wrenches.size] = wrenches.reshape(-1)
+        problem = self._assembly.problem
+        torques: Array = np.dot(problem.torque_matrix, x)
+        torques += problem.torque_bias
+        return torques
+
     def _assemble(self) -> Assembly:
         """Return a QP of what the controller has now."""
         return Assembly(self.robot, self._tasks, self._contacts, self._limits, self._regularisation)

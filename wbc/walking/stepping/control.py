@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import Mode, SafetySettings
+from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -122,13 +122,11 @@ class SteppingControl:
         self.control: PositionControl | TorqueControl
         if s.mode == "position":
             observer = observer or Observer(robot, OBSERVER)
-            self.control = PositionControl(
-                self.controller, observer, feedback="closed", prepare=self._prepare, safety=s.safety
-            )
+            self.control = PositionControl(self.controller, observer, feedback="closed", safety=s.safety)
         else:
             observer = observer or Observer(robot, OBSERVER, adopt=True)
             kind = HybridControl if s.mode == "hybrid" else TorqueControl
-            self.control = kind(self.controller, observer, prepare=self._prepare, safety=s.safety)
+            self.control = kind(self.controller, observer, safety=s.safety)
         self.stiffness = stiffness
         self.reference: StepReference | None = None
         self.time = 0.0
@@ -231,22 +229,28 @@ class SteppingControl:
             control.
         """
         self.time += self.dt
-        command = self.control.command(measurement)
+        state = self.control.estimate(measurement)
+        if state.ok:
+            try:
+                self._set_targets(state)
+            except Exception as error:  # of hands, or of steering, of the user's own
+                state = self.control.refuse(state, error)
+        command = self.control.act(state)
         self._detect_fall()
         return with_sole_stiffness(command, self)
 
-    def _prepare(self, estimate: Robot, measurement: Measurement) -> None:
-        """Set all targets of this tick."""
-        left, right = self._frames
-        state = BodyState(
+    def _set_targets(self, state: State) -> None:
+        """Set the targets of all tasks and contacts of this tick."""
+        estimate, (left, right) = state.robot, self._frames
+        body = BodyState(
             estimate.com.tolist(),
             estimate.com_velocity.tolist(),
             estimate.data.hg.angular.tolist(),
             (left.translation.tolist(), right.translation.tolist()),
             (left.rotation.tolist(), right.rotation.tolist()),
-            measurement.wrenches.tolist(),
+            state.measurement.wrenches.tolist(),
         )
-        self.reference = reference = self.gait.update(state, (left, right))
+        self.reference = reference = self.gait.update(body, (left, right))
         self.arms.update(reference.feet, reference.heading)
         self.tasks.follow(reference)
 
