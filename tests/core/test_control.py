@@ -163,6 +163,7 @@ def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques
     np.testing.assert_allclose(control.controller.torques(solution, own), command.joint_torque, atol=1e-8)
     more = own.copy()
     more[0, 2] += 10.0
-    jacobian = robot.frame_jacobian(robot.soles[0].frame)[:, 6:]
+    frame = robot.frame_id(robot.soles[0].frame)
+    jacobian = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL)[:, 6:]
     change = control.controller.torques(solution, more) - command.joint_torque
     np.testing.assert_allclose(change, -10.0 * jacobian[2], atol=1e-8)
