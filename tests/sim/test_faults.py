@@ -15,7 +15,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-import wbc
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
