@@ -20,7 +20,7 @@ from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.sim.terrain import terrain
-from wbc.walking.pattern.lipm import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.preview import PreviewController
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.planners import walk_distance

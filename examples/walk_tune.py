@@ -14,7 +14,8 @@ import numpy as np
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking import FootstepPlan, StabilizerGains, WalkingControl, WalkingControlSettings, walk_distance
+from wbc.tasks import StabilizerGains
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 
 PUSH_TIME, IMPULSE, DURATION = 2.0, 0.08, 0.1
 """Time, s, impulse, Ns/kg, and duration, s, of a push to the left, which causes errors to be corrected."""

@@ -28,9 +28,16 @@ from wbc.tasks.scheduling.policies import (
     stiffness_policy,
 )
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.stabilizer import Stabilizer
+from wbc.tasks.stabilizer.zmp import zmp
 from wbc.tasks.trajectories import Trajectory
 
 __all__ = [
+    # Stabilizer: feedback of the DCM, wrenches of the feet, admittances
+    "Stabilizer",
+    "StabilizerGains",
+    "zmp",
     # Controller of a standing robot
     "BalanceGains",
     "balance_controller",

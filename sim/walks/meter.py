@@ -13,9 +13,9 @@ from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.progress import Progress, ReferenceLike, WalkingLike
-from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 
 EXCURSION = 0.06
 """DCM error at the onset of a fall, m: the threshold of a first study of 108 falls."""

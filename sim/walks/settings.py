@@ -13,11 +13,11 @@ from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
+from wbc.tasks.stabilizer.distribution import DistributionSettings
+from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.pattern.preview import PreviewSettings
 from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stabilizer.distribution import DistributionSettings
-from wbc.walking.stabilizer.gains import StabilizerGains
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
 from wbc.walking.walk import WalkSettings
 

@@ -25,8 +25,8 @@ from wbc.feet import foot
 from wbc.sim import PhysicsSettings, StandSpec, WalkSpec, make_terrain, read_journal
 from wbc.sim.studies.journal import Entry
 from wbc.sim.terrain import GroundContact
-from wbc.tasks import BalanceGains
-from wbc.walking import Gait, StabilizerGains
+from wbc.tasks import BalanceGains, StabilizerGains
+from wbc.walking import Gait
 
 
 @pytest.mark.parametrize(("kind", "size"), [("commands", 25), ("api", 60)])

@@ -22,9 +22,9 @@ from wbc.feet import foot, foot_names
 from wbc.sim import PhysicsSettings, SensorNoise, WalkPlan, WalkSpec, walk
 from wbc.sim.terrain import terrain, terrain_families
 from wbc.tasks.balance import balance_controller
+from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.phases import Event
-from wbc.walking.stabilizer.admittance import FootCorrection
 
 EXACT = 2e-7
 """Numbers are kept with 24 bits: half of the last one is 6e-8 of them."""

@@ -249,5 +249,5 @@ def test_settings_say_the_units_of_their_numbers() -> None:
 
 
 def test_a_name_that_does_not_exist_is_noticed() -> None:
-    assert exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_p") and exists("wbc.Plant")
-    assert not exists("wbc.walking.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.wlak")
+    assert exists("wbc.tasks.stabilizer.gains.StabilizerGains.dcm_p") and exists("wbc.Plant")
+    assert not exists("wbc.tasks.stabilizer.gains.StabilizerGains.dcm_q") and not exists("wbc.wlak")

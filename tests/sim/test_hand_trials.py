@@ -20,8 +20,8 @@ from wbc.sim.hands import (
     open_door,
     push_cart,
 )
+from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import HandSettings
-from wbc.walking.stabilizer.zmp import zmp_offset
 
 
 def test_a_press_on_a_wall_is_held_and_the_feet_take_their_part_of_it() -> None:

@@ -547,7 +547,7 @@ def own_values(function: str) -> dict[str, Any]:
 
     import wbc  # noqa: PLC0415
     from wbc import feet, sim, walking  # noqa: PLC0415
-    from wbc.walking.stabilizer.distribution import WrenchDistribution  # noqa: PLC0415
+    from wbc.tasks.stabilizer.distribution import WrenchDistribution  # noqa: PLC0415
 
     plane = pin.SE3.Identity()
     x = 0.004 * np.arange(41)

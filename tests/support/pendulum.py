@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, height_profile
 from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
 

@@ -19,6 +19,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, TrueFallDetector, make_scene
 from wbc.sim.hands import CartSpec, CartTrial
+from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
     FootstepPlan,
     Gait,
@@ -32,7 +33,6 @@ from wbc.walking.hands.hand import Hand
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import MovingFrame, least_turn
 from wbc.walking.planning.footsteps import mean_heading
-from wbc.walking.stabilizer.zmp import zmp_offset
 
 TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)

@@ -19,9 +19,9 @@ from wbc.core.errors import InputError
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.solver import Status
 from wbc.robots import load
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.trajectories import Quintic
 from wbc.walking.pattern.height import HeightProfile
-from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.reaction import TRUNK, SwingReaction, Travel, leg_share

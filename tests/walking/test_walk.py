@@ -14,8 +14,12 @@ from pendulum import analytic_pattern, com_after
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
+from wbc.tasks.stabilizer.distribution import WrenchDistribution
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.control import WalkingControl
-from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.ground import GroundEstimate
@@ -23,10 +27,6 @@ from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import schedule, support_area
-from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.stabilizer.distribution import WrenchDistribution
-from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.stabilizer import Stabilizer
 from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkReference, WalkSettings
 
 ROBOT = load("hrp4_class").robot()

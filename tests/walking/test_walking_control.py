@@ -13,12 +13,12 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
 from wbc.tasks import CoMTask, OrientationTask
+from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stabilizer.gains import StabilizerGains
 
 DESCRIPTION = load("hrp4_class")
 DT = 0.005

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
-from wbc.walking.pattern.lipm import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import heading, mean_heading
 

@@ -24,6 +24,8 @@ from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.kinematics import BodyMotion, leg_joints
 from wbc.motion.reference import ClipReference, placed
+from wbc.tasks.stabilizer.distribution import DistributionSettings
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import WalkingControl
 from wbc.walking.driver import Driver
 from wbc.walking.pattern.swing import FootMotion
@@ -31,8 +33,6 @@ from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.sources import DriveSettings, FootstepSource
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stabilizer.distribution import DistributionSettings
-from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.tasks import TaskGains
 from wbc.walking.walk import Walk, WalkReference
 

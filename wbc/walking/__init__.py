@@ -1,6 +1,7 @@
-"""Walking: footstep plans, pattern, swing foot and stabilizer, put together in `WalkingControl`.
+"""Walking: footstep plans, pattern and swing foot, put together with the stabilizer in `WalkingControl`.
 
-Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`, on feedback into `stabilizer`.
+Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`; feedback is in
+`wbc.tasks.stabilizer`.
 """
 
 from wbc.walking.control import WalkingControl
@@ -14,9 +15,6 @@ from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_dist
 from wbc.walking.planning.sources import DriveSettings, Standing
 from wbc.walking.progress import WalkingLike
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.stabilizer import Stabilizer
-from wbc.walking.stabilizer.zmp import zmp
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.walk import Walk, WalkSettings
@@ -50,9 +48,6 @@ __all__ = [
     "Event",
     "PhaseSettings",
     # Stabilizer: feedback, wrenches and corrections
-    "Stabilizer",
-    "StabilizerGains",
-    "zmp",
     # Hands that press and grip
     "HandSettings",
     "HandState",

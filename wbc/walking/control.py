@@ -1,7 +1,7 @@
 """A walk as whole-body control: a measurement in, a command out.
 
     walk        references of pendulum and feet, and which feet stand    `wbc.walking.walk`
-    stabilizer  desired foot wrenches, and corrections of the feet       `wbc.walking.stabilizer.stabilizer`
+    stabilizer  desired foot wrenches, and corrections of the feet       `wbc.tasks.stabilizer.stabilizer`
     tasks       both as targets of tasks and contacts                    `wbc.walking.tasks`
     controller  all tasks and contacts as one QP                         `wbc.core.qp.controller`
 
@@ -31,6 +31,10 @@ from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.stabilizer.bias import BiasEstimator
+from wbc.tasks.stabilizer.distribution import WrenchDistribution
+from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
+from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
@@ -43,10 +47,6 @@ from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import FootstepSource, Velocity
 from wbc.walking.progress import Progress, VelocityLimits, with_sole_stiffness
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stabilizer.bias import BiasEstimator
-from wbc.walking.stabilizer.distribution import WrenchDistribution
-from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanMotion
-from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.tasks import WalkTasks
 from wbc.walking.walk import Walk, WalkReference
 

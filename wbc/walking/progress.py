@@ -17,18 +17,18 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.stabilizer.bias import BiasEstimator
+from wbc.tasks.stabilizer.lean import Lean
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.falls import FallReason
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
-from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import SIDES, Footstep
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.sources import Velocity
-from wbc.walking.stabilizer.bias import BiasEstimator
-from wbc.walking.stabilizer.lean import Lean
-from wbc.walking.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 
 
 class Progress(NamedTuple):

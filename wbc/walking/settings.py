@@ -7,15 +7,15 @@ from typing import Annotated
 
 from wbc.core.control import Mode, SafetySettings
 from wbc.core.settings import Positive, settings
+from wbc.tasks.stabilizer.bias import BiasSettings
+from wbc.tasks.stabilizer.distribution import DistributionSettings
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.lean import LeanSettings
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.planning.sources import DriveSettings
-from wbc.walking.stabilizer.bias import BiasSettings
-from wbc.walking.stabilizer.distribution import DistributionSettings
-from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.lean import LeanSettings
 from wbc.walking.tasks import TaskGains
 from wbc.walking.walk import WalkSettings
 

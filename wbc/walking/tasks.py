@@ -18,10 +18,10 @@ from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.stabilizer.distribution import LEAST_SHARE
+from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.stabilizer.distribution import LEAST_SHARE
-from wbc.walking.stabilizer.lean import UPRIGHT, LeanMotion
-from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.walk import NO_PUSH, WalkReference
 
 FREE_FRICTION = 2.0

@@ -21,18 +21,18 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, as_period
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Positive, Share, settings
-from wbc.walking.pattern.lipm import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
+from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.ground import GroundEstimate
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
-from wbc.walking.stabilizer.adjustment import AdjustmentSettings, StepAdjuster
 
 logger = logging.getLogger(__name__)
 

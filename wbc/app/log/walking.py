@@ -12,9 +12,9 @@ import pinocchio as pin
 from wbc.app.log.columns import QUATERNION, WRENCH, WRENCH_UNITS, XY, XYZ, Columns, foot_names
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
+from wbc.tasks.stabilizer.admittance import FootCorrection
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.progress import ReferenceLike, WalkingLike
-from wbc.walking.stabilizer.admittance import FootCorrection
-from wbc.walking.stabilizer.stabilizer import StabilizerOutput
 
 _NONE = (math.nan,) * 5
 """Side and landing after the last step."""

@@ -38,7 +38,7 @@ from wbc.core.errors import Array
 from wbc.core.hull import hull_and_area
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.actuator import STIFFEST
-from wbc.walking.pattern.lipm import natural_frequency
+from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.walking.planning.footsteps import SIDES
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
 from wbc.sim.terrain import Terrain
-from wbc.walking.stabilizer.zmp import NoContactForceError, cop, zmp
+from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, zmp
 
 if TYPE_CHECKING:
     from wbc.sim import Plant

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.walking.pattern.lipm import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum
 
 SHIFT_TIME = 0.15
 """Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""

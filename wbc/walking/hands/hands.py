@@ -31,15 +31,15 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.balance import ComShift
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.pattern.lipm import Pendulum
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stabilizer.zmp import zmp_offset
 from wbc.walking.walk import WalkReference
 
 SLOW_TIME = 1.0

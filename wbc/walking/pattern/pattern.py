@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.core.errors import Array, InputError, positive
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.pattern.height import HeightProfile
-from wbc.walking.pattern.lipm import Pendulum, natural_frequency
 from wbc.walking.planning.schedule import SupportPhase
 
 

@@ -31,7 +31,7 @@ from wbc.core.errors import Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.walking.pattern.lipm import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.pattern.pattern import Pattern, dcm_backwards, height_profile
 from wbc.walking.planning.schedule import (
     EDGES,

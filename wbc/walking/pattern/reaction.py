@@ -26,7 +26,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.robot import Robot
-from wbc.walking.pattern.lipm import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum
 
 NEGLIGIBLE = 1e-6
 """Deviation below which the centre of mass is that of the pendulum, m."""

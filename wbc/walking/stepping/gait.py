@@ -20,7 +20,7 @@ from wbc.core.errors import Array
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY
 from wbc.core.vectors import Rows, Vector
-from wbc.walking.pattern.lipm import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import SIDES, Footstep
 from wbc.walking.planning.phases import Event, Phase

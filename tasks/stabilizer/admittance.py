@@ -21,8 +21,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.walking.stabilizer.filters import LeakyIntegral
-from wbc.walking.stabilizer.gains import StabilizerGains, pair
+from wbc.tasks.stabilizer.filters import LeakyIntegral
+from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 
 
 class FootCorrection(NamedTuple):

@@ -11,7 +11,7 @@ import pytest
 
 from wbc.core.errors import InputError
 from wbc.sim.walks import WalkSpec, WalkTrial
-from wbc.walking.stabilizer.lean import UPRIGHT, Lean, LeanSettings
+from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanSettings
 
 MASS, HEIGHT, DT = 40.0, 0.8, 0.005
 

@@ -13,13 +13,13 @@ from wbc.core.errors import InputError
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.robot import GRAVITY
-from wbc.walking.stabilizer.distribution import (
+from wbc.tasks.stabilizer.distribution import (
     DistributionSettings,
     FootWrenches,
     WrenchDistribution,
     left_foot_ratio,
 )
-from wbc.walking.stabilizer.zmp import cop, net_wrench
+from wbc.tasks.stabilizer.zmp import cop, net_wrench
 
 WEIGHT = 62.4 * GRAVITY  # JVRC-1
 SIZES = ((0.22, 0.10), (0.22, 0.10))

@@ -14,26 +14,26 @@ from properties import examples
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.stabilizer.admittance import (
+from wbc.tasks.stabilizer.admittance import (
     ComAdmittance,
     FootAdmittance,
     FootCorrection,
     cop_rates,
     height_rates,
 )
-from wbc.walking.stabilizer.distribution import DistributionSettings, WrenchDistribution
-from wbc.walking.stabilizer.feedback import (
+from wbc.tasks.stabilizer.distribution import DistributionSettings, WrenchDistribution
+from wbc.tasks.stabilizer.feedback import (
     DcmFeedback,
     PendulumErrors,
     desired_acceleration,
     wrench_through,
     zmp_of_force,
 )
-from wbc.walking.stabilizer.filters import Average, HighPass, LeakyIntegral, LowPass
-from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.stabilizer import Stabilizer
-from wbc.walking.stabilizer.zmp import cop, zmp
+from wbc.tasks.stabilizer.filters import Average, HighPass, LeakyIntegral, LowPass
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.stabilizer import Stabilizer
+from wbc.tasks.stabilizer.zmp import cop, zmp
 
 MASS = 62.4  # JVRC-1
 HEIGHT = 0.85

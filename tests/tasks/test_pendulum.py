@@ -8,8 +8,8 @@ import pytest
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.lipm import Pendulum, natural_frequency
-from wbc.walking.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 
 
 def test_natural_frequency_of_a_085_m_pendulum() -> None:

@@ -21,9 +21,9 @@ import numpy as np
 
 from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.stabilizer.filters import Average, HighPass
-from wbc.walking.stabilizer.gains import StabilizerGains, pair
+from wbc.tasks.stabilizer.filters import Average, HighPass
+from wbc.tasks.stabilizer.gains import StabilizerGains, pair
+from wbc.tasks.stabilizer.pendulum import Pendulum
 
 LEAST_VERTICAL = -0.5 * GRAVITY
 """Least desired vertical acceleration, m/s²: the ground can only push, and with little force a CoP means nothing."""
@@ -83,7 +83,7 @@ class DcmFeedback:
             com_velocity: Measured velocity of the CoM, shape (3,), m/s.
             zmp: Measured ZMP, shape (2,) or (3,), m; without one (None) the memory fades.
             dt: Time since the last call, s.
-            bias: Bias of the measured DCM, shape (2,), m (`wbc.walking.stabilizer.bias`): CoM and DCM errors are
+            bias: Bias of the measured DCM, shape (2,), m (`wbc.tasks.stabilizer.bias`): CoM and DCM errors are
                 corrected, and the velocity so that the three stay consistent.
         """
         omega = target.omega

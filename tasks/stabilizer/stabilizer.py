@@ -18,13 +18,13 @@ import pinocchio as pin
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
-from wbc.walking.pattern.lipm import Pendulum
-from wbc.walking.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
-from wbc.walking.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
-from wbc.walking.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
-from wbc.walking.stabilizer.filters import LowPass
-from wbc.walking.stabilizer.gains import StabilizerGains
-from wbc.walking.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench, zmp_offset
+from wbc.tasks.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
+from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
+from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
+from wbc.tasks.stabilizer.filters import LowPass
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench, zmp_offset
 
 
 class StabilizerOutput(NamedTuple):

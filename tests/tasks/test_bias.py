@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.walking.stabilizer.bias import BiasEstimator, BiasSettings
+from wbc.tasks.stabilizer.bias import BiasEstimator, BiasSettings
 
 OMEGA = 3.4
 

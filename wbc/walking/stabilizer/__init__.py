@@ -1,4 +1,0 @@
-"""DCM stabilizer: feedback, wrench distribution, admittances, lean, step adjustment, bias estimator and their gains.
-
-A new feedback law or filter is a file here, with its gains in `gains`.
-"""
