@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from wbc import Command, HybridControl, InputError, Observer, Plant, PositionControl, balance_controller, walk
-from wbc.core.estimation.delay import DelayPredictor
+from wbc.core.estimation.delay import DelayPredictor, SentCommands
 from wbc.core.estimation.observer import ObserverSettings
-from wbc.core.estimation.wrenches import WrenchSettings
+from wbc.core.estimation.wrenches import WrenchEstimator, WrenchSettings
+from wbc.core.robot import GRAVITY, Robot
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import load
@@ -190,3 +193,59 @@ def test_a_g1_on_its_makers_gains_walks_with_delays(blind: bool) -> None:
     )
     result = walk(robot="g1", servo=SOFT, machine=machine, distance=0.6)
     assert result.fall is None and result.failures == 0
+
+
+def test_the_torque_that_acted_is_that_of_the_commands_of_the_period_before() -> None:
+    """With a delay of one and a half periods: half of the last command but one, half of the one before that."""
+    kp, kd = np.array([100.0, 50.0]), np.array([10.0, 5.0])
+    sent = SentCommands((kp, kd), np.full(2, 1e3), DT, 1.5 * DT)
+    rng = np.random.default_rng(0)
+    commands = [Command(*rng.normal(size=(3, 2))) for _ in range(3)]
+    seen = SimpleNamespace(joint_position=np.array([0.1, -0.2]), joint_velocity=np.array([0.3, -0.4]))
+    torques = []
+    for c in commands:
+        sent.sent(c)
+        servo = kp * (c.joint_position - seen.joint_position) + kd * (c.joint_velocity - seen.joint_velocity)
+        torques.append(c.joint_torque + servo)
+    np.testing.assert_allclose(sent.torque(seen), 0.5 * (torques[0] + torques[1]), atol=1e-12)  # type: ignore[arg-type]
+
+
+def carried(right: float, rise: float = 0.0) -> tuple[Robot, np.ndarray, np.ndarray]:
+    """Return the robot, the normal forces of its soles and the joint torques under which it rises at an acceleration.
+
+    Args:
+        right: Share of the weight on the right sole.
+        rise: Acceleration upwards, m/s².
+    """
+    robot = G1.robot()
+    model, data, q = robot.model, robot.model.createData(), robot.half_sitting
+    effort = pin.rnea(model, data, q, np.zeros(model.nv), np.eye(model.nv)[2] * rise)
+    left, other = (
+        pin.computeFrameJacobian(model, data, q, robot.frame_id(sole.frame), pin.LOCAL)
+        for sole in robot.soles
+    )
+    there = np.array([0.0, 0.0, right * robot.mass * GRAVITY, 0.0, 0.0, 0.0])
+    here = np.linalg.solve(left[:, :6].T, effort[:6] - other[:, :6].T @ there)
+    torque = effort[6:] - left[:, 6:].T @ here - other[:, 6:].T @ there
+    return robot, np.array([here[2], there[2]]), torque
+
+
+def test_a_robot_that_rises_is_felt_to_be_heavier() -> None:
+    robot, normal, torque = carried(0.5, rise=2.0)
+    estimator, v = WrenchEstimator(robot, DT), np.zeros(robot.nv)
+    for _ in range(100):
+        v[2] += 2.0 * DT
+        wrenches = estimator.update(robot.half_sitting, v, torque)
+    np.testing.assert_allclose(wrenches[:, 2], normal, rtol=0.02)
+    assert normal.sum() == pytest.approx(robot.mass * (GRAVITY + 2.0))
+
+
+def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:
+    found = []
+    robot = G1.robot()
+    estimator = WrenchEstimator(robot, DT)
+    for share in (0.06, 0.0, 0.06, 0.1, 0.06):
+        for _ in range(50):
+            estimator.update(robot.half_sitting, np.zeros(robot.nv), carried(share)[2])
+        found.append(estimator.contact[1])
+    assert found == [True, False, False, True, True] and estimator.contact[0]

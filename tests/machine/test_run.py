@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import pickle
 import re
@@ -14,21 +15,25 @@ import time
 import types
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, UdpRobot
+from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, UdpRobot, guard
 from wbc.machine import run as run_machine
 from wbc.machine.clock import Clock, ask_priority
 from wbc.machine.guard import Guard
+from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase
+from wbc.machine.start import SafeStart
 from wbc.machine.udp import OLD, pack_command, pack_measurement, unpack
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 
@@ -700,3 +705,86 @@ def test_a_robot_that_is_killed_ends_the_controller_in_damping(processes: list[P
         return 1e-3 * float(reason.split("no measurement for ")[1].split()[0])
 
     in_time(attempt)
+
+
+# ---- start and guard ------------------------------------------------------------------------------------------------
+
+
+@cache
+def standing() -> Measurement:
+    """Measurement of a robot that stands on its servos, with the torques of its drives."""
+    plant = Plant(DESCRIPTION, control_period=PERIOD, machine=Machine(torque_sensors=True))
+    for _ in range(150):
+        plant.step(plant.hold())
+    return plant.measure()
+
+
+def safe_start() -> SafeStart:
+    gains = (DESCRIPTION.kp, DESCRIPTION.kd)
+    loads = SoleLoads(DESCRIPTION, PERIOD, gains)
+    return SafeStart(DESCRIPTION, standing(), loads, fade=0.2, speed=1.0)
+
+
+def test_torques_of_the_start_are_those_that_the_standing_robot_needs() -> None:
+    measurement = standing()
+    assert measurement.joint_torque is not None and np.abs(measurement.joint_torque).max() > 10.0
+    np.testing.assert_allclose(safe_start().carry(measurement), measurement.joint_torque, atol=2.0)
+
+
+def test_references_and_gains_go_from_half_sitting_to_the_controllers_in_proportion() -> None:
+    start, measurement = safe_start(), standing()
+    rng, kp, kd = np.random.default_rng(0), DESCRIPTION.kp, DESCRIPTION.kd
+    command = Command(*rng.normal(size=(3, NA)), kp=2.0 * kp, kd=3.0 * kd)
+    blended = start.blend(command, measurement, 0.25)
+    half_sitting = DESCRIPTION.robot().half_sitting[7:]
+    assert command.joint_position is not None and command.joint_velocity is not None
+    np.testing.assert_allclose(blended.joint_position, 0.75 * half_sitting + 0.25 * command.joint_position)
+    np.testing.assert_allclose(blended.joint_velocity, 0.25 * command.joint_velocity)
+    np.testing.assert_allclose(blended.kp, 1.25 * kp)
+    np.testing.assert_allclose(blended.kd, 1.5 * kd)
+    wanted = 0.75 * start.carry(measurement) + 0.25 * command.joint_torque
+    np.testing.assert_allclose(blended.joint_torque, wanted)
+
+
+def test_the_base_is_upright_as_an_accelerometer_says_that_is_built_in_turned() -> None:
+    loads = SoleLoads(DESCRIPTION, PERIOD, (DESCRIPTION.kp, DESCRIPTION.kd))
+    loads._base_from_imu = turned = pin.rpy.rpyToMatrix(0.3, 0.8, -0.5)
+    for tilt in (0.0, 0.3):
+        base = pin.rpy.rpyToMatrix(tilt, 0.0, 0.0)
+        up = turned.T @ base.T @ np.array([0.0, 0.0, 9.81])
+        x, y, z, w = loads.posture(replace(standing(), specific_force=up))[3:7]
+        np.testing.assert_allclose(pin.Quaternion(w, x, y, z).matrix(), base, atol=1e-9)
+
+
+def test_loads_felt_through_the_joints_begin_anew_after_a_gap() -> None:
+    first = replace(standing(), sole_wrench=None)
+    assert first.joint_torque is not None
+    other = replace(first, joint_torque=0.8 * first.joint_torque)
+    fresh, gaps, running = (
+        SoleLoads(DESCRIPTION, PERIOD, (DESCRIPTION.kp, DESCRIPTION.kd)) for _ in range(3)
+    )
+    wanted = fresh.wrenches(other).copy()
+    for loads, later in ((gaps, 1.0), (running, PERIOD)):
+        loads.wrenches(replace(first, time=0.0))
+        found = loads.wrenches(replace(other, time=later))
+        assert np.allclose(found, wanted, atol=1e-9) is (later > PERIOD)
+
+
+def test_the_guard_damps_as_soon_as_the_heart_has_stood_for_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, damped = [100.0], []
+
+    class Driver:
+        def damp(self) -> None:
+            damped.append(now[0])
+            if len(damped) == 3:
+                raise InterruptedError
+
+    def sleep(seconds: float) -> None:
+        now[0] += max(seconds, 1e-4)
+
+    monkeypatch.setattr(guard, "time", types.SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+    memory = mmap.mmap(-1, mmap.PAGESIZE)
+    guard.BEAT.pack_into(memory, 0, 99.999, 0.015)
+    with pytest.raises(InterruptedError):
+        guard.watch(Driver(), memory)
+    assert damped[0] == pytest.approx(100.014, abs=2e-4) and damped[2] < 100.1

@@ -475,3 +475,13 @@ def test_commands_make_check_and_filter_a_clip(tmp_path: Path, capsys: pytest.Ca
     assert main(["motion", "filter", clip, "-o", clip]) == 2
     assert main(["motion", "make", "moonwalk", "-o", clip]) == 2
     assert "no motion 'moonwalk'" in capsys.readouterr().err
+
+
+def test_the_zmp_is_on_the_ground_wherever_that_is(g1: Robot) -> None:
+    t = np.arange(200)[:, None] / 100.0
+    q = np.tile(g1.half_sitting, (200, 1))
+    q[:, :1] += 0.03 * np.sin(5.0 * t)
+    raised = q + 0.4 * np.eye(g1.nq)[2]
+    np.testing.assert_allclose(
+        BodyMotion.of(g1, raised, 100.0).zmp(0.4), BodyMotion.of(g1, q, 100.0).zmp(), atol=1e-9
+    )

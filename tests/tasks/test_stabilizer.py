@@ -113,6 +113,15 @@ def test_oracle_4_shares_of_the_feet() -> None:
     np.testing.assert_allclose(left.feet.wrenches[:, 2], [597.0, 15.0], atol=0.5)
 
 
+def test_a_force_from_outside_shifts_the_load_of_the_feet_and_not_their_pressure() -> None:
+    push, place = np.array([0.0, 30.0, 0.0]), np.array([0.3, 0.4, 1.1])
+    result = tick(stabilizer(), outside=np.concatenate([push, np.cross(place, push)]))
+    normal = result.feet.wrenches[:, 2]
+    # Moments about x of the push and of the normal forces at 105 mm from the middle.
+    assert 0.105 * (normal[0] - normal[1]) == pytest.approx(30.0 * 1.1, rel=1e-2)
+    assert max(np.abs(cop(wrench)[1]) for wrench in result.feet.wrenches) < 1e-3
+
+
 def random_run(world: pin.SE3, mirror: bool = False, dt: float = DT) -> list:
     """A stabilizer with everything on, over random but smooth errors, in a world moved or mirrored."""
     gains = StabilizerGains(
