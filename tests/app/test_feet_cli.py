@@ -142,7 +142,10 @@ def test_bad_input_is_one_line_and_nothing_starts(
     assert len(said) == 1 and message in said[0], err
 
 
-@pytest.mark.parametrize(("clearance", "clears"), [((), "false"), (("--clearance", "0.1"), "true")])
+@pytest.mark.parametrize(
+    ("clearance", "clears"),
+    [((), "false"), pytest.param(("--clearance", "0.1"), "true", marks=pytest.mark.slow)],
+)
 def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...], clears: str) -> None:
     # In a process of its own: here pytest catches warnings before anyone sees them.
     words = [sys.executable, "-m", "wbc", "terrain", "stones", "--amplitude", "0.08", *clearance]
@@ -159,7 +162,7 @@ def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...
 def test_a_walk_over_ground_beyond_its_clearance_warns_first(
     run: Run, caplog: pytest.LogCaptureFixture
 ) -> None:
-    words = "walk --terrain stones --amplitude 0.05 --set swing_height=0.04 --distance 0.2"
+    words = "walk --terrain stones --amplitude 0.05 --set swing_height=0.04 --distance 0.05"
     logging.captureWarnings(False)  # an earlier command may have left it on, with another test's hook
     with warnings.catch_warnings():
         warnings.simplefilter("always")
@@ -274,6 +277,7 @@ def test_a_drop_is_harder_from_higher_up_and_a_pitch_is_drawn(run: Run, tmp_path
     assert "slides at 0.50 of it" in out
 
 
+@pytest.mark.slow
 def test_curves_have_a_rigid_foot_beside_the_soft_one(run: Run, tmp_path: Path) -> None:
     picture = tmp_path / "curves.png"
     words = f"foot curves --stiffness 1 60 --terrain stones --seeds 2 --loads 100 400 --plot {picture}"
@@ -301,6 +305,7 @@ def test_means_are_paired_ground_by_ground() -> None:
         stiffness_means([*rows, row(0, 5.0, 0.04)])
 
 
+@pytest.mark.slow
 def test_stability_counts_every_cell(run: Run) -> None:
     words = "foot stability --stiffness 0 42 --terrain random stones --seeds 1 --timesteps 0.001 0.002"
     facts = data_of(run, *words.split())

@@ -89,6 +89,7 @@ def test_measurements_and_commands_alone_are_a_log_but_no_replay(tmp_path: Path)
         Replay(log)
 
 
+@pytest.mark.slow
 def test_the_view_shows_any_loop() -> None:
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix="mine/")
     with MeshcatView(loop, port=0, rate=1e6) as view:

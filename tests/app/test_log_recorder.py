@@ -174,7 +174,7 @@ def test_log_holds_what_was_to_see_in_every_tick(tmp_path: Path) -> None:
     assert log.events[0] == (0.0, Event.STARTED.value)
 
 
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
 def test_recording_changes_nothing(tmp_path: Path, mode: str) -> None:
     runs = []
     for recorded in (False, True):

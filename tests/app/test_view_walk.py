@@ -270,6 +270,7 @@ class Commands(WalkHook):
         self.all.append(tick.command.joint_position.tobytes())
 
 
+@pytest.mark.slow
 def test_a_walk_is_the_same_bit_for_bit_with_and_without_a_view() -> None:
     spec = short_walk(foot="variable", terrain="stones", amplitude=0.01, plan=WalkPlan(distance=0.05))
     alone, watched = Commands(), Commands()

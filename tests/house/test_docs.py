@@ -31,6 +31,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
 ELSEWHERE = ("feet.md", "grounds.md", "CONTRIBUTING.md")
 """Pages whose programs tests of their own run and look at more closely."""
+LONG = ("logs.md", "motion.md", "stiffness.md", "studies.md")
+"""Pages whose programs take seconds: they run with -m slow."""
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OUTPUT = re.compile(r"\s*^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -86,7 +88,11 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(
     "page",
-    [p for p in PAGES if p.name not in ELSEWHERE and programs(p)],
+    [
+        pytest.param(p, marks=pytest.mark.slow) if p.name in LONG else p
+        for p in PAGES
+        if p.name not in ELSEWHERE and programs(p)
+    ],
     ids=lambda page: page.stem,
 )
 def test_programs_of_a_page_run_one_after_the_other(page: Path, workplace: Path) -> None:
@@ -176,6 +182,7 @@ def test_extras_are_installed_from_a_clone() -> None:
         assert not re.search(r"\bwbc\[[a-z]+\]", path.read_text(encoding="utf-8")), path
 
 
+@pytest.mark.slow
 def test_the_programs_that_draw_pictures_can_be_imported() -> None:
     """They run seldom: a name that has moved is noticed here."""
     names = ", ".join(sorted(file.stem for file in (ROOT / "docs").glob("*.py") if file.stem != "conf"))
@@ -213,6 +220,7 @@ def test_every_table_of_results_says_its_version_and_whether_it_is_stale() -> No
             assert not stale or int(match[3]) == now, caption
 
 
+@pytest.mark.slow
 def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFixture[str]) -> None:
     """Fails when walks compute something else: then add a version to measured.md, and mark what is stale."""
     (command,) = re.findall(r"The reference walk is `wbc ([^`]+)`", MEASURED)

@@ -158,6 +158,7 @@ def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixtur
     assert "half-sitting of the legs solved for" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_example_gives_the_same_result_with_a_view(
     load: Load, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -205,6 +206,7 @@ def test_drive_takes_every_key_as_soon_as_it_is_pressed(load: Load, monkeypatch:
             assert [pressed() for _ in range(5)] == ["\x1b", "[", "A", "q", ""]
 
 
+@pytest.mark.slow
 def test_walk_on_stones_feels_them(load: Load) -> None:
     result = walk(load("walk_stones"), "--distance", "0.2", "--amplitude", "0.015")
     assert result["outcome"] == "completed"

@@ -331,6 +331,7 @@ def test_a_loop_that_measures_nothing_is_refused(tick: int) -> None:
         conformance(loop)
 
 
+@pytest.mark.slow
 def test_a_loop_without_force_sensors_is_checked_by_what_its_joints_feel() -> None:
     model, sensors = Plant(DESCRIPTION).model, Machine(force_sensors=False, torque_sensors=True)
     report = conformance(MujocoLoop(DESCRIPTION, model, control_period=PERIOD, machine=sensors))

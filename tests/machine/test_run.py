@@ -233,7 +233,7 @@ def test_a_robot_that_hangs_waits_for_the_ground() -> None:
     assert reached[-1] < 0.02
 
 
-@pytest.mark.parametrize("torques", [True, False])
+@pytest.mark.parametrize("torques", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_robot_without_force_sensors_feels_whether_it_stands(torques: bool) -> None:
     """It waits while it hangs; on its feet the controller takes over, with measured torques or those commanded."""
     for height, fixed in ((0.0, False), (0.5, True)):

@@ -276,6 +276,7 @@ def test_half_of_the_walks_fall_halfway(tmp_path: Path, capfd: pytest.CaptureFix
     assert set(found) == set(QUESTION_GROUNDS)
 
 
+@pytest.mark.slow
 def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     journal, study = tmp_path / "walks.jsonl", tmp_path / "study.json"
     journal_of(journal, 9.0)

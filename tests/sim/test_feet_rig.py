@@ -229,6 +229,7 @@ def test_softer_soles_sink_further_over_a_bar() -> None:
     assert down[0] > 0.018 and down[-1] < 0.001  # of 30 mm
 
 
+@pytest.mark.slow
 def test_curves_cover_every_ground_and_stiffness_and_can_be_drawn(tmp_path: Path) -> None:
     grounds = bumps(seeds=(0,))
     rows = list(stiffness_curves(FootTest(foot("soft")), stiffnesses=(0.0, 20.0), grounds=grounds))

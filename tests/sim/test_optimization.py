@@ -209,6 +209,7 @@ def test_nothing_is_optimised_in_the_walks_beside_the_optimum() -> None:
     }
 
 
+@pytest.mark.slow
 def test_figures_show_each_ground_and_the_stiffness_on_all(tmp_path: Path) -> None:
     """Bounds from k = 0, which have no logarithm, too."""
     paper = OptimisationSpec(ground="boards", bounds=BOUNDS["paper"], law="legacy", distance=0.3)

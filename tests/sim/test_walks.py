@@ -387,7 +387,8 @@ def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
     assert abs(off["estimated"]) < 0.2 * too_far
 
 
-@pytest.mark.parametrize("foot", ["flat", pytest.param("soft", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("foot", ["flat", "soft"])
 def test_a_control_period_of_2_ms_walks_as_5_ms_do(foot: str) -> None:
     """Within the spread of the errors over the walk."""
     five, two = (

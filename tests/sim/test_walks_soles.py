@@ -86,6 +86,7 @@ def test_the_clock_is_not_in_the_record_and_the_record_repeats() -> None:
     assert again.record() == result.record()
 
 
+@pytest.mark.slow
 def test_a_policy_that_keeps_the_stiffness_walks_as_a_soft_foot_of_it() -> None:
     short = replace(SPEC, plan=WalkPlan(distance=0.15))
     fixed = walk(replace(short, policy="fixed", policy_params=(("stiffness", 5.0),), stiffness=5.0))
@@ -115,6 +116,7 @@ def test_a_policy_of_ones_own_and_a_fallback() -> None:
         WalkTrial(WalkSpec(foot="soft"), policy=own)
 
 
+@pytest.mark.slow
 def test_an_oracle_sets_what_is_best_where_the_foot_lands() -> None:
     params = {"families": "stones boards", "start": 0.1}
     spec = replace(

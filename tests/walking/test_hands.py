@@ -167,6 +167,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
     assert np.abs(stand.hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
 
+@pytest.mark.slow
 def test_a_heavier_robot_shifts_its_com_less_for_the_same_force() -> None:
     """A fifth of the weight on the trunk, known to the models."""
     stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
@@ -266,6 +267,7 @@ def test_hands_whose_force_is_not_measured_neither_press_nor_grip() -> None:
         hands.grip("left_hand", model.placement("left_wrist_link").translation, AHEAD, 10.0)
 
 
+@pytest.mark.slow
 def test_impossible_readings_of_a_wrist_are_refused_and_a_dead_sensor_lets_go() -> None:
     stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
     stand.run(0.1)

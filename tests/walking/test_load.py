@@ -37,11 +37,13 @@ def test_a_load_in_the_hands_is_found_and_taken_over_by_both_models() -> None:
     )
 
 
+@pytest.mark.slow
 def test_without_looking_for_a_load_the_robot_does_not_stand_still_under_it() -> None:
     result = carry(load=0.2, known=False, noise="none")
     assert not result.upright or result.steps_done > 0
 
 
+@pytest.mark.slow
 def test_a_load_that_is_dropped_leaves_the_models() -> None:
     trial = CarryTrial(CarrySpec(load=0.15, end="drop", noise="none"))
     assert trial.run().upright
