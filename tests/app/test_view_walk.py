@@ -499,6 +499,7 @@ TREE = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_a_browser_shows_robot_terrain_and_labels_during_a_walk(tmp_path: Path) -> None:
     spec = short_walk(foot="variable", stiffness=20.0, terrain="stones", amplitude=0.02, seed=7)

@@ -82,11 +82,14 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     "values",
     [
         {"foot": "variable", "terrain": "stones", "amplitude": 0.01},
-        {
-            "plan": WalkPlan(drive=((0.0, 0.1, 0.0, 0.2), (2.0, 0.0, 0.0, 0.0))),
-            "mode": "torque",
-            "timestep": 0.002,
-        },
+        pytest.param(
+            {
+                "plan": WalkPlan(drive=((0.0, 0.1, 0.0, 0.2), (2.0, 0.0, 0.0, 0.0))),
+                "mode": "torque",
+                "timestep": 0.002,
+            },
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["plan", "drive"],
 )

@@ -7,18 +7,23 @@ import json
 import math
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.commands import walk as walk_command
+from wbc.core.errors import InputError
+from wbc.sim import WalkSpec
 
 
 def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["walk", "--distance", "0.05", "--noise", "none", "--set", "dcm_p=4", "--json"]) == RAN
+    level = ("--terrain", "flat", "--foot", "flat", "--noise", "none")
+    assert main(["walk", "--distance", "0.05", *level, "--set", "dcm_p=4", "--json"]) == RAN
     first = capsys.readouterr().out
     (tmp_path / "walk.json").write_text(first)
     data = json.loads(first)
@@ -41,18 +46,31 @@ pushes = [{ impulse = 0.05, direction = 1.5, step = 2 }]
 """
 
 
-def spec_of(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
-    assert main(["walk", *words, "--json"]) == RAN
-    return json.loads(capsys.readouterr().out)["spec"]
+@pytest.fixture
+def spec_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Return the spec that words of the command line make, as JSON; nothing walks."""
+    made: list[Any] = []
+
+    def stop(spec: WalkSpec) -> None:
+        made.append(json.loads(json.dumps(spec.to_json())))
+        raise InputError("it would walk now")
+
+    def spec_of(*words: str) -> Any:
+        monkeypatch.setattr(walk_command, "WalkTrial", stop)
+        assert main(["walk", *words]) == BAD_INPUT
+        assert capsys.readouterr().err.endswith("wbc: it would walk now\n")
+        return made.pop()
+
+    return spec_of
 
 
 def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, spec_of: Callable[..., Any]
 ) -> None:
     file = tmp_path / "part.toml"
     file.write_text(PART)
     given = ("--set", "gains.dcm-p=5", "--set", "single_support=0.8", "--set", "noise-seed=3")
-    spec = spec_of(capsys, "--spec", str(file), *given)
+    spec = spec_of("--spec", str(file), *given)
     assert spec["changes"] == {"gains.dcm_p": [5.0, 5.0], "walk.phases.lift_off": 0.2}
     assert spec["gait"]["swing_height"] == 0.07 and spec["gait"]["single_support"] == 0.8
     assert spec["foot"] == "soft" and spec["noise_seed"] == 3 and spec["plan"]["distance"] == 0.05
@@ -61,7 +79,7 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert push["step"] == 2 and push["direction"] == 1.5
     (tmp_path / "part.json").write_text(json.dumps(tomllib.loads(PART)))
     push_words = ("--push", "impulse=0.05,direction=90,step=1", "--push", "impulse=0.01,step=2")
-    other = spec_of(capsys, "--spec", str(tmp_path / "part.json"), *push_words, "--velocity", "0.1", "0", "0")
+    other = spec_of("--spec", str(tmp_path / "part.json"), *push_words, "--velocity", "0.1", "0", "0")
     assert other["changes"]["gains.dcm_p"] == [4.0, 4.0] and other["gait"]["single_support"] == 0.7
     assert [push["step"] for push in other["pushes"]] == [1, 2]
     assert other["pushes"][0]["direction"] == pytest.approx(math.pi / 2)
@@ -69,15 +87,15 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
 
 
 def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], spec_of: Callable[..., Any]
 ) -> None:
     words = ["--spec", "frizza", "--terrain", "flat", "--distance", "0.05"]
-    spec = spec_of(capsys, *words)
+    spec = spec_of(*words)
     assert (spec["foot"], spec["gains"], spec["policy"]) == ("paper", "legacy", "model")
     assert (spec["changes"]["gains.dcm_p"], spec["changes"]["gains.dcm_d"]) == ([3.4, 3.4], [2.1, 2.1])
     assert spec["changes"]["stiffness.decide_at"] == 0.75
     assert spec["gait"]["apex"] == 0.5 and spec["gait"]["step_length"] == 0.145
-    spec = spec_of(capsys, *words, "--set", "dcm_p=5", "--set", "apex=0.4", "--foot", "flat")
+    spec = spec_of(*words, "--set", "dcm_p=5", "--set", "apex=0.4", "--foot", "flat")
     assert (spec["foot"], spec["gait"]["apex"]) == ("flat", 0.4)
     assert (spec["changes"]["gains.dcm_p"], spec["changes"]["gains.dcm_d"]) == ([5.0, 5.0], [2.1, 2.1])
     assert main(["walk", "--spec", "friza"]) == BAD_INPUT
@@ -85,14 +103,14 @@ def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
 
 
 def test_another_value_drops_what_belonged_to_the_one_of_the_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, spec_of: Callable[..., Any]
 ) -> None:
     file = tmp_path / "walk.json"
     random = ("--terrain", "random", "--param", "cutoff=0.1", "--amplitude", "0.01", "--distance", "0.05")
-    whole = spec_of(capsys, *random, "--policy", "fixed", "--policy-param", "stiffness=5")
+    whole = spec_of(*random, "--policy", "fixed", "--policy-param", "stiffness=5")
     file.write_text(json.dumps(whole))
-    assert spec_of(capsys, "--spec", str(file)) == whole
-    other = spec_of(capsys, "--spec", str(file), "--terrain", "flat", "--foot", "flat")
+    assert spec_of("--spec", str(file)) == whole
+    other = spec_of("--spec", str(file), "--terrain", "flat", "--foot", "flat")
     assert "policy" not in other and not other["terrain_params"] and other["amplitude"] == 0.0
 
 

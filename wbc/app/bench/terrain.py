@@ -63,7 +63,7 @@ def terrain_cost(ground: Terrain, steps: int = 1500) -> dict[str, Any]:
         "nodes": added.nodes,
         "model_bytes": int(model.nbuffer - bare),
         "contacts": contacts / len(PLACES),
-        "steps_per_s": len(PLACES) / seconds,
+        "steps_per_s": len(PLACES) / max(seconds, 1e-9),  # a coarse clock may have seen no time pass
     }
 
 
