@@ -278,6 +278,7 @@ def test_bad_input_is_one_line_on_stderr(capfd: Captured, arguments: list[str], 
     assert message in err
 
 
+@pytest.mark.slow
 def test_a_run_can_be_watched(capfd: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "BROWSER_TIME", 0.0)
     code, out, err = wbc_command(capfd, "stand", "--seconds", "0.2", "--view", "--port", "0", "--json")

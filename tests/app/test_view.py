@@ -9,7 +9,6 @@ import math
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -36,7 +35,7 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.app.scene.sources import PlantSource, RobotSource
-from wbc.app.view import MeshcatView, PortError, ViewError
+from wbc.app.view import MeshcatView, ViewError
 from wbc.app.view.channel import MAX_ANNOTATIONS, Channel
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
@@ -460,16 +459,6 @@ def test_of_many_frames_the_newest_counts() -> None:
 
 
 # ---- bad input ------------------------------------------------------------------------------------------------------
-
-
-def test_a_port_in_use_is_said_before_anything_runs() -> None:
-    description = wbc.load_robot("hrp4_class")
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(PortError, match=rf"127\.0\.0\.1:{port}.*in use.*another port"):
-            MeshcatView(description, port=port)
 
 
 @pytest.mark.parametrize(

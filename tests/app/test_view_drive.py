@@ -120,7 +120,7 @@ def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
     assert {entry["what"] for entry in view.interventions} == {"drive"}
 
 
-@pytest.mark.parametrize("ends", ["page", "process"])
+@pytest.mark.parametrize("ends", ["page", pytest.param("process", marks=pytest.mark.slow)])
 def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it(ends: str) -> None:
     plant, walking = stage()
 

@@ -213,6 +213,7 @@ def test_walk_on_stones_feels_them(load: Load) -> None:
     assert result["early_landings"] + result["late_landings"] > 0  # nobody knew of the stones
 
 
+@pytest.mark.slow
 def test_walk_sets_its_soles(load: Load) -> None:
     module = load("walk_soles")
     own = walk(module, "--distance", "0.35")

@@ -343,6 +343,7 @@ def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(g1: Robot) ->
         assert min(heights) > -1e-9
 
 
+@pytest.mark.slow
 def test_arms_that_ask_for_more_yaw_moment_than_the_soles_hold_are_slowed_down(g1: Robot) -> None:
     clip = make_motion(g1, "dance", 6)
     loose = make_feasible(g1, clip, FilterSettings(friction=9.0))
@@ -352,6 +353,7 @@ def test_arms_that_ask_for_more_yaw_moment_than_the_soles_hold_are_slowed_down(g
     assert kept.stretched > 1.2 * loose.stretched
 
 
+@pytest.mark.slow
 def test_both_soles_stay_loaded_where_no_step_is_near(g1: Robot) -> None:
     """The ZMP keeps to the middle 60 % of each sole, moved inward by the least load."""
     clip, shares = make_motion(g1, "dance", 4), []
@@ -365,7 +367,10 @@ def test_both_soles_stay_loaded_where_no_step_is_near(g1: Robot) -> None:
     assert shares[0] < 0.03 and shares[1] > edge - ZMP_SLACK / spacing
 
 
-@pytest.mark.parametrize("name", sorted(MOTIONS))
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n in ("one_leg", "dance") else n for n in sorted(MOTIONS)],
+)
 def test_motions_become_feasible(g1: Robot, name: str) -> None:
     clip = make_motion(g1, name, 1)
     result = make_feasible(g1, clip)
@@ -445,6 +450,7 @@ def test_arms_that_are_too_heavy_are_drawn_in_and_nothing_is_slowed_down_for_the
     assert share == pytest.approx(0.8, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_too_fast_takes_longer(g1: Robot, arms: MotionClip) -> None:
     fast = replace(arms, rate=40.0 * arms.rate)
     assert check_motion(g1, fast).joint_speed

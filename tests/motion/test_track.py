@@ -166,6 +166,7 @@ def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
     assert result.joint_rms_deg < 1.0 and result.com_rms_mm < 5.0 and result.foot_slide_mm < 1.0
 
 
+@pytest.mark.slow
 def test_a_robot_without_force_sensors_tracks_a_clip(g1: Robot) -> None:
     clip = make_feasible(g1, make_motion(g1, "dance", 1)).clip
     short = clip.sampled(clip.times[:50], clip.rate)
@@ -195,6 +196,7 @@ def test_a_clip_that_is_bent_is_no_fall() -> None:
     assert result.completed and result.failures == 0 and result.joint_rms_deg < 1.0, result
 
 
+@pytest.mark.slow
 def test_a_trunk_that_the_waist_cannot_hold_is_straightened(g1: Robot) -> None:
     clip = bow(g1, 1.0)
     joints = clip.joints.copy()

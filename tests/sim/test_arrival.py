@@ -104,6 +104,7 @@ def test_a_robot_that_does_its_steps_elsewhere_has_strayed(aside: float, back: f
     assert ("walked    2 of 2 steps" in text) == (outcome == "completed")
 
 
+@pytest.mark.slow
 def test_a_walk_that_is_driven_or_steered_on_the_way_has_no_goal() -> None:
     drive = WalkPlan(drive=((0.0, 0.1, 0.0, 0.0), (1.5, 0.0, 0.0, 0.0)))
     driven = WalkTrial(WalkSpec(plan=drive, noise="none")).run([Carry(0.6, 1.0)])

@@ -133,21 +133,6 @@ def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("workers", "killed"), [(1, 1), (2, 3)])
-def test_workers_that_are_killed_while_they_start_end_no_sweep(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int, killed: int
-) -> None:
-    marks, path, starts = tmp_path / "marks", tmp_path / "journal.jsonl", tmp_path / "starts"
-    monkeypatch.setattr(sweep_module, "_start_worker", killed_at_start)
-    monkeypatch.setenv("WBC_TEST_STARTS", f"{killed} {starts}")
-    trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
-    with Journal(path) as journal:
-        assert sweep(trials, journal, workers=workers).counts == {"done": 3}
-    assert marks_of(marks) == {0: 1, 1: 1, 2: 1}
-    assert killed < len(starts.read_text().splitlines()) <= killed + workers
-
-
-@pytest.mark.slow
 def test_workers_that_never_start_end_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_module, "_start_worker", killed_at_start)
     monkeypatch.setattr(sweep_module, "STARTS", 2)
@@ -266,30 +251,6 @@ def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_p
     again = marks_of(marks)
     assert all(again[number] == 1 for number in done), "a trial that was written down was run again"
     assert set(by_number(path)) == set(range(count))
-
-
-@pytest.mark.slow
-def test_processes_for_many_sweeps_have_one_thread_and_end_with_their_program() -> None:
-    code = """
-import os
-from wbc.sim.studies.sweep import local_executor
-with local_executor(1) as pool:
-    print(pool.submit(os.getpid).result(), pool.submit(os.getenv, "OMP_NUM_THREADS").result(), flush=True)
-    os.kill(os.getpid(), 9)
-"""
-    environment = os.environ | {"OMP_NUM_THREADS": "2"}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        check=False,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-        timeout=60.0,
-    )
-    assert done.returncode == -signal.SIGKILL
-    pid, threads = done.stdout.split()
-    assert threads == b"1"
-    _wait_until_gone({int(pid)})
 
 
 def _wait_until_gone(pids: set[int]) -> None:
@@ -646,6 +607,7 @@ def test_intervals_cover_the_mean_as_often_as_they_say() -> None:
     assert 85 <= hits <= 99
 
 
+@pytest.mark.slow
 def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ends of the interval within 3 % of its width, p-values within 0.02."""
     values = (np.random.default_rng(5).exponential(size=2000) - 0.96).tolist()

@@ -246,6 +246,7 @@ class LiftOffs(WalkHook):
             self.times.append(tick.plant.time)
 
 
+@pytest.mark.slow
 def test_a_push_on_a_robot_that_is_steered_comes_at_its_phase_of_the_quicker_step() -> None:
     hook, lift_offs = Impulse(), LiftOffs()
     plan = WalkPlan(drive=((0.0, 0.4, 0.0, 0.0), (4.5, 0.0, 0.0, 0.0)))
@@ -359,6 +360,7 @@ def test_who_is_to_walk_lower_has_not_fallen() -> None:
     assert com[2] == pytest.approx(0.6, abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
     """The plant's torso has its mass further back than the controller believes; means of the walk's second half."""
     off, bias = {}, np.zeros(2)

@@ -77,6 +77,7 @@ def test_the_scan_is_as_the_ground_and_a_wrong_ground_would_be_noticed() -> None
     assert np.mean(wrong) > 3.0 * np.mean([e["mean"] for e in errors])
 
 
+@pytest.mark.slow
 def test_the_clock_is_not_in_the_record_and_the_record_repeats() -> None:
     result = walked()
     assert "decision_us" not in json.dumps(result.record())
