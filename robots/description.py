@@ -16,11 +16,11 @@ import pinocchio as pin
 from wbc.core.arguments import check_fields, checked, spelled_out
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
-from wbc.core.robot import Robot, Sole
+from wbc.core.robot import Robot, Sole, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
-from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, leg_joints, read_gains
+from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import from_pinocchio
@@ -394,7 +394,7 @@ class RobotDescription:
         """Joints of the left and the right leg, from the root to the sole."""
         names = list(self._model.names)
         left, right = (
-            tuple(names[joint] for joint in leg_joints(self._model, frame)) for frame in self._sole_frames
+            tuple(names[joint] for joint in joints_to(self._model, frame)) for frame in self._sole_frames
         )
         return left, right
 

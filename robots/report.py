@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.drive.servos import ANKLE_SHARE
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots.urdf import CONTINUOUS_RANGE
 
 NEAR_LIMIT = 0.6
@@ -191,7 +191,7 @@ def _drives(robot: Any) -> list[str]:
 
 def _legs(robot: Any) -> list[str]:
     found = []
-    for side, leg in zip(("left", "right"), robot.legs, strict=True):
+    for side, leg in zip(SIDES, robot.legs, strict=True):
         if len(leg) < FULL_LEG:
             found.append(
                 f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"

@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, choose
+from wbc.core.robot import SIDES
 from wbc.feet.soles.contact import ContactSpheres, solver_parameters
 from wbc.feet.soles.parts import FootParts
-from wbc.feet.soles.sole import SIDES, FootFit, box_inertia
+from wbc.feet.soles.sole import FootFit, box_inertia
 
 Point: TypeAlias = Sequence[float] | Array
 """Three numbers, m."""

@@ -14,9 +14,6 @@ from scipy.spatial.transform import Rotation
 from wbc.core.errors import Array, InputError, finite_array, positive
 from wbc.core.settings import Positive, settings
 
-SIDES = ("left", "right")
-"""Sides of a robot: prefix of every name that a foot adds to a model."""
-
 
 def _quaternion(rotation: Any) -> tuple[float, ...]:
     """Return a rotation, given as unit quaternion xyzw or as matrix, as unit quaternion xyzw."""

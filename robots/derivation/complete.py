@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ModelError, choose, finite_scalar, non_negative, positive
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
-from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule, leg_joints
+from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.frames import FrameDescription
 from wbc.robots.options import DescriptionOptions
 
@@ -238,7 +238,7 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     ids = [model.getFrameId(sole.frame) for sole in soles]
-    if any(not leg_joints(model, sole.frame) for sole in soles):
+    if any(not joints_to(model, sole.frame) for sole in soles):
         return 0.0
     places = [np.array(data.oMf[i].translation) for i in ids]
     ankles = [np.array(data.oMi[model.frames[i].parentJoint].translation) for i in ids]

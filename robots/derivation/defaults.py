@@ -24,10 +24,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import InputError, ModelError, choose, non_negative
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, joints_to
 from wbc.robots import frames
 from wbc.robots.derivation import posture
-from wbc.robots.derivation.servo import leg_joints
 from wbc.robots.derivation.soles import sole_rectangle
 from wbc.robots.frames import FrameDescription, SoleDescription, SoleName
 from wbc.robots.urdf import Element
@@ -81,7 +80,7 @@ def complete_half_sitting(
             notes.append(f"half-sitting of {len(upper_body)} joints above the legs: keyframe '{title}'")
     joints = posture.half_sitting(model, frame_names, given, max(sole.width for sole in soles) + 0.02)
     names = list(model.names)[2:]
-    legs = [names[j - 2] for frame in frame_names for j in leg_joints(model, frame)]
+    legs = [names[j - 2] for frame in frame_names for j in joints_to(model, frame)]
     solved = [f"{name} {round(np.degrees(joints[name]), 2) + 0.0}" for name in legs if name not in given]
     if solved:
         notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
@@ -151,7 +150,7 @@ def complete_sole(
         centre, length, width = rectangle
         notes.append(f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from the geometry of the foot")
     else:
-        hip = data.oMi[leg_joints(probe, "__probe__")[0]].translation[2] if body.parentJoint > 1 else 0.0
+        hip = data.oMi[joints_to(probe, "__probe__")[0]].translation[2] if body.parentJoint > 1 else 0.0
         hip_height = max(0.1, float(hip - in_base.translation[2]))
         length, width = (ratio * hip_height for ratio in SOLE_RATIO)
         notes.append(
@@ -175,7 +174,7 @@ def check_sides(model: pin.Model, soles: Soles) -> None:
     Raises:
         ModelError: It is not.
     """
-    legs = [set(leg_joints(model, sole.frame)) for sole in soles]
+    legs = [set(joints_to(model, sole.frame)) for sole in soles]
     for sole, leg in zip(soles, legs, strict=True):
         if not leg:
             raise ModelError(f"sole '{sole.frame}' is fixed to the root: a leg needs joints")
@@ -229,7 +228,7 @@ def torque_limits(
     data = model.createData()
     pin.centerOfMass(model, data, pin.neutral(model))
     names = list(model.names)
-    legs = {joint for sole in soles for joint in leg_joints(model, sole.frame)}
+    legs = {joint for sole in soles for joint in joints_to(model, sole.frame)}
     limits = {}
     for name in joints:
         joint = names.index(name)
@@ -245,7 +244,7 @@ def torque_limits(
 
 def find_torso(model: pin.Model, soles: Soles) -> str:
     """Return the heaviest link above the root that two or more limbs branch from; without one the root."""
-    legs = {joint for sole in soles for joint in leg_joints(model, sole.frame)}
+    legs = {joint for sole in soles for joint in joints_to(model, sole.frame)}
     best, best_mass = 1, 0.0
     for joint in range(2, model.njoints):
         limbs = [child for child in model.children[joint] if len(model.subtrees[child]) >= ARM_JOINTS]

@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
-from wbc.robots.derivation.servo import leg_joints
+from wbc.core.robot import joints_to
 from wbc.robots.frames import SoleDescription
 
 INSIDE = 0.05
@@ -55,7 +55,7 @@ def half_sitting(
     for name, value in given.items():
         i = names.index(choose("joint", name, names))
         q[7 + i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
-    legs = [leg_joints(model, frame) for frame in soles]
+    legs = [joints_to(model, frame) for frame in soles]
     free = [i for leg in legs for i in (joint - 2 for joint in leg) if names[i] not in given]
     if free:
         q[7:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
@@ -83,7 +83,7 @@ def stands(
         check_posture(model, frame_names, q)
         check_balance(model, soles, q)
         for frame in frame_names:
-            if not BENT[0] <= _bend(model, leg_joints(model, frame), model.getFrameId(frame), q) <= BENT[1]:
+            if not BENT[0] <= _bend(model, joints_to(model, frame), model.getFrameId(frame), q) <= BENT[1]:
                 return False
     except InputError:
         return False
@@ -98,7 +98,7 @@ def upper_body(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, fl
         soles: Sole frames.
         joints: Position of every joint, rad or m.
     """
-    legs = {joint for frame in soles for joint in leg_joints(model, frame)}
+    legs = {joint for frame in soles for joint in joints_to(model, frame)}
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
     inside = INSIDE * (upper - lower)
     kept = {}

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, joints_to
 from wbc.core.settings import NonNegative, Positive, settings
 
 ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
@@ -96,7 +96,7 @@ class ServoRule:
         tipping = pin.computeTotalMass(model) * GRAVITY * (com[2] - sole)
         bound = np.full(model.nv - 6, np.inf)
         for frame in sole_frames:
-            leg = [model.joints[joint].idx_v - 6 for joint in leg_joints(model, frame)]
+            leg = [model.joints[joint].idx_v - 6 for joint in joints_to(model, frame)]
             bound[leg] = self.leg_stiffness * tipping
             bound[leg[-2:]] = self.ankle_stiffness * tipping
         return bound
@@ -131,12 +131,6 @@ def read_gains(texts: Sequence[str], joint_names: Sequence[str]) -> dict[str, tu
     return gains
 
 
-def leg_joints(model: pin.Model, frame: str) -> list[int]:
-    """Return the joints from the root to a frame, as indices of the model, without the free-flyer."""
-    parent = model.frames[model.getFrameId(frame)].parentJoint
-    return [joint for joint in model.supports[parent] if joint > 1]
-
-
 def effective_inertia(
     model: pin.Model, q: Array, sole_frames: tuple[str, ...], armature: Array, stance_share: float
 ) -> Array:
@@ -154,7 +148,7 @@ def effective_inertia(
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, q)
-    legs = {joint for frame in sole_frames for joint in leg_joints(model, frame)}
+    legs = {joint for frame in sole_frames for joint in joints_to(model, frame)}
     spatial = [np.zeros((6, 6))]
     spatial += [data.oMi[i].act(model.inertias[i]).matrix() for i in range(1, model.njoints)]
     total = sum(spatial, np.zeros((6, 6)))

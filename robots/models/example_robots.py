@@ -7,6 +7,7 @@ from importlib import metadata
 from pathlib import Path
 
 from wbc.core.errors import InputError
+from wbc.core.robot import SIDES
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription
 
@@ -44,7 +45,7 @@ def talos() -> RobotDescription:
     arm = {"1": 0.25847, "2": 0.173046, "3": -0.0002, "4": -0.525366, "5": 0.0, "6": 0.0, "7": 0.1}
     mirrored = {"1", "2", "3"}
     half_sitting = {"torso_1_joint": 0.0, "torso_2_joint": 0.006761}
-    for side in ("left", "right"):
+    for side in SIDES:
         half_sitting |= {f"leg_{side}_{i}_joint": value for i, value in leg.items()}
         half_sitting |= {
             f"arm_{side}_{i}_joint": -value if side == "right" and i in mirrored else value
@@ -59,7 +60,7 @@ def talos() -> RobotDescription:
             length=0.211,
             width=0.124,
         )
-        for side, name in zip(("left", "right"), SOLE_NAMES, strict=True)
+        for side, name in zip(SIDES, SOLE_NAMES, strict=True)
     )
     return RobotDescription.from_urdf(
         _path("talos_data/robots/talos_reduced.urdf"),

@@ -31,6 +31,7 @@ from __future__ import annotations
 import math
 from functools import cache
 
+from wbc.core.robot import SIDES
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription
 from wbc.robots.models.primitives import DARK, GREY, Joint, Link, box, cylinder, serial_chain, sphere, to_urdf
@@ -201,8 +202,8 @@ def describe() -> RobotDescription:
     arms = {
         "left_shoulder_roll": math.radians(10.0),
         "right_shoulder_roll": math.radians(-10.0),
-        **{f"{side}_shoulder_pitch": math.radians(4.0) for side in ("left", "right")},
-        **{f"{side}_elbow_pitch": math.radians(-30.0) for side in ("left", "right")},
+        **{f"{side}_shoulder_pitch": math.radians(4.0) for side in SIDES},
+        **{f"{side}_elbow_pitch": math.radians(-30.0) for side in SIDES},
     }
     left, right = (
         SoleDescription(
@@ -213,7 +214,7 @@ def describe() -> RobotDescription:
             length=SOLE[0],
             width=SOLE[1],
         )
-        for side, name in zip(("left", "right"), SOLE_NAMES, strict=True)
+        for side, name in zip(SIDES, SOLE_NAMES, strict=True)
     )
     return RobotDescription.from_urdf(
         urdf(),

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
-from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.robot import BASE_DOF, GRAVITY, Robot, joints_to
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.robots import load as load_robot
 from wbc.sim.plant.falls import TrueFallDetector
@@ -298,7 +298,7 @@ def _strain(robot: Robot, q: Array, weight: float) -> float:
     for frame in robot.frames.values():
         index = robot.frame_id(frame)
         torque += weight * pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)[2]
-        joints.update(j for j in model.supports[model.frames[index].parentJoint] if j > 1)
+        joints.update(joints_to(model, index))
     places = np.array([model.joints[j].idx_v - BASE_DOF for j in joints])
     return float(np.max(np.abs(torque[BASE_DOF:][places]) / robot.torque_limit[places]))
 
@@ -307,10 +307,9 @@ def _reach(robot: Robot, forward: float, height: float, apart: float) -> tuple[A
     """Return a posture with the hands at a place, by damped least squares, and the greatest distance from there, m."""
     model, data = robot.model, robot.model.createData()
     q, worst = np.array(robot.half_sitting), 0.0
-    trunk = set(model.supports[model.frames[robot.frame_id(robot.torso_frame)].parentJoint])
     for frame in robot.frames.values():
         index = robot.frame_id(frame)
-        arm = [j for j in model.supports[model.frames[index].parentJoint] if j > 1 and j not in trunk]
+        arm = joints_to(model, index, robot.frame_id(robot.torso_frame))
         columns = np.array([model.joints[j].idx_v for j in arm])
         low, high = (
             robot.position_lower[columns - BASE_DOF] + 0.05,

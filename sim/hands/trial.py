@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from wbc.core.control import Mode
 from wbc.core.errors import Array
+from wbc.core.robot import SIDES as FEET
 from wbc.core.robot import Robot
 from wbc.core.settings import Seed, settings
 from wbc.robots import load
@@ -193,7 +194,7 @@ class HandTrial:
         """Return the robot's stand as the start of a plan."""
         left, right = (
             replace(Footstep.of(side, pin.SE3(self.robot.placement(sole.frame))), roll=0.0, pitch=0.0)
-            for side, sole in zip(("left", "right"), self.robot.soles, strict=True)
+            for side, sole in zip(FEET, self.robot.soles, strict=True)
         )
         return replace(FootstepPlan.standing(self.robot), left=left, right=right)
 

@@ -13,9 +13,9 @@ import pinocchio as pin
 from wbc.core.conventions import Index
 from wbc.core.errors import InputError, ModelError, unknown_name
 from wbc.core.hull import convex_hull
-from wbc.core.robot import Robot
+from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
-from wbc.feet.soles.sole import SIDES, SoleGeometry
+from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.body_shapes import add_body_shapes
 from wbc.sim.plant.hands import HandSensor, add_grips, add_hand_sensors

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import Array
+from wbc.core.robot import SIDES
 from wbc.feet.sensing.scan import Profile
-from wbc.feet.soles.sole import SIDES
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.scheduling.record import StepStiffness
 from wbc.walking.progress import WalkingLike

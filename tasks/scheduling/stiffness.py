@@ -12,12 +12,11 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose
-from wbc.core.robot import Robot
+from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Measurement
 from wbc.feet.sensing.scan import GroundScan, Profile
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
-from wbc.feet.soles.sole import SIDES
 from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming, as_good_as
 

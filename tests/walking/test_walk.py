@@ -12,7 +12,7 @@ import pytest
 from pendulum import analytic_pattern, com_after
 
 from wbc.core.errors import InputError
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
 from wbc.tasks.stabilizer.distribution import WrenchDistribution
 from wbc.tasks.stabilizer.gains import StabilizerGains
@@ -20,7 +20,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.ground import GroundEstimate
 from wbc.walking.planning.phases import Event, Phase

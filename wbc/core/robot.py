@@ -30,6 +30,9 @@ from wbc.core.settings import Positive, settings
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
 
+SIDES = ("left", "right")
+"""Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
+
 BASE_DOF = 6
 """Velocity coordinates of the floating base: linear, then angular, both in the base frame."""
 
@@ -80,6 +83,26 @@ def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
     if abs(length - 1.0) > 1e-3:
         raise InputError(f"quaternion of the {what} must have length 1, got {length:g}")
     return q
+
+
+def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None) -> list[int]:
+    """Return the joints that move a frame but not a trunk, from the base outwards.
+
+    Args:
+        model: Pinocchio model with a free-flyer, which is left out.
+        frame: Frame at the end of a limb, or its index.
+        trunk: Frame that the limb is fixed to, or its index; the base when None.
+
+    Returns:
+        Numbers of the joints in the model.
+    """
+    ends = [
+        each if isinstance(each, int) else model.getFrameId(each)
+        for each in (frame, trunk)
+        if each is not None
+    ]
+    limb, *behind = ([j for j in model.supports[model.frames[end].parentJoint] if j > 1] for end in ends)
+    return [joint for joint in limb if not behind or joint not in behind[0]]
 
 
 class Robot:
@@ -367,12 +390,8 @@ class Robot:
         Raises:
             UnknownNameError: There is no such frame.
         """
-        model = self.model
-        limb, behind = (
-            [j for j in model.supports[model.frames[self.frame_id(name)].parentJoint] if j > 1]
-            for name in (frame, trunk)
-        )
-        return [model.joints[j].idx_v - BASE_DOF for j in limb if j not in behind]
+        limb = joints_to(self.model, self.frame_id(frame), self.frame_id(trunk))
+        return [self.model.joints[j].idx_v - BASE_DOF for j in limb]
 
     @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:

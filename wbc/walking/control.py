@@ -28,7 +28,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
@@ -41,7 +41,7 @@ from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, check_start
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan, check_start
 from wbc.walking.planning.reach import Reach, bent_height
 from wbc.walking.planning.schedule import SoleSizes, support_area
 from wbc.walking.planning.sources import FootstepSource, Velocity

@@ -14,7 +14,7 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import Robot
+from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
@@ -26,7 +26,7 @@ from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
 from wbc.walking.pattern.swing import FootMotion
-from wbc.walking.planning.footsteps import SIDES, Footstep
+from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.sources import Velocity
 

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, as_period
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.pattern import Pattern
@@ -27,7 +27,7 @@ from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
 from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, heading, mean_heading
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.ground import GroundEstimate
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 from wbc.core.errors import InputError
-from wbc.core.robot import Robot
+from wbc.core.robot import SIDES, Robot
 from wbc.core.settings import settings
 
 Kind = Literal["number", "double", "whole", "flag", "text", "list"]
 """Storage of a signal: 4-byte float, 8-byte float, 4-byte integer, truth value, text, list of 4-byte floats."""
 
-SIDES = ("left", "right")
 XYZ = ("x", "y", "z")
 XY = ("x", "y")
 QUATERNION = ("x", "y", "z", "w")

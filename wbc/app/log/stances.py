@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.app.log.columns import SIDES
 from wbc.app.log.reader import Log
 from wbc.core.errors import Array
+from wbc.core.robot import SIDES
 
 
 def yaw_of(quaternions: Array) -> Array:

@@ -9,18 +9,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.columns import (
-    QUATERNION,
-    SIDES,
-    XY,
-    XYZ,
-    Columns,
-    joint_units,
-    position_signal,
-    torque_units,
-)
+from wbc.app.log.columns import QUATERNION, XY, XYZ, Columns, joint_units, position_signal, torque_units
 from wbc.app.log.tick import Source, Tick
 from wbc.core.errors import Array
+from wbc.core.robot import SIDES
 
 if TYPE_CHECKING:
     from wbc.sim import Plant

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
-from wbc.app.log.columns import SIDES
 from wbc.app.plot.style import (
     BLACK,
     COLOURS,
@@ -23,7 +22,7 @@ from wbc.app.plot.style import (
     limit_to,
     new_figure,
 )
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
-from wbc.app.log.columns import SIDES
 from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, new_figure
 from wbc.core.errors import Array
+from wbc.core.robot import SIDES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from wbc.app.log import Log
-from wbc.app.log.columns import SIDES
 from wbc.app.scene.layers import stiffness_text
+from wbc.core.robot import SIDES
 
 EVENT_TIME = 2.0
 """Time for which an event is shown, s."""

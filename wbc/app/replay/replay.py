@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.log import Log
-from wbc.app.log.columns import SIDES, position_signal
+from wbc.app.log.columns import position_signal
 from wbc.app.log.plain import from_plain
 from wbc.app.replay.overlays import Overlays
 from wbc.app.scene.colours import stiffness_colour
@@ -19,6 +19,7 @@ from wbc.app.scene.scene import Scene, Snapshot
 from wbc.app.scene.shapes import Colour
 from wbc.app.scene.sources import Force, PlantSource, RobotSource, sole_force
 from wbc.core.errors import Array, InputError, positive
+from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import terrain as make_terrain
 

@@ -13,7 +13,8 @@ from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.marks import LIFT, LINE, outline, polygon, rectangle, ribbon, ribbon_edges
 from wbc.app.scene.shapes import HIDDEN, ROOT, Colour
 from wbc.core.errors import Array
-from wbc.walking.planning.footsteps import SIDES, Footstep, other
+from wbc.core.robot import SIDES
+from wbc.walking.planning.footsteps import Footstep, other
 
 if TYPE_CHECKING:
     from wbc.sim import Plant

@@ -36,10 +36,9 @@ from wbc.app.scene.shapes import ROOT, VisualCylinder, disc
 from wbc.app.scene.sources import FOOT
 from wbc.core.errors import Array
 from wbc.core.hull import hull_and_area
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.feet.soles.actuator import STIFFEST
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.walking.planning.footsteps import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -82,7 +82,9 @@ class WrenchEstimator:
         self._gain = lag_gain(dt, 1.0 / s.bandwidth)
         self._weight = weight = robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
-        self._legs = [_leg(robot.model, frame) for frame in self._frames]
+        self._legs = [
+            np.array(robot.joints_between(sole.frame, robot.base_frame)) + BASE_DOF for sole in robot.soles
+        ]
         n, nv = len(self._frames), robot.nv
         std = np.full(nv, s.torque_std)
         std[:3], std[3:BASE_DOF] = s.force_std * weight, s.moment_std
@@ -156,9 +158,3 @@ class WrenchEstimator:
         normal += self._prior[:size, :size]
         wrench: Array = np.linalg.solve(normal, matrix.dot(residual[rows]))
         return wrench
-
-
-def _leg(model: pin.Model, frame: int) -> Array:
-    """Return the places in a velocity of the joints from the base to a frame."""
-    parent = model.frames[frame].parentJoint
-    return np.array([model.joints[joint].idx_v for joint in model.supports[parent] if joint > 1])

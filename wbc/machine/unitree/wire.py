@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import Array, InputError
+from wbc.core.robot import SIDES
 
-_SIDES = ("left", "right")
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
 
 G1_MOTORS = (
-    *(f"{side}_{part}_joint" for side in _SIDES for part in _LEG),
+    *(f"{side}_{part}_joint" for side in SIDES for part in _LEG),
     *(f"waist_{part}_joint" for part in ("yaw", "roll", "pitch")),
-    *(f"{side}_{part}_joint" for side in _SIDES for part in _ARM),
+    *(f"{side}_{part}_joint" for side in SIDES for part in _ARM),
 )
 """Joint of each motor of a G1 with 29 joints, by index, in PR mode (serial pitch and roll)."""
 

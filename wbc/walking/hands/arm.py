@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import BASE_DOF, Robot, joints_to
 
 
 class HandArm:
@@ -28,9 +28,7 @@ class HandArm:
         self._robot = robot
         self.frame = robot.frame_id(hand)
         model = robot.model
-        chest = set(model.supports[model.frames[robot.frame_id(robot.torso_frame)].parentJoint])
-        joints = model.supports[model.frames[self.frame].parentJoint]
-        arm = [joint for joint in joints if joint not in chest and joint > 1]
+        arm = joints_to(model, self.frame, robot.frame_id(robot.torso_frame))
         self.joints = np.array(arm, dtype=np.intp) - 2
         links = [model.jointPlacements[joint].translation for joint in arm[1:]]
         links.append(model.frames[self.frame].placement.translation)

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.robot import Robot
+from wbc.core.robot import Robot, joints_to
 from wbc.tasks.stabilizer.pendulum import Pendulum
 
 NEGLIGIBLE = 1e-6
@@ -64,10 +64,7 @@ def leg_share(robot: Robot, com_height: float) -> float:
     frame = robot.frame_id(robot.soles[0].frame)
     axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     jacobian = pin.computeFrameJacobian(model, data, robot.half_sitting, frame, axes)
-    joints = model.supports[model.frames[frame].parentJoint]
-    leg = [
-        column for j in joints if j > 1 for column in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
-    ]
+    leg = [model.joints[j].idx_v for j in joints_to(model, frame)]
     v = np.zeros(model.nv)
     v[leg] = np.linalg.lstsq(jacobian[:, leg], np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.0)), rcond=None)[0]
     momentum = pin.computeCentroidalMomentum(model, data, robot.half_sitting, v)

@@ -28,8 +28,9 @@ import numpy as np
 from wbc.core.errors import Array, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
+from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.walking.planning.footsteps import SIDES, Footstep
+from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
 

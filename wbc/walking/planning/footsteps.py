@@ -15,10 +15,8 @@ import pinocchio as pin
 
 from wbc.core.arguments import check_fields
 from wbc.core.errors import Array, InputError, choose, finite_scalar
-from wbc.core.robot import Robot
+from wbc.core.robot import SIDES, Robot
 from wbc.walking.planning.gait import Gait
-
-SIDES = ("left", "right")
 
 LEAST_STAIR = 0.02
 """Difference in height from which two footholds are on a stair, m."""

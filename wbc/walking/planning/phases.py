@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.schedule import SupportPhase, schedule
 

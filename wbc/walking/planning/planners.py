@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose, finite_array, finite_scalar, positive
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
+from wbc.core.robot import SIDES
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading, other
 
 MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, finite_scalar
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import BASE_DOF, SIDES, Robot, joints_to
 from wbc.core.settings import Positive, settings
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 
 MAX_SLOPE = 0.5
 """Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
@@ -119,8 +119,7 @@ def leg_geometry(robot: Robot) -> Leg:
     model, data = robot.model, robot.model.createData()
     pin.centerOfMass(model, data, robot.half_sitting)
     pin.updateFramePlacements(model, data)
-    frame = model.frames[robot.frame_id(robot.soles[0].frame)]
-    chain = [joint for joint in model.supports[frame.parentJoint] if joint > 1]
+    chain = joints_to(model, robot.frame_id(robot.soles[0].frame))
     places = [data.oMi[joint].translation for joint in chain]
     bars = [float(np.linalg.norm(b - a)) for a, b in zip(places, places[1:], strict=False)]
     if len(bars) < 2:
@@ -196,10 +195,7 @@ def _hip_yaw_range(robot: Robot) -> float:
     pin.computeJointJacobians(model, data, pin.neutral(model))
     ranges = []
     for sole, outward in zip(robot.soles[:2], (1.0, -1.0), strict=True):
-        frame = model.frames[robot.frame_id(sole.frame)]
-        for joint in model.supports[frame.parentJoint]:
-            if joint <= 1:
-                continue
+        for joint in joints_to(model, robot.frame_id(sole.frame)):
             column = model.joints[joint].idx_v
             jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
             turn = float(jacobian[5, column]) * outward

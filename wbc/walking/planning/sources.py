@@ -20,8 +20,9 @@ from pydantic import Field
 
 from wbc.core.arguments import checked
 from wbc.core.errors import finite_array, finite_scalar
+from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.planning.footsteps import SIDES, Footstep, FootstepPlan, mean_heading, other
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading, other
 from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
 from wbc.walking.planning.phases import Phase, WalkPhases
 from wbc.walking.planning.reach import Reach, soles_overlap

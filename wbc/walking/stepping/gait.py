@@ -18,11 +18,11 @@ import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.core.lag import lag_gain
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rows, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
-from wbc.walking.planning.footsteps import SIDES, Footstep
+from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.stepping.law import (
     SIDEWAYS,
