@@ -1,6 +1,6 @@
 """Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`.
 
-A few are simulations in MuJoCo, the others what `wbc terrains`, `wbc foot press` and `wbc foot curves` draw. It takes
+A few are simulations in MuJoCo, the others what `wbc terrain`, `wbc foot press` and `wbc foot curves` draw. It takes
 about two minutes; on a machine without a display set MUJOCO_GL=egl.
 """
 

@@ -9,8 +9,8 @@ The words are the name of a study, its journal (JSON lines, plain or compressed 
 `--margin`, `--seeds`, `--cell` and `--arm` of `wbc study table`, `--from` for the layouts from a seed on, and `--as`
 for another kind of table:
 
-    choice      `wbc study choice`, with its `--chosen-by`: which arm is best on which ground, and what choosing it
-                there is worth
+    choice      `wbc study table --of choice`, with its `--chosen-by`: which arm is best on which ground, and what
+                choosing it there is worth
     short       without how the walks of each ground ended; the completed ones of all grounds stand in a line
     table4      the study 'table4' beside the paper's table
     optimum     instead of a study its grounds, joined by a plus sign: the optima beside the paper's Table II, with the

@@ -54,7 +54,7 @@ def param(default: Any, about: str) -> Any:
 
     Args:
         default: Its value by default.
-        about: Its meaning, for `wbc scenes`.
+        about: Its meaning, for `wbc terrain`.
     """
     return field(default=default, metadata={"about": about})
 

@@ -206,7 +206,7 @@ def arches(seeds: int = 6) -> Study:
 
 def halfway_heights() -> dict[str, float]:
     """Return the height of each family at which half of the walks of the study 'halfway' fell, m."""
-    data = _result("halfway.json", "wbc study heights")
+    data = _result("halfway.json", "wbc study table halfway --of heights")
     return {name: float(height) for name, height in data["heights_m"].items()}
 
 
@@ -255,7 +255,7 @@ def stored_stiffness(study: str) -> dict[str, float]:
     Raises:
         InputError: There is no result.
     """
-    data = _result(f"{study}.json", f"wbc study best {study}")
+    data = _result(f"{study}.json", f"wbc study table {study} --of best")
     return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}
 
 

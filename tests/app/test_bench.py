@@ -9,7 +9,6 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from time import sleep
 from types import ModuleType
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,9 +16,7 @@ import pytest
 
 from wbc.app import cli
 from wbc.app.bench import walk
-from wbc.app.bench.compare import compare_records
 from wbc.app.bench.profile import PARTS, profile_walk
-from wbc.app.bench.record import BenchRecord, BenchRecordOptions, bench_record, read_record
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver, primal_residual
 from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import BenchTickOptions, bench_tick, start_configuration
@@ -176,147 +173,3 @@ def test_a_profiled_walk_is_the_same_bit_for_bit() -> None:
     spec = WalkSpec(plan=WalkPlan(distance=0.05), foot="soft", terrain="stones", amplitude=0.02)
     profiled, plain = profile_walk(WalkTrial(spec))[0], WalkTrial(spec).run()
     assert replace(profiled, clock=None).to_json() == replace(plain, clock=None).to_json()
-
-
-def _record(factor: float = 1.0, repeats: int = 10, **changes: Any) -> dict[str, Any]:
-    """Return a record whose figure `slow` is scaled by a factor; each of the others varies by a tenth."""
-    rng = np.random.default_rng(repeats + round(100 * factor))
-    figures = {
-        name: tuple((scale * rng.uniform(95.0, 105.0, repeats)).tolist())
-        for name, scale in {"slow": factor, "same": 1.0, "other": 1.0}.items()
-    }
-    record = {
-        "kind": "wbc benchmark record",
-        "made": "2026-01-01T00:00:00+00:00",
-        "commit": None,
-        "versions": {"numpy": "2.0"},
-        "machine": {"processor": "one", "cores": 2, "system": "two"},
-        "benchmarks": {"tick": {"options": {"robot": "g1"}, "samples_us": figures}},
-    }
-    return record | changes
-
-
-def _compared(tmp_path: Path, before: object, after: object, *options: str) -> list[str]:
-    """Write two records and return the command line that compares them."""
-    files = [tmp_path / "before.json", tmp_path / "after.json"]
-    for file, record in zip(files, (before, after), strict=True):
-        file.write_text(json.dumps(record), encoding="utf-8")
-    return ["bench", "compare", *map(str, files), *options]
-
-
-@pytest.mark.parametrize(
-    ("factor", "threshold", "verdict"),
-    [(1.3, "0.05", "slower"), (1.3, "0.5", "same"), (1.0, "0.0", "same"), (0.7, "0.05", "faster")],
-)
-def test_a_comparison_names_what_became_slower_beyond_noise_and_threshold(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], factor: float, threshold: str, verdict: str
-) -> None:
-    line = _compared(
-        tmp_path, _record(), _record(factor, machine={"processor": "x", "cores": 2, "system": "two"})
-    )
-    assert cli.main([*line, "--threshold", threshold, "--json"]) == cli.RAN
-    result = json.loads(capfd.readouterr().out)
-    changes = {change["figure"]: change for change in result["changes"]}
-    assert {name: change["verdict"] for name, change in changes.items()} == {
-        "slow": verdict,
-        "same": "same",
-        "other": "same",
-    }
-    slow = changes["slow"]
-    assert slow["low"] <= slow["ratio"] <= slow["high"] and slow["ratio"] == pytest.approx(factor, rel=0.06)
-    assert slow["low"] < factor * 1.05 and slow["high"] > factor * 0.95
-    assert any("processor: one, then x" in note for note in result["notes"])
-    assert cli.main([*line, "--threshold", threshold]) == cli.RAN
-    assert ("tick, slow" in capfd.readouterr().out) == (verdict != "same")
-
-
-def test_differences_of_noise_alone_are_rarely_called_slower() -> None:
-    rng = np.random.default_rng(0)
-    found = 0
-    for _ in range(20):
-        records = []
-        for _ in range(2):
-            data = _record()
-            samples = {f"{i}": tuple(rng.lognormal(3.0, 0.3, 10).tolist()) for i in range(20)}
-            data["benchmarks"]["tick"]["samples_us"] = samples
-            records.append(from_json(BenchRecord, data))
-        found += any(change.verdict != "same" for change in compare_records(*records, 0.0).changes)
-    assert found <= 3  # 5 % of 20 is one; a fourth has a chance of 1.6 %
-
-
-def test_too_few_repeats_are_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(_compared(tmp_path, _record(repeats=3), _record(2.0, repeats=3))) == cli.RAN
-    out = capfd.readouterr().out
-    assert "0 of 3 figures became slower" in out and "3 repeats are too few" in out
-
-
-@pytest.mark.parametrize(
-    ("other", "message"),
-    [
-        ([], "JSON object"),
-        ({"rows": []}, "'kind' is None"),
-        (_record(machine=3), "machine"),
-        (_record(benchmarks={"tick": {"options": {}, "samples_us": {"slow": [1.0]}}}), "at least two"),
-        (_record(benchmarks={"tick": 3}), "tick has no object"),
-        (_record(benchmarks={"tick": {"options": {}, "samples_us": {"slow": [1.0, 1e-320]}}}), "1e-06"),
-        (_record(benchmarks=3), "benchmarks"),
-        (
-            _record(benchmarks={"tick": {"options": {}, "samples_us": {"slow": [1.0, -1.0]}}}),
-            "'slow' of tick",
-        ),
-        (_record(benchmarks={"tick": {"options": {"robot": "h1"}, "samples_us": {}}}), "robot of tick is g1"),
-        (
-            _record(benchmarks={"walk": {"options": {}, "samples_us": {}}}),
-            "the first of tick, the second of walk",
-        ),
-    ],
-)
-def test_what_is_no_record_or_of_another_benchmark_is_refused(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], other: object, message: str
-) -> None:
-    assert cli.main(_compared(tmp_path, _record(), other)) == cli.BAD_INPUT
-    out, err = capfd.readouterr()
-    assert out == "" and err.count("\n") == 1 and message in err
-
-
-@pytest.mark.parametrize("threshold", ["-0.1", "nan"])
-def test_a_threshold_is_a_share(tmp_path: Path, capfd: pytest.CaptureFixture[str], threshold: str) -> None:
-    assert cli.main(_compared(tmp_path, _record(), _record(), "--threshold", threshold)) == cli.BAD_INPUT
-    assert "threshold" in capfd.readouterr().err
-
-
-def test_a_record_holds_every_repeat_and_where_it_was_made(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "record.json"
-    few = [
-        "--benchmark",
-        "tick",
-        "--benchmark",
-        "solver",
-        "--repeats",
-        "2",
-        "--ticks",
-        "20",
-        "--problems",
-        "20",
-    ]
-    assert cli.main(["bench", "record", str(file), *few, "--json"]) == cli.RAN
-    assert json.loads(capfd.readouterr().out) == json.loads(file.read_text(encoding="utf-8"))
-    record = read_record(file)
-    assert set(record.benchmarks) == {"tick", "solver"} and record.machine.cores >= 1
-    assert record.versions["numpy"] == np.__version__
-    assert set(record.versions) == {"wbc", "python", "pin", "mujoco", "proxsuite", "daqp", "numpy", "scipy"}
-    for benchmark in record.benchmarks.values():
-        assert {len(values) for values in benchmark.samples_us.values()} == {2}
-    assert cli.main(["bench", "record", str(tmp_path / "record.txt"), *few]) == cli.BAD_INPUT
-    assert ".json" in capfd.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_record_of_walks_has_their_parts(tmp_path: Path) -> None:
-    record = bench_record(BenchRecordOptions(benchmark=("walk",), repeats=2, distance=0.15))
-    figures = record.benchmarks["walk"].samples_us
-    for case in CASES:
-        assert figures[f"{case}: all"][0] > figures[f"{case}: physics"][0] * 0.3
-    assert all(change.ratio == 1.0 for change in compare_records(record, record, 0.0).changes)

@@ -58,13 +58,13 @@ STUDY_WORDS = ["study.json", "--journal", "journal.jsonl", "-o"]
 IMAGE = ["terrain", "image", "--param", "source=heights.csv", "--param", "metres_per_pixel=0.02", "--plot"]
 
 WRITERS: dict[str, list[str]] = {
-    "table.csv": ["study", "export", *STUDY_WORDS],
-    "study.png": ["study", "plot", *STUDY_WORDS],
+    "table.csv": ["study", "table", *STUDY_WORDS],
+    "study.png": ["study", "table", *STUDY_WORDS],
     "model.json": ["stiffness", "train", "grounds.csv", "-o"],
     "signals.png": ["plot", "log.arrow", "com/estimated", "-o"],
     "signals.pdf": ["plot", "log.arrow", "com/estimated", "-o"],
     "ground.svg": IMAGE,
-    "spec.json": ["study", "rerun", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
+    "spec.json": ["study", "run", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
 }
 """File to write → command that writes it."""
 
@@ -91,7 +91,6 @@ def test_a_full_disk_leaves_the_old_file_and_one_line(folder: Path, name: str, c
 INPUTS: list[tuple[list[str], str]] = [
     (WRITERS["table.csv"], "journal.jsonl"),
     (WRITERS["table.csv"], "study.json"),
-    (WRITERS["study.png"], "journal.jsonl"),
     (WRITERS["model.json"], "grounds.csv"),
     (["stiffness", "judge", "grounds.csv", "--plot"], "grounds.csv"),
     (WRITERS["signals.png"], "log.arrow"),
@@ -100,20 +99,22 @@ INPUTS: list[tuple[list[str], str]] = [
     (["foot", "press", *["--terrain", *IMAGE[1:]]], "heights.csv"),
     (["foot", "pitch", *["--terrain", *IMAGE[1:]]], "heights.csv"),
     (WRITERS["spec.json"], "journal.jsonl"),
-    (["study", "dataset", "--journal", "journal.jsonl", "--output"], "journal.jsonl"),
-    (["study", "best", *STUDY_WORDS], "study.json"),
+    (
+        ["study", "table", "--of", "best", "study.json", "--journal", "journal.jsonl", "--table"],
+        "journal.jsonl",
+    ),
+    (["study", "table", "--of", "best", *STUDY_WORDS], "study.json"),
     (["walk", "--spec", "study.json", "--record"], "study.json"),
     (["walk", "--distance", "0.05", "--param", "source=heights.csv", "--record"], "heights.csv"),
 ]
 """Command that ends in the option of a file to write, and a file that it reads."""
 
 ENDINGS = {
-    "export": ".csv",
+    "--table": ".csv",
     "train": ".json",
     "view": ".html",
-    "rerun": ".json",
+    "--key": ".json",
     "best": ".json",
-    "dataset": ".csv",
     "walk": ".arrow",
 }
 
@@ -124,7 +125,7 @@ def test_a_file_that_is_read_is_not_written(
     folder: Path, words: list[str], read: str, kind: str, capsys: Captured
 ) -> None:
     """By another name, because the ending of the same name is refused already where it is not that of the output."""
-    ending = next((ENDINGS[word] for word in words if word in ENDINGS), ".png")
+    ending = next((ending for word, ending in ENDINGS.items() if word in words), ".png")
     output = Path(f"output{ending}")
     content = Path(read).read_bytes()
     if kind == "hard":
@@ -259,7 +260,7 @@ def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Pa
             error = None if status == "done" else "the process that ran it died"
             journal.add(replace(entry, status=status, result=result, error=error))
     assert main(["study", "run", "study.json", "--journal", "bad journal.jsonl"]) == RAN
-    lines = [line for line in capsys.readouterr().out.splitlines() if "wbc study rerun" in line]
+    lines = [line for line in capsys.readouterr().out.splitlines() if "wbc study run" in line]
     assert [line.partition("#")[2].strip() for line in lines] == [
         "diverged: level, soft, seed 1",
         "crashed: level, flat, seed 2",
@@ -275,5 +276,5 @@ def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Pa
     walked = json.loads(capsys.readouterr().out)
     assert walked["spec"] == again["spec"] and walked["distance"] == again["result"]["distance"]
     for key, message in (("zz", "no key of the journal 'zz'"), ("", "no key of the journal")):
-        assert main(["study", "rerun", "--journal", "bad journal.jsonl", "--key", key]) == BAD_INPUT
+        assert main(["study", "run", "--journal", "bad journal.jsonl", "--key", key]) == BAD_INPUT
         assert message in capsys.readouterr().err

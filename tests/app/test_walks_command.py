@@ -161,6 +161,9 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["walk", "--push", "impuls=0.1"], "impulse"),
         (["walk", "--param", "foo=2"], "no parameter of the terrain 'stones' 'foo'"),
         (["study", "run", "flat_floor", "--journal", "."], "folder"),
+        (["study", "run", "--journal", "j"], "give a study to run"),
+        (["study", "show", "flat_floor", "--set", "height=2"], "'dataset' alone has a size"),
+        (["study", "table", "flat_floor", "--journal", "j", "--separate"], "no option of --of arms"),
         (["study", "run", "flat_flor", "--journal", "j"], "flat_floor"),
         (["study", "table", "flat_floor", "--journal", "nothing.jsonl"], "no journal"),
         (
@@ -168,11 +171,14 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
             "gait.swing_height",
         ),
         (["study", "show", "flat_floor", "--arm", "hard"], "soft"),
-        (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
-        (["study", "plot", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
-        (["study", "plot", "arches", "--journal", "empty.jsonl", "-o", "a.png"], "18 rows .* 7 at most"),
-        (["study", "export", "flat_floor", "--journal", "empty.jsonl", "-o", "a.xls"], r"\.csv"),
-        (["study", "swings", "flat_floor", "--journal", "empty.jsonl"], "no walk .* variable stiffness"),
+        (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
+        (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
+        (["study", "table", "arches", "--journal", "empty.jsonl", "-o", "a.png"], "18 rows .* 7 at most"),
+        (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.xls"], r"\.png"),
+        (
+            ["study", "table", "flat_floor", "--journal", "empty.jsonl", "--of", "swings"],
+            "no walk .* variable stiffness",
+        ),
     ],
 )
 def test_the_command_refuses(
@@ -215,10 +221,10 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["study", "table", str(study), "--journal", str(journal)]) == RAN
     assert "| level | 2 (1) | 2 (1) |" in capsys.readouterr().out
     figure = tmp_path / "steps.png"
-    assert main(["study", "plot", str(study), "--journal", str(journal), "-o", str(figure)]) == RAN
+    assert main(["study", "table", str(study), "--journal", str(journal), "-o", str(figure)]) == RAN
     assert figure.stat().st_size > 5000 and capsys.readouterr().out == f"{figure}\n"
     table = tmp_path / "walks.csv"
-    assert main(["study", "export", str(study), "--journal", str(journal), "-o", str(table)]) == RAN
+    assert main(["study", "table", str(study), "--journal", str(journal), "-o", str(table)]) == RAN
     with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["arm"] for row in rows] == ["flat", "variable"] * 2
@@ -227,7 +233,7 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
         rows[0]["steps_done"] == "2" and float(rows[0]["zmp_error.mean"]) > 0.0 and not rows[2]["steps_done"]
     )
     capsys.readouterr()
-    assert main(["study", "swings", str(study), "--journal", str(journal), "--json"]) == RAN
+    assert main(["study", "table", str(study), "--journal", str(journal), "--of", "swings", "--json"]) == RAN
     swings = json.loads(capsys.readouterr().out)["rows"]["level"]
     assert (swings["walks"], swings["swings"], swings["reached"]) == (1, 2, 1.0)
     assert main(["study", "show", "flat_floor", "--cell", "talos"]) == RAN

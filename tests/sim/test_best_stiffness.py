@@ -212,19 +212,21 @@ def test_a_journal_becomes_a_table_and_the_table_a_model(
 ) -> None:
     journal, table, model = (str(tmp_path / name) for name in ("walks.jsonl", "table.csv", "model.json"))
     journal_of(Path(journal), 9.0)
-    size = ["--seeds", "1", "--amplitudes", "1", "--evaluations", "6", "--windows", "4"]
-    assert cli.main(["study", "dataset", "--journal", journal, "--output", table, *size, "--json"]) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert told["run"] == 0 and told["rows"] == 12 * 4
+    size = ["--set", "seeds=1", "--set", "amplitudes=1", "--set", "evaluations=6"]
+    assert cli.main(["study", "run", "dataset", "--journal", journal, *size, "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["run"] == 0
+    learn = ["--of", "best", "--table", table, "--windows", "4"]
+    assert cli.main(["study", "table", "dataset", "--journal", journal, *size, *learn]) == 0
+    capfd.readouterr()
     made = StiffnessTable.load(table)
     assert len(made) == 48 and set(made.ground) == set(training_grounds())
     assert made.stiffness == pytest.approx(9.0, rel=0.1)
     assert (made.stiffness_low < made.stiffness).all() and (made.stiffness < made.stiffness_high).all()
     assert [version["code"] for version in made.made["versions"]] == [provenance()["code"]]
     assert made.made["trials"] == {"done": 12 * 6}
-    assert len(made.made["labels"]) == 12 and "--evaluations 6" in made.made["command"]
+    assert len(made.made["labels"]) == 12
     # All in one range: nothing to be learnt, which is said.
-    assert cli.main(["stiffness", "train", table, "--output", model]) == 2
+    assert cli.main(["stiffness", "train", table, "--out", model]) == 2
     assert "single class" in capfd.readouterr().err
 
 
@@ -255,7 +257,7 @@ def test_half_of_the_walks_fall_halfway(tmp_path: Path, capfd: pytest.CaptureFix
             done = spec["amplitude"] < high or (spec["amplitude"] == high and spec["seed"] == 0)
             result = {"outcome": "completed" if done else "fell"}
             journal.add(Entry(spec, "done", result, {"wall_s": 1.0}, None, provenance()))
-    assert cli.main(["study", "heights", "--journal", str(path), "--json"]) == 0
+    assert cli.main(["study", "table", "halfway", "--of", "heights", "--journal", str(path), "--json"]) == 0
     found = json.loads(capfd.readouterr().out)["heights_m"]
     assert found == half_heights(study, read_journal(path))
     # Of four walks at each height: half of them fall over a range of heights.
@@ -281,27 +283,32 @@ def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest
     journal, study = tmp_path / "walks.jsonl", tmp_path / "study.json"
     journal_of(journal, 9.0)
     study.write_text(json.dumps(small().to_json()))
-    assert cli.main(["study", "best", str(study), "--journal", str(journal), "--json"]) == 0
+    assert cli.main(["study", "table", "--of", "best", str(study), "--journal", str(journal), "--json"]) == 0
     told = json.loads(capfd.readouterr().out)
     assert {round(label["stiffness"]) for label in told["labels"].values()} == {9}
-    assert cli.main(["study", "best", str(study), "--journal", str(tmp_path / "none.jsonl")]) == 2
+    assert (
+        cli.main(["study", "table", "--of", "best", str(study), "--journal", str(tmp_path / "none.jsonl")])
+        == 2
+    )
     assert "no journal" in capfd.readouterr().err
-    assert cli.main(["study", "best", "halfway", "--journal", str(journal)]) == 2
+    assert cli.main(["study", "table", "--of", "best", "halfway", "--journal", str(journal)]) == 2
     assert "needs arms of 4 stiffnesses; study 'halfway' has 10 of them" in capfd.readouterr().err
-    assert cli.main(["study", "best", "damping", "--journal", str(journal)]) == 2
+    assert cli.main(["study", "table", "--of", "best", "damping", "--journal", str(journal)]) == 2
     assert "have the same stiffness of 5 Nm/rad" in capfd.readouterr().err
     out = tmp_path / "best.json"
-    words = ["study", "best", str(study), "--journal", str(journal), "--output", str(out)]
+    words = ["study", "table", "--of", "best", str(study), "--journal", str(journal), "--out", str(out)]
     assert cli.main(words) == 0
     assert json.loads(out.read_text())["labels"] == told["labels"]
     table = tmp_path / "table.csv"
-    assert cli.main([*words[:5], "--table", str(table), "--windows", "3"]) == 0
+    assert cli.main([*words[:7], "--table", str(table), "--windows", "3"]) == 0
     rows = StiffnessTable.load(table)
     assert len(rows) == 3 * len(small().cells) * len(small().seeds)
     assert set(np.round(rows.stiffness)) == {9.0}
     capfd.readouterr()
-    assert cli.main(["study", "best", "push_recovery", "--journal", str(journal)]) == 2
-    assert cli.main(["study", "best", "tuned_fixed", "--journal", str(journal)]) == 2  # other grounds
+    assert cli.main(["study", "table", "--of", "best", "push_recovery", "--journal", str(journal)]) == 2
+    assert (
+        cli.main(["study", "table", "--of", "best", "tuned_fixed", "--journal", str(journal)]) == 2
+    )  # other grounds
     assert "walks of enough stiffnesses" in capfd.readouterr().err
 
 

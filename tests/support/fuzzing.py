@@ -67,25 +67,15 @@ BASE: dict[str, list[str]] = {
     "stand": ["--seconds", "0.05"],
     "walk": ["--distance", "0.1"],
     "bench tick": ["--ticks", "5", "--warm-up", "1"],
-    "foot press": ["--foot", "rigid"],
-    "foot drop": ["--foot", "rigid"],
-    "foot slide": ["--foot", "rigid"],
-    "foot pitch": ["--foot", "rigid", "--rate", "60"],
-    "foot curves": ["--foot", "rigid", "--seeds", "1", "--terrain", "stones", "--loads", "100"],
-    "foot stability": ["--stiffness", "5", "--seeds", "1", "--terrain", "flat", "--timesteps", "0.002"],
+    "foot": ["drop", "--foot", "rigid"],
     "bench solver": ["--ticks", "5", "--repeat", "1", "--robot", "hrp4_class"],
     "terrain": ["stones"],
+    "hands": ["press"],
+    "motion": ["track", "{dir}/nothing.npz"],
     "study show": ["{study}"],
     "study run": ["{study}", "--journal", "{dir}/new.jsonl"],
     "study table": ["{study}", "--journal", "{dir}/old.jsonl"],
-    "study plot": ["{study}", "--journal", "{dir}/old.jsonl", "-o", "{dir}/figure.png"],
-    "study export": ["{study}", "--journal", "{dir}/old.jsonl", "-o", "{dir}/table.csv"],
-    "study swings": ["{study}", "--journal", "{dir}/old.jsonl"],
-    "study best": ["{study}", "--journal", "{dir}/old.jsonl"],
-    "study heights": ["{study}", "--journal", "{dir}/old.jsonl"],
-    "study dataset": ["--journal", "{dir}/new.jsonl", "--output", "{dir}/new.npz"],
-    "stiffness train": ["{dir}/nothing.csv", "--output", "{dir}/new.npz"],
-    "stiffness judge": ["{dir}/nothing.csv"],
+    "stiffness": ["judge", "{dir}/nothing.csv"],
     "plot": ["{dir}/nothing.arrow", "balance"],
     "view": ["{dir}/nothing.arrow", "-o", "{dir}/new.html"],
 }
@@ -108,13 +98,9 @@ STUBS = (
     "wbc.sim.studies.sweep:_run_locally",
     "wbc.app.commands.bench:bench_tick",
     "wbc.app.commands.bench:bench_solver",
-    "wbc.app.commands.bench:bench_physics",
     "wbc.app.commands.bench:bench_walk",
-    "wbc.app.commands.bench:bench_record",
     "wbc.app.commands.study.run:sweep",
-    "wbc.app.commands.study.stiffness:run_trials",
     "wbc.app.commands.terrain:plot_families",
-    "wbc.app.bench.terrain:terrain_cost",
     "wbc.sim.rig:stiffness_curves",
     "wbc.sim.rig:stability",
     "wbc.sim.rig:force_deflection",
@@ -122,17 +108,6 @@ STUBS = (
     "wbc.app.live:LiveView.watch",
 )
 """Long work that legal values start: a word that gets here was accepted."""
-
-LONG = {
-    "bench physics",
-    "bench walk",
-    "bench record",
-    "push",
-    "study dataset",
-    "foot curves",
-    "foot stability",
-}
-
 
 class Accepted(BaseException):
     """Input was accepted: the work begins."""
@@ -249,8 +224,6 @@ def command_cases(folder: Path) -> list[list[str]]:
                     cases.append([*words.split(), value, *before])
                 else:
                     kept = [w for i, w in enumerate(base) if w != name and (i == 0 or base[i - 1] != name)]
-                    if words == "study dataset" and name not in ("--journal", "--output"):
-                        kept = [*base]
                     if words == "walk" and name in ("--spec", "--velocity", "--steps", "--turn", "--stairs"):
                         kept = []
                     cases.append([*words.split(), *kept, f"{name}={value}"])

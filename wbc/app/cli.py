@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import importlib
 import io
 import os
 import sys
@@ -47,15 +46,9 @@ def make_app(words: Sequence[str] | None = ()) -> App:
         app.command(group)
     for command, (place, summary) in COMMANDS.items():
         path = command.split()
-        where = f"wbc.app.commands.{place}"
-        if command in groups:  # runs when no command of the group follows
-            if words is None or words[:1] == path:
-                module, _, function = where.partition(":")
-                groups[command].default(getattr(importlib.import_module(module), function))
-            continue
         parent = app if len(path) == 1 else groups[path[0]]
         about = None if words is None or list(words[: len(path)]) == path else summary
-        parent.command(where, name=path[-1], help=about, **options)
+        parent.command(f"wbc.app.commands.{place}", name=path[-1], help=about, **options)
     return app
 
 

@@ -53,7 +53,7 @@ def param(default: Any, about: str, *, at_least: str | None = None) -> Any:
 
     Args:
         default: Its value by default.
-        about: Its meaning, for `wbc terrains`.
+        about: Its meaning, for `wbc terrain`.
         at_least: Name of another parameter that it must not be below.
     """
     return field(default=default, metadata={"about": about, "at_least": at_least})

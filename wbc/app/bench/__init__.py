@@ -1,4 +1,4 @@
-"""Benchmarks behind `wbc bench`: tick, solver (with its problem streams), physics and walk; and the cost of a terrain.
+"""Benchmarks behind `wbc bench`: tick, solver (with its problem streams) and walk (with its profile).
 
 A new benchmark is a module with a settings class `Bench…Options` and a function `bench_…`, and a command in
 `wbc.app.commands.bench`.

@@ -1,20 +1,15 @@
-"""`wbc stand`, `wbc push` and `wbc carry`: a robot that stands, what it recovers from, and the load that it takes."""
+"""`wbc stand` and `wbc push`: a robot that stands, and what it recovers from."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
-from typing import Any
 
 from rich.progress import track
 
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
-from wbc.core.settings import Count, settings, to_json
+from wbc.core.settings import to_json
 from wbc.sim.balance import (
-    CarryResult,
-    CarrySpec,
-    CarryTrial,
     PushTableSpec,
     StandSpec,
     StandTrial,
@@ -72,49 +67,3 @@ def push(
         "cells": to_json(cells),
     }
     return output.report(data, text)
-
-
-@settings(kw_only=True)
-class CarryOptions(CarrySpec):
-    """A carry, once or on several seeds.
-
-    Attributes:
-        seeds: Number of runs, each with the seed after the last one's.
-    """
-
-    seeds: Count = 1
-
-    def carry(self, run: int) -> CarrySpec:
-        """Return the spec of one run."""
-        values = {name: getattr(self, name) for name in CarrySpec.__dataclass_fields__}
-        return replace(CarrySpec(**values), seed=self.seed + run)
-
-
-@reports
-def carry(
-    options: Flat[CarryOptions] = CarryOptions(),
-    *,
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Hand a load of unknown mass to a robot; it finds mass and place, carries the load and lets go of it."""
-    results: list[CarryResult] = []
-    changes: list[dict[str, Any]] = []
-    runs = range(options.seeds)
-    for run in track(runs, "carrying", console=progress_console()) if options.seeds > 1 else runs:
-        trial = CarryTrial(options.carry(run))
-        with live.show(trial.plant, trial.walking) as watching:
-            results.append(trial.run(watching.after_tick))
-        changes += [{"seed": trial.spec.seed, **change} for change in watching.interventions]
-    lines = []
-    for each in results:
-        state = "carried it" if each.upright else f"FELL ({each.stage})"
-        lines.append(
-            f"{each.robot}, seed {each.seed}: {each.load_kg:.2f} kg {each.forward:.2f} m ahead, {state}; mass within "
-            f"{100.0 * each.mass_error:.1f} %, place within {each.place_error_mm:.1f} mm, {each.steps_done} steps"
-        )
-    upright = sum(each.upright for each in results)
-    if len(results) > 1:
-        lines.append(f"{upright} of {len(results)} stayed on their feet")
-    data = {"upright": upright, "runs": len(results), "carries": to_json(results)}
-    return output.report(data | interactive(changes), "\n".join(lines) + interactive_text(changes))

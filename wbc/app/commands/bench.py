@@ -1,24 +1,15 @@
-"""`wbc bench`: how fast and how reliable the controller is, and how fast the simulation."""
+"""`wbc bench`: how fast and how reliable the controller is, and what a walk costs."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Annotated
-
 from rich.progress import Progress, track
 
-from wbc.app.bench.compare import compare_records, comparison_text
-from wbc.app.bench.physics import BenchPhysicsOptions, bench_physics
 from wbc.app.bench.profile import profile_text
-from wbc.app.bench.record import BenchRecordOptions, bench_record, read_record
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver
 from wbc.app.bench.tick import BenchTickOptions, bench_tick
 from wbc.app.bench.walk import CASES, BenchWalkOptions, bench_walk
-from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.core.files import write_text
-from wbc.core.settings import NonNegative, to_json
+from wbc.core.settings import to_json
 
 
 @reports
@@ -70,28 +61,6 @@ def solver(
 
 
 @reports
-def physics(
-    options: Flat[BenchPhysicsOptions] = BenchPhysicsOptions(),
-    *,
-    output: OutputOptions = Output(),
-) -> Report:
-    """Steps per second of a robot that its servos keep standing, with each sole on each ground."""
-    total = len(options.timestep) * len(options.terrain) * len(options.foot)
-    rows = list(track(bench_physics(options), "standing", total, console=progress_console()))
-    lines = [
-        "| step (ms) | ground | foot | dof | contacts | steps/s | x real time | plant, x real time | stood |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {1e3 * row.timestep:g} | {row.terrain} {1e3 * row.amplitude:g} mm | {row.foot} | {row.nv} "
-        f"| {row.contacts:.0f} | {row.steps_per_s:.0f} | {row.real_time_factor:.1f} "
-        f"| {row.plant_real_time_factor:.1f} | {'yes' if row.upright else 'NO'} |"
-        for row in rows
-    ]
-    return output.report({"rows": to_json(rows)}, "\n".join(lines))
-
-
-@reports
 def walk(
     options: Flat[BenchWalkOptions] = BenchWalkOptions(),
     *,
@@ -106,54 +75,6 @@ def walk(
         for cost in costs
     ]
     return output.report({"rows": to_json(costs)}, "\n\n".join(texts))
-
-
-@reports
-def record(
-    file: Path,
-    options: Flat[BenchRecordOptions] = BenchRecordOptions(),
-    *,
-    output: OutputOptions = Output(),
-) -> Report:
-    """Repeat tick, solver and walk, and write all samples with machine, versions and commit; takes some minutes.
-
-    Args:
-        file: File to write (.json).
-        options: The benchmarks.
-        output: Text or JSON.
-    """
-    target = check_target("a benchmark record", file, (".json",))
-    with Progress(console=progress_console()) as bar:
-        task = bar.add_task("repeating", total=options.repeats)
-        made = bench_record(options, progress=lambda repeats: bar.update(task, completed=repeats))
-    data = to_json(made)
-    write_text(target, json.dumps(data, indent=1) + "\n")
-    machine, names = made.machine, ", ".join(made.benchmarks)
-    text = (
-        f"{target}: {names}, {options.repeats} repeats of each, commit {made.commit or 'unknown'}, on "
-        f"{machine.cores} cores of {machine.processor}"
-    )
-    return output.report(data, text)
-
-
-@reports
-def compare(
-    before: Path,
-    after: Path,
-    *,
-    threshold: Annotated[NonNegative, "share"] = 0.05,
-    output: OutputOptions = Output(),
-) -> Report:
-    """Say what became slower between two records of `wbc bench record`, beyond the noise of their repeats.
-
-    Args:
-        before: Record of the older version (.json).
-        after: Record of the newer one (.json).
-        threshold: Share by which a median must grow to count.
-        output: Text or JSON.
-    """
-    comparison = compare_records(read_record(before), read_record(after), threshold)
-    return output.report(to_json(comparison), comparison_text(comparison))
 
 
 def _line(values: dict[str, float]) -> str:

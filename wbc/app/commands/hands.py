@@ -1,16 +1,20 @@
-"""`wbc hands`: what a robot does with its hands, in the simulator."""
+"""`wbc hands`: what a robot does with its hands, in the simulator, and the load that it carries."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
-from typing import Any, TypeVar
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Any, Literal, NamedTuple
 
+from cyclopts import Parameter
 from rich.progress import track
 
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
-from wbc.core.settings import Count, settings, to_json
+from wbc.core.changes import changed, read_changes, setting_names
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, Seed, settings, to_json
+from wbc.sim.balance import CarryResult, CarrySpec, CarryTrial
 from wbc.sim.hands import (
     CartResult,
     CartSpec,
@@ -21,138 +25,95 @@ from wbc.sim.hands import (
     HandPressResult,
     HandPressSpec,
     HandPressTrial,
-    HandTrial,
-    HandTrialResult,
-    HandTrialSpec,
     OneFootResult,
     OneFootSpec,
     OneFootTrial,
 )
 
-S = TypeVar("S", bound=HandTrialSpec)
+What = Literal["press", "one-foot", "cart", "door", "carry"]
 
 
 @settings(kw_only=True)
-class PressOptions(HandPressSpec):
-    """A press, once or on several seeds.
+class HandsOptions:
+    """Options of a trial of hands.
 
     Attributes:
+        robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
+        noise: Errors of the sensors, none or realistic.
+        seed: Fixes every random draw.
         seeds: Number of runs, each with the seed after the last one's.
+        set: Settings of the trial, each as name=value, such as on=wall, force=100 or hands.reach=0.8.
+        list: List the settings of the trial instead.
     """
 
+    robot: str = CarrySpec.robot
+    noise: str = CarrySpec.noise
+    seed: Seed = CarrySpec.seed
     seeds: Count = 1
-
-
-@settings(kw_only=True)
-class CartOptions(CartSpec):
-    """A cart trial, once or on several seeds.
-
-    Attributes:
-        seeds: Number of runs, each with the seed after the last one's.
-    """
-
-    seeds: Count = 1
-
-
-@settings(kw_only=True)
-class OneFootOptions(OneFootSpec):
-    """A stand on one foot, once or on several seeds.
-
-    Attributes:
-        seeds: Number of runs, each with the seed after the last one's.
-    """
-
-    seeds: Count = 1
-
-
-@settings(kw_only=True)
-class DoorOptions(DoorSpec):
-    """A door trial, once or on several seeds.
-
-    Attributes:
-        seeds: Number of runs, each with the seed after the last one's.
-    """
-
-    seeds: Count = 1
+    set: tuple[str, ...] = ()
+    list: bool = False
 
 
 @reports
-def press(
-    options: Flat[PressOptions] = PressOptions(),
+def hands(
+    what: Annotated[What, Parameter(help="Trial.")],
+    /,
     *,
+    options: Flat[HandsOptions] = HandsOptions(),
     live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Press with both hands on a table, a wall or a rail, and report the force that is held."""
-    return _report(_specs(HandPressSpec, options, options.seeds), HandPressTrial, _press_text, live, output)
+    """Press on a surface, hold on to a wall on one foot, push and pull a cart, open a door, carry a load.
 
-
-@reports
-def cart(
-    options: Flat[CartOptions] = CartOptions(),
-    *,
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Push a cart forward, turn it about its middle, pull it back, and report where it has come to stand."""
-    return _report(_specs(CartSpec, options, options.seeds), CartTrial, _cart_text, live, output)
-
-
-@reports
-def door(
-    options: Flat[DoorOptions] = DoorOptions(),
-    *,
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Open a door by its handle while walking, let go, and walk on."""
-    return _report(_specs(DoorSpec, options, options.seeds), DoorTrial, _door_text, live, output)
-
-
-@reports
-def one_foot(
-    options: Flat[OneFootOptions] = OneFootOptions(),
-    *,
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Push a robot that stands on one foot with a hand on a wall."""
-    return _report(_specs(OneFootSpec, options, options.seeds), OneFootTrial, _one_foot_text, live, output)
-
-
-def _specs(kind: type[S], options: HandTrialSpec, seeds: int) -> list[S]:
-    """Return a spec for each run."""
-    values = {each.name: getattr(options, each.name) for each in fields(kind)}
-    return [replace(kind(**values), seed=options.seed + run) for run in range(seeds)]
-
-
-def _report(
-    specs: Sequence[S],
-    trial: Callable[[S], Any],
-    text: Callable[[Any], str],
-    live: LiveView,
-    output: Output,
-) -> Report:
-    """Run all trials and report them."""
-    results: list[HandTrialResult] = []
-    changes: list[dict[str, Any]] = []
-    for spec in track(specs, "running", console=progress_console()) if len(specs) > 1 else specs:
-        one: HandTrial = trial(spec)
-        with live.show(one.plant, one.walking) as watching:
-            results.append(one.run(watching.after_tick))  # type: ignore[attr-defined]
-        changes += [{"seed": spec.seed, **change} for change in watching.interventions]
+    A press reports the force that both hands hold; a push on one foot, whether a hand on the wall keeps the robot up; a
+    cart, where it has come to stand after pushing, turning and pulling; a door, how far it is opened on the way
+    through; a load of unknown mass, how well its mass and place are found, and whether the robot carries it.
+    """
+    kind = _KINDS[what]
+    spec = kind.spec(robot=options.robot, noise=options.noise, seed=options.seed)
+    if options.list:
+        values = {name: _value(spec, name) for name in setting_names(spec)}
+        return output.report(
+            {"settings": values}, "\n".join(f"{name}={value}" for name, value in values.items())
+        )
+    changes = read_changes(options.set)
+    for name in ("robot", "noise", "seed"):
+        if name in changes:
+            raise InputError(f"{name} is an option of its own: --{name}")
+    spec = changed(spec, changes)
+    results: list[Any] = []
+    interventions: list[dict[str, Any]] = []
+    runs = range(options.seeds)
+    for run in track(runs, "running", console=progress_console()) if options.seeds > 1 else runs:
+        trial = kind.trial(replace(spec, seed=options.seed + run))
+        with live.show(trial.plant, trial.walking) as watching:
+            results.append(trial.run(watching.after_tick))
+        interventions += [{"seed": options.seed + run, **change} for change in watching.interventions]
     lines = []
     for each in results:
-        state = (
-            "done" if each.stage == "done" else f"{'ended' if each.upright else 'FELL'} in stage {each.stage}"
-        )
-        lines.append(f"{each.robot}, seed {each.seed}: {state}, {text(each)}")
-    upright = sum(each.upright for each in results)
-    done = sum(each.stage == "done" for each in results)
+        ended = f"{'ended' if each.upright else 'FELL'} in stage {each.stage}"
+        state = "done" if each.stage == "done" else ended
+        lines.append(f"{each.robot}, seed {each.seed}: {state}, {kind.text(each)}")
+    upright, done = sum(each.upright for each in results), sum(each.stage == "done" for each in results)
     if len(results) > 1:
         lines.append(f"{done} of {len(results)} came to their end, {upright} stayed on their feet")
     data = {"upright": upright, "done": done, "runs": len(results), "results": to_json(results)}
-    return output.report(data | interactive(changes), "\n".join(lines) + interactive_text(changes))
+    return output.report(
+        data | interactive(interventions), "\n".join(lines) + interactive_text(interventions)
+    )
+
+
+def _value(spec: Any, name: str) -> Any:
+    for part in name.split("."):
+        spec = getattr(spec, part)
+    return to_json(spec)
+
+
+def _carry_text(result: CarryResult) -> str:
+    return (
+        f"{result.load_kg:.2f} kg {result.forward:.2f} m ahead; mass within {100.0 * result.mass_error:.1f} %, place "
+        f"within {result.place_error_mm:.1f} mm, {result.steps_done} steps"
+    )
 
 
 def _press_text(result: HandPressResult) -> str:
@@ -187,3 +148,20 @@ def _one_foot_text(result: OneFootResult) -> str:
     hand = f"hand on the wall with {result.force_N:g} N" if result.force_N else "no hand on the wall"
     lost = ", which lost it" if result.lost else ""
     return f"{result.impulse:g} Ns/kg towards {result.direction_deg:g}°, {hand}{lost}"
+
+
+class _Kind(NamedTuple):
+    """Spec, trial and text of one kind of trial."""
+
+    spec: Callable[..., Any]
+    trial: Callable[[Any], Any]
+    text: Callable[[Any], str]
+
+
+_KINDS = {
+    "press": _Kind(HandPressSpec, HandPressTrial, _press_text),
+    "one-foot": _Kind(OneFootSpec, OneFootTrial, _one_foot_text),
+    "cart": _Kind(CartSpec, CartTrial, _cart_text),
+    "door": _Kind(DoorSpec, DoorTrial, _door_text),
+    "carry": _Kind(CarrySpec, CarryTrial, _carry_text),
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -13,9 +13,10 @@ from wbc import robots
 from wbc.app.files import check_picture, check_target
 from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError
 from wbc.core.files import save_figure
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, Seed, settings, to_json
+from wbc.core.settings import Positive, settings, to_json
 from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
 from wbc.motion.feasible import FeasibleMotion
 from wbc.motion.measures import MotionMeasures
@@ -24,93 +25,74 @@ from wbc.sim.balance import TrackSpec, TrackTrial
 CLIPS = (".npz", ".csv")
 
 
-@settings
-class ClipOptions:
-    """The clip.
-
-    Attributes:
-        file: Clip to read, .npz or .csv.
-        robot: Robot whose joints it moves.
-        rate: Frames per second, Hz, of a file that does not say it.
-        joint: Joint of the next column, of a file that does not name them; once for each.
-        format: Format of the file: wbc, csv, unitree, beyondmimic or gmr; auto knows it by its contents.
-    """
-
-    file: Path
-    robot: str = "g1"
-    rate: Annotated[Positive, "Hz"] | None = None
-    joint: tuple[str, ...] = ()
-    format: str = "auto"
-
-    def read(self) -> tuple[Robot, MotionClip]:
-        """Return robot and clip."""
-        robot = robots.load(self.robot).robot()
-        clip = read_motion(self.file, rate=self.rate, joints=self.joint or None, kind=self.format)
-        clip.configurations(robot)  # refuses a clip of another robot
-        return robot, clip
-
-
-@settings
-class MakeOptions:
-    """Options of `wbc motion make`.
-
-    Attributes:
-        name: Motion: arms, dance, waist, squat, one_leg or steps.
-        out: Clip to write, .npz or .csv.
-        robot: Robot that moves.
-        seed: Fixes every random draw.
-    """
-
-    name: str
-    out: Annotated[Path, Parameter(alias="-o")]
-    robot: str = "g1"
-    seed: Seed = 0
-
-
 @settings(kw_only=True)
-class FilterOptions:
-    """Options of `wbc motion filter`.
-
-    Attributes:
-        out: Clip to write, .npz or .csv.
-        plot: Picture to write of what was changed.
-    """
-
-    out: Annotated[Path, Parameter(alias="-o")]
-    plot: Path | None = None
-
-
-@settings(kw_only=True)
-class TrackOptions(TrackSpec):
-    """Options of `wbc motion track`.
+class MotionOptions(TrackSpec):
+    """Options of the clip, and of the simulation in which it is tracked.
 
     Attributes:
         rate: Frames per second, Hz, of a file that does not say it.
         joint: Joint of the next column, of a file that does not name them; once for each.
         format: Format of the file: wbc, csv, unitree, beyondmimic or gmr; auto knows it by its contents.
         as_is: Track the clip as it is; one that is not feasible is made so first when this is not set.
+        out: Clip that make and filter write, .npz or .csv.
+        plot: Picture that filter writes of what it has changed.
     """
 
     rate: Annotated[Positive, "Hz"] | None = None
     joint: tuple[str, ...] = ()
     format: str = "auto"
     as_is: bool = False
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+    plot: Path | None = None
+
+    def read(self, file: Path) -> tuple[Robot, MotionClip]:
+        """Return robot and clip."""
+        robot = robots.load(self.robot).robot()
+        clip = read_motion(file, rate=self.rate, joints=self.joint or None, kind=self.format)
+        clip.configurations(robot)  # refuses a clip of another robot
+        return robot, clip
+
+    def target(self, *inputs: Path) -> Path:
+        """Return the file of the clip to write."""
+        if self.out is None:
+            raise InputError("give the clip to write, .npz or .csv: --out or -o")
+        return check_target("a motion", self.out, CLIPS, inputs)
 
 
 @reports
-def make(options: Flat[MakeOptions], *, output: OutputOptions = Output()) -> Report:
-    """Make a motion by rule: a clip to begin with."""
-    target = check_target("a motion", options.out, CLIPS)
-    clip = make_motion(robots.load(options.robot).robot(), options.name, options.seed)
-    write_motion(clip, target)
-    data = {"motion": clip.name, "robot": options.robot, "duration_s": clip.duration, "file": str(target)}
-    return output.report(data, f"{clip.name} of {options.robot}: {clip.duration:g} s, written to {target}")
+def motion(
+    do: Annotated[Literal["make", "check", "filter", "track"], Parameter(help="What is done with it.")],
+    clip: Annotated[
+        str, Parameter(help="Clip, .npz or .csv; of make: arms, dance, waist, squat, one_leg or steps.")
+    ],
+    /,
+    *,
+    options: Flat[MotionOptions] = MotionOptions(),
+    live: LiveOptions = LiveView(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Make, check, filter or track a clip of joint positions.
+
+    Make writes one by rule. Check measures limits, speeds, feet on the ground and the ZMP in the supports. Filter
+    changes what must change for them, and reports it. Track lets the robot follow it while it balances, on both feet,
+    on one, and where it steps.
+    """
+    if do == "make":
+        target = options.target()
+        made = make_motion(robots.load(options.robot).robot(), clip, options.seed)
+        write_motion(made, target)
+        data = {"motion": made.name, "robot": options.robot, "duration_s": made.duration, "file": str(target)}
+        return output.report(
+            data, f"{made.name} of {options.robot}: {made.duration:g} s, written to {target}"
+        )
+    file = Path(clip)
+    if do == "check":
+        return _check(file, options, output)
+    return _filter(file, options, output) if do == "filter" else _track(file, options, live, output)
 
 
-@reports
-def check(options: Flat[ClipOptions], *, output: OutputOptions = Output()) -> Report:
-    """Measure a clip as it is: limits, speeds, feet on the ground, ZMP in the supports."""
-    robot, clip = options.read()
+def _check(file: Path, options: MotionOptions, output: Output) -> Report:
+    robot, clip = options.read(file)
     measures = check_motion(robot, clip)
     verdict = (
         "feasible"
@@ -124,14 +106,10 @@ def check(options: Flat[ClipOptions], *, output: OutputOptions = Output()) -> Re
     return output.report({"motion": clip.name, "robot": options.robot} | measures.to_json(), "\n".join(lines))
 
 
-@reports
-def make_clip_feasible(
-    clip: Flat[ClipOptions], *, options: Flat[FilterOptions], output: OutputOptions = Output()
-) -> Report:
-    """Make a clip feasible: limits, speeds, feet that stand still, ZMP in the supports; report what was changed."""
-    target = check_target("a motion", options.out, CLIPS, [clip.file])
-    picture = check_picture(options.plot, [clip.file, target])
-    robot, given = clip.read()
+def _filter(file: Path, options: MotionOptions, output: Output) -> Report:
+    target = options.target(file)
+    picture = check_picture(options.plot, [file, target])
+    robot, given = options.read(file)
     result = make_feasible(robot, given)
     write_motion(result.clip, target)
     if picture is not None:
@@ -140,7 +118,7 @@ def make_clip_feasible(
         save_figure(draw_changes(robot, given, result), picture, dpi=110.0)
     data = {
         "motion": given.name,
-        "robot": clip.robot,
+        "robot": options.robot,
         "file": str(target),
         "before": result.before.to_json(),
         "after": result.after.to_json(),
@@ -153,24 +131,8 @@ def make_clip_feasible(
     return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
 
 
-@reports
-def track(
-    file: Path,
-    *,
-    options: Flat[TrackOptions] = TrackOptions(),
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Track a clip in the simulator while balancing: on both feet, on one, and where it steps.
-
-    Args:
-        file: Clip to read, .npz or .csv.
-        options: The clip and the simulation.
-        live: Live view.
-        output: Form of the report.
-    """
-    o = options
-    robot, given = ClipOptions(file, o.robot, o.rate, o.joint, o.format).read()
+def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -> Report:
+    robot, given = options.read(file)
     clip, lines = given, []
     data: dict[str, Any] = {"motion": given.name}
     if not options.as_is and not (given.standing is not None and check_motion(robot, given).feasible):

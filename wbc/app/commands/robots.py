@@ -15,8 +15,6 @@ from wbc.robots import RobotDescription, load, names, others, saved
 COLUMNS = {"mass_kg": "mass kg", "height_m": "height m", "com_height_m": "CoM m", "dof": "joints"}
 """Columns of the table: key of `RobotDescription.summary` → heading."""
 
-FILE = Parameter(help="MJCF or URDF of the robot.")
-
 
 @settings(kw_only=True)
 class RobotFileOptions:
@@ -30,6 +28,8 @@ class RobotFileOptions:
         lock: Joints to fix, such as those of fingers, each as joint=position, rad or m.
         without_meshes: Read an MJCF whose meshes are missing.
         derive_gains: Derive the servo gains instead of taking those of the file.
+        name: Name under which the robot is added.
+        plot: Picture of soles and posture that a check writes: png, svg, pdf.
     """
 
     left: str | None = None
@@ -39,6 +39,8 @@ class RobotFileOptions:
     lock: tuple[str, ...] = ()
     without_meshes: bool = False
     derive_gains: bool = False
+    name: str | None = None
+    plot: Path | None = None
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of the readers that differ from their defaults, as plain values."""
@@ -66,35 +68,42 @@ def _locked(text: str) -> tuple[str, float]:
 
 @reports
 def robots(
-    name: Annotated[
-        str | None,
-        Parameter(help="Robot, or file of one, to describe in full; all in a table when left out."),
-    ] = None,
-    /,
-    *,
+    *words: Annotated[
+        str,
+        Parameter(
+            help="A robot to describe; or check and a file; or add and a file. All in a table when left out."
+        ),
+    ],
+    options: Flat[RobotFileOptions] = RobotFileOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """List the robots, or describe one: limits, posture, servo gains, soles and what was derived."""
-    if name is not None:
-        description = load(name)
+    """List the robots, describe one, check the file of one of your own, or add it under a name for --robot.
+
+    A check reports what is in the file, what was derived and what is doubtful. To add writes a TOML description to the
+    user's configuration folder.
+    """
+    verb, *files = words or ("",)
+    if verb in saved.RESERVED:
+        if len(files) != 1:
+            raise InputError(f"'wbc robots {verb}' takes one file, got {len(files)}")
+        return (_check if verb == "check" else _add)(files[0], options, output)
+    if files or options != RobotFileOptions():
+        raise InputError(
+            f"files and their options need one of {', '.join(saved.RESERVED)}: wbc robots check my.xml"
+        )
+    if verb:
+        description = load(verb)
         return output.report(description.summary(), description.report())
     facts = [load(each).summary() for each in names()]
     lines = [_table(facts), *(f"{other:<18}{how or 'in files'}" for other, how in others().items())]
     return output.report({"robots": [_brief(each) for each in facts], "others": others()}, "\n".join(lines))
 
 
-@reports
-def check(
-    file: Annotated[str, FILE],
-    /,
-    *,
-    options: Flat[RobotFileOptions] = RobotFileOptions(),
-    plot: Annotated[
-        Path | None, Parameter(help="File of a picture of the soles and the posture: png, svg, pdf.")
-    ] = None,
-    output: OutputOptions = Output(),
-) -> Report:
-    """Read the file of a robot and report what is in it, what was derived and what is doubtful."""
+def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
+    """Report what is in the file of a robot, what was derived and what is doubtful."""
+    if options.name is not None:
+        raise InputError("--name is the name under which `wbc robots add` adds a robot")
+    plot = options.plot
     if plot is not None:
         from wbc.app.plot.output import check_output  # noqa: PLC0415  Matplotlib takes half a second
 
@@ -115,16 +124,13 @@ def check(
     return output.report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
 
 
-@reports
-def add(
-    file: Annotated[str, FILE],
-    /,
-    *,
-    name: Annotated[str, Parameter(help="Name for --robot in every later command.")],
-    options: Flat[RobotFileOptions] = RobotFileOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Write a TOML description of a robot to the user's configuration folder: --robot takes its name from then on."""
+def _add(file: str, options: RobotFileOptions, output: Output) -> Report:
+    """Write a TOML description of a robot to the user's configuration folder."""
+    name = options.name
+    if name is None:
+        raise InputError("a robot is added under a name: give --name")
+    if options.plot is not None:
+        raise InputError("--plot belongs to `wbc robots check`")
     if name in names() or name in others() and name not in saved.own_robots():
         raise InputError(f"the name '{name}' is that of a robot of the library; choose another")
     path = saved.save(name, file, options.parameters())

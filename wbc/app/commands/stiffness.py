@@ -11,6 +11,7 @@ from pydantic import Field
 
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.errors import InputError
 from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
 from wbc.feet.stiffness.authors import is_authors_file, load_table
@@ -25,8 +26,8 @@ from wbc.feet.stiffness.validation import Candidate
 TablePath = Annotated[
     Path,
     Parameter(
-        help="Table that `wbc study dataset` has written, or a file in the columns of the paper's authors; the one "
-        "that comes with the library if not given.",
+        help="Table that `wbc study table --table` has written, or a file in the columns of the paper's authors; the "
+        "library's if not given.",
         show_default=False,
     ),
 ]
@@ -34,7 +35,7 @@ TablePath = Annotated[
 
 @settings(kw_only=True)
 class ModelOptions:
-    """Settings of a stiffness model.
+    """Settings of a stiffness model, and what is written of it.
 
     Attributes:
         features: Features: six powers of three parameters (paper), those chosen for the scan of a foot (window), or
@@ -42,12 +43,18 @@ class ModelOptions:
         neighbours: Number of neighbours.
         kind: A class of stiffnesses is chosen (classification), or their weighted mean (regression).
         clusters: Classes of stiffnesses: twenty of 4 Nm/rad up to 80 (paper), or nine of one ratio up to 2,000 (log).
+        out: Model that train writes (.json).
+        plot: Picture that judge writes.
+        folds: Folds of the cross-validations of judge.
     """
 
     features: Literal["paper", "window", "select"] = "paper"
     neighbours: Count = ModelSettings.neighbours
     kind: Kind = "classification"
     clusters: Literal["paper", "log"] = "paper"
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+    plot: Path | None = None
+    folds: Annotated[int, Field(ge=2)] = 10
 
     def settings(self, table: StiffnessTable) -> ModelSettings:
         """Return the settings of the model of a table."""
@@ -59,39 +66,28 @@ class ModelOptions:
         return ModelSettings(features=features, neighbours=self.neighbours, kind=self.kind, clusters=clusters)
 
 
-@settings(kw_only=True)
-class TrainOptions(ModelOptions):
-    """Settings of a stiffness model, and its file.
-
-    Attributes:
-        out: Model to write (.json).
-    """
-
-    out: Annotated[Path, Parameter(name=("--output", "-o"))]
-
-
-@settings(kw_only=True)
-class JudgeOptions(ModelOptions):
-    """Settings of a stiffness model, and of its validation.
-
-    Attributes:
-        plot: Picture to write.
-        folds: Folds of the cross-validations.
-    """
-
-    plot: Path | None = None
-    folds: Annotated[int, Field(ge=2)] = 10
-
-
 @reports
-def train(
+def stiffness(
+    do: Annotated[Literal["train", "judge"], Parameter(help="What is done with the table.")],
     table: TablePath = DEFAULT_TABLE,
     /,
     *,
-    options: Flat[TrainOptions],
+    options: Flat[ModelOptions] = ModelOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Make a stiffness model of a table, and write it as plain numbers."""
+    """Make a stiffness model of a table, or validate models on grounds that they were not trained on.
+
+    Train writes the model as plain numbers. Judge takes about a minute: cross-validations by ground, by ground and
+    amplitude, by layout, shuffled, and as in the paper; accuracy over the number of grounds; correlation of the best
+    stiffness with the amplitude; features that the table itself would choose. Of a file in the authors' columns only
+    models of the paper's features are judged: it has no others.
+    """
+    return _train(table, options, output) if do == "train" else _judge(table, options, output)
+
+
+def _train(table: Path, options: ModelOptions, output: Output) -> Report:
+    if options.out is None:
+        raise InputError("give the model to write, .json: --out or -o")
     target = check_target("a stiffness model", options.out, (".json",), [table])
     data = load_table(table)
     chosen = options.settings(data)
@@ -113,20 +109,7 @@ def train(
     return output.report(facts, text)
 
 
-@reports
-def judge(
-    table: TablePath = DEFAULT_TABLE,
-    /,
-    *,
-    options: Flat[JudgeOptions] = JudgeOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Validate models on grounds that they were not trained on, and analyse the table; about a minute.
-
-    Cross-validations by ground, by ground and amplitude, by layout, shuffled, and as in the paper; accuracy over the
-    number of grounds; correlation of the best stiffness with the amplitude; features that the table itself would
-    choose. Of a file in the authors' columns only models of the paper's features are judged: it has no others.
-    """
+def _judge(table: Path, options: ModelOptions, output: Output) -> Report:
     data, theirs = load_table(table), is_authors_file(table)
     chosen = options.settings(data)
     if options.plot is not None:

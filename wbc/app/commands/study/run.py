@@ -1,4 +1,4 @@
-"""`wbc study run` and `wbc study rerun`: the trials of a study, or one of them once more."""
+"""`wbc study run`: the trials of a study, or one of them once more."""
 
 from __future__ import annotations
 
@@ -38,58 +38,6 @@ PRINTED = 5
 """Number of commands that are printed in a text; JSON has all."""
 
 
-@settings(kw_only=True)
-class RerunOptions(JournalOptions):
-    """Trial of a journal.
-
-    Attributes:
-        key: Key of the trial, or the beginning of it.
-        timeout: Wall time that the trial may take, s; unlimited when not given.
-        out: File to write the spec to before the trial runs (.json), for `wbc walk --spec`.
-    """
-
-    key: str
-    timeout: Annotated[Positive, "s"] | None = None
-    out: Annotated[Path | None, Parameter(alias="-o")] = None
-
-
-@reports
-def rerun(*, options: Flat[RerunOptions], output: OutputOptions = Output()) -> Report:
-    """Run one trial of a journal again, in this process; the journal is only read.
-
-    For trials that diverged, crashed or took too long: `wbc study run` prints the command.
-    """
-    target = None
-    if options.out is not None:
-        target = check_target("a spec", options.out, (".json",), [options.journal])
-    entry = entry_by_key(options.entries(), options.key)
-    spec = trial_from_json(entry.spec)
-    if target is not None:
-        write_text(target, json.dumps(entry.spec, indent=2) + "\n")
-    outcome = run_trial(spec, options.timeout)
-    same = outcome.status == entry.status and canonical(outcome.result) == canonical(entry.result)
-    other = differences(entry.version)
-    facts = {
-        "key": entry.key,
-        "journal": {"status": entry.status, "error": entry.error, "differences": other},
-        "status": outcome.status,
-        "error": outcome.error,
-        "result": outcome.result,
-        "clock": outcome.clock,
-        "same": same,
-        "spec": entry.spec,
-    }
-    lines = [
-        f"{spec.kind} {entry.key}: {outcome.status}, {'the same' if same else 'not the same'} as in the journal "
-        f"({entry.status})"
-    ]
-    if other:
-        lines.append(f"  the journal's is of another version of the code: {', '.join(other)}")
-    lines += [f"  {line}" for line in (outcome.error or "").splitlines()]
-    lines += [f"  {name:<12} {value}" for name, value in (outcome.result or {}).items() if _short(value)]
-    return output.report(facts, "\n".join(lines))
-
-
 def entry_by_key(entries: Mapping[str, Entry], key: str) -> Entry:
     """Return the entry whose key begins with a text.
 
@@ -120,7 +68,7 @@ def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[di
             "seed": trial.seed,
             "status": entry.status,
             "error": entry.error,
-            "command": f"wbc study rerun --journal {shlex.quote(str(journal))} --key {entry.key[:KEY_LENGTH]}",
+            "command": f"wbc study run --journal {shlex.quote(str(journal))} --key {entry.key[:KEY_LENGTH]}",
         }
         for trial, entry in study_entries(study, entries, any_code=True)
         if entry is not None and entry.status != "done"
@@ -166,16 +114,37 @@ class RunOptions:
         check_journal_path(self.journal)
 
 
+@settings(kw_only=True)
+class RunOrRerunOptions(RunOptions):
+    """Options of a sweep, or of one trial of a journal once more.
+
+    Attributes:
+        key: Key of a trial of the journal, or the beginning of it, that is run again instead; the journal is only read.
+        out: File to write the spec of that trial to before it runs (.json), for `wbc walk --spec`.
+    """
+
+    key: str | None = None
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+
+
 @reports
 def run(
-    study: StudyName,
+    study: StudyName | None = None,
     /,
     *,
-    options: Flat[RunOptions],
+    options: Flat[RunOrRerunOptions],
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Run the trials of a study that its journal does not have. It can be stopped, and continues from there."""
+    """Run the trials of a study that its journal does not have; it can be stopped, and continues from there.
+
+    With --key, run one trial of the journal again, in this process, and compare: for trials that diverged, crashed or
+    took too long, whose commands are printed.
+    """
+    if options.key is not None:
+        return _rerun(options, options.key, output)
+    if study is None or options.out is not None:
+        raise InputError("give a study to run, or the --key of a trial of the journal (and -o for its spec)")
     chosen = part.part(study)
     summary = run_trials(chosen, options, any_code=part.any_code)
     failed = []
@@ -188,6 +157,39 @@ def run(
         "without_result": failed,
     }
     return output.report(data, summary_text(chosen, options, summary) + rerun_text(failed))
+
+
+def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
+    """Run one trial of a journal again, and report whether it ends as there."""
+    target = None
+    if options.out is not None:
+        target = check_target("a spec", options.out, (".json",), [options.journal])
+    entry = entry_by_key(JournalOptions(journal=options.journal).entries(), key)
+    spec = trial_from_json(entry.spec)
+    if target is not None:
+        write_text(target, json.dumps(entry.spec, indent=2) + "\n")
+    outcome = run_trial(spec, options.timeout)
+    same = outcome.status == entry.status and canonical(outcome.result) == canonical(entry.result)
+    other = differences(entry.version)
+    facts = {
+        "key": entry.key,
+        "journal": {"status": entry.status, "error": entry.error, "differences": other},
+        "status": outcome.status,
+        "error": outcome.error,
+        "result": outcome.result,
+        "clock": outcome.clock,
+        "same": same,
+        "spec": entry.spec,
+    }
+    lines = [
+        f"{spec.kind} {entry.key}: {outcome.status}, {'the same' if same else 'not the same'} as in the journal "
+        f"({entry.status})"
+    ]
+    if other:
+        lines.append(f"  the journal's is of another version of the code: {', '.join(other)}")
+    lines += [f"  {line}" for line in (outcome.error or "").splitlines()]
+    lines += [f"  {name:<12} {value}" for name, value in (outcome.result or {}).items() if _short(value)]
+    return output.report(facts, "\n".join(lines))
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:

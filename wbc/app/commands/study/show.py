@@ -1,31 +1,38 @@
-"""`wbc study`: the studies, and the tables and figures of their journals; `wbc.app.commands.study.run` runs them."""
+"""`wbc study show` and `table`: the studies, and tables and figures of their journals."""
 
 from __future__ import annotations
 
 import csv
 import json
 import logging
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
+from pydantic import Field
 
 from wbc.app.files import check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError
-from wbc.core.files import replacing
-from wbc.core.settings import Positive, settings, to_json
+from wbc.core.files import replacing, write_text
+from wbc.core.settings import Count, Positive, settings, to_json
+from wbc.sim.studies.best_stiffness import label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
-from wbc.sim.studies.study import Study, left_out
+from wbc.sim.studies.paper.choice import DEFAULT_MARGIN, choice
+from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, half_heights
+from wbc.sim.studies.study import Study, left_out, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_rows, study_table
 from wbc.sim.studies.swing_summary import swing_summaries, swing_table
 
 logger = logging.getLogger(__name__)
 
 StudyName = Annotated[
-    str, Parameter(help="Study: the name of one that `wbc study list` shows, or a file with one as JSON.")
+    str, Parameter(help="Study: the name of one that `wbc study show` lists, or a file with one as JSON.")
 ]
 
 
@@ -59,16 +66,18 @@ class ShownPartOptions:
         arm: Only these arms.
         seeds: Only the first so many seeds.
         scale: Only this share of the seeds, at least one.
+        set: Size of the study dataset, each as name=value: seeds, amplitudes, evaluations, distance, height.
     """
 
     cell: tuple[str, ...] = ()
     arm: tuple[str, ...] = ()
     seeds: int | None = None
     scale: float = 1.0
+    set: tuple[str, ...] = ()
 
     def part(self, study: str) -> Study:
         """Return this part of a study."""
-        return read_study(study).narrowed(self.cell, self.arm, self.seeds).scaled(self.scale)
+        return read_study(study, self.set).narrowed(self.cell, self.arm, self.seeds).scaled(self.scale)
 
 
 @settings(kw_only=True)
@@ -89,63 +98,51 @@ class PartOptions(ShownPartOptions):
 
 @settings(kw_only=True)
 class TableOptions(JournalOptions):
-    """Metric and rows of a table.
+    """What is made of a journal, and what is written of it.
 
     Attributes:
-        metric: Part of the results, such as steps_done, zmp_error.mean or peak_torque_ratio; that of the study when
-            not given.
+        of: arms (means with intervals and paired differences), swings of variable soles, heights at which half of the
+            walks are completed, best (stiffness of each cell), or choice (best arm of each ground, and its worth).
+        metric: Part of the results, such as steps_done, zmp_error.mean or peak_torque_ratio; that of the study if not
+            given.
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
-        margin: Difference that counts as none, in the unit of the metric: differences are tested for being smaller.
+        margin: Difference that counts as none, in the unit of the metric.
+        separate: Find each best stiffness from its own walks alone; else the curve of the other cells is the prior.
+        chosen_by: Number of seeds, the first ones, that make a choice; the others judge it. Folds if not given.
+        table: Table to write (.csv) of best and choice that `wbc stiffness train` makes a model of.
+        windows: Profiles of that table that are cut out of each ground, as long as a foot's scan.
+        out: File to write: a figure of the arms (.png, .svg, .pdf), a row for each trial (.csv), the result (.json).
     """
 
+    of: Literal["arms", "swings", "heights", "best", "choice"] = "arms"
     metric: str | None = None
     completed: bool = False
     by: tuple[str, ...] = ()
     margin: Positive | None = None
+    separate: bool = False
+    chosen_by: Count | None = None
+    table: Path | None = None
+    windows: Annotated[int, Field(ge=2)] = 6
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
-    def table(self, study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> StudyTable:
-        """Return the table."""
-        return study_table(
-            study,
-            entries,
-            metric=self.metric,
-            completed_only=self.completed,
-            by=self.by,
-            margin=self.margin,
-            any_code=any_code,
-        )
-
-
-@settings(kw_only=True)
-class FigureOptions(TableOptions):
-    """Metric and rows of a table, and the figure of it.
-
-    Attributes:
-        out: Figure to write (.png, .svg or .pdf).
-    """
-
-    out: Annotated[Path, Parameter(alias="-o")]
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            if each.name in OPTIONS[self.of] or not any(each.name in names for names in OPTIONS.values()):
+                continue
+            if getattr(self, each.name) != each.default:
+                raise InputError(f"--{each.name.replace('_', '-')} is no option of --of {self.of}")
 
 
-@settings(kw_only=True)
-class ExportOptions(JournalOptions):
-    """Journal and the spreadsheet made from it.
-
-    Attributes:
-        out: Table to write (.csv), a row for each trial.
-    """
-
-    out: Annotated[Path, Parameter(alias="-o")]
-
-
-@reports
-def list_studies(*, output: OutputOptions = Output()) -> Report:
-    """List the studies that come with the library."""
-    facts = [study_facts(name) for name in STUDIES]
-    lines = [f"{fact['name']:<22} {fact['trials'] or '':>5} trials  {fact['about']}" for fact in facts]
-    return output.report({"studies": facts}, "\n".join(lines))
+OPTIONS = {
+    "arms": ("metric", "completed", "by", "margin"),
+    "swings": (),
+    "heights": (),
+    "best": ("separate", "table", "windows"),
+    "choice": ("metric", "margin", "chosen_by", "table", "windows"),
+}
+"""What is made of a journal → options that belong to it."""
 
 
 def study_facts(name: str) -> dict[str, Any]:
@@ -159,13 +156,19 @@ def study_facts(name: str) -> dict[str, Any]:
 
 @reports
 def show(
-    study: StudyName,
+    study: Annotated[
+        str | None, Parameter(help="Study, or a file with one; all are listed when left out.")
+    ] = None,
     /,
     *,
     part: Flat[ShownPartOptions] = ShownPartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Print a study as JSON, to be changed and run."""
+    """Print a study as JSON, to be changed and run, or list those that come with the library."""
+    if study is None:
+        facts = [study_facts(name) for name in STUDIES]
+        lines = [f"{fact['name']:<22} {fact['trials'] or '':>5} trials  {fact['about']}" for fact in facts]
+        return output.report({"studies": facts}, "\n".join(lines))
     chosen = part.part(study)
     for _ in chosen.trials():
         pass  # what cannot be run is refused, as `run` refuses it
@@ -182,68 +185,144 @@ def table(
     part: Flat[PartOptions] = PartOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Make the table of a study: means with intervals, paired differences, how walks ended. As Markdown or JSON."""
+    """Make a table of a study from its journal, a figure, a spreadsheet, or data to learn from."""
+    out: Path | None = options.out
+    inputs: list[str | Path] = [options.journal, study]
+    figure = options.of == "arms" and out is not None and out.suffix.lower() not in (".csv", ".json")
+    if out is not None and figure:
+        from wbc.app.plot.output import check_output  # noqa: PLC0415 - slow to import
+
+        out = check_output(out, inputs)
+    elif out is not None:
+        endings = (".csv", ".json") if options.of == "arms" else (".json",)
+        out = check_target("a result", out, endings, inputs)
+    target = None
+    if options.table is not None:
+        target = check_target("a stiffness table", options.table, (".csv",), inputs)
     chosen, entries, unused = part.read(study, options)
-    made = options.table(chosen, entries, any_code=part.any_code)
-    return output.report(made.to_json() | unused, made.markdown())
+    if out is not None and out.suffix.lower() == ".csv":
+        return output.report(*_export(chosen, entries, out, unused, any_code=part.any_code))
+    data, text, labels = _MADE[options.of](chosen, entries, options, part)
+    if out is not None and figure:
+        _draw(chosen, entries, options, part, out)
+        data, text = {"figure": str(out), **data}, str(out)
+    elif out is not None:
+        write_text(out, json.dumps(data, indent=1) + "\n")
+    if target is not None:
+        stiffness_table(chosen, labels, windows=options.windows, made=data).save(target)
+    return output.report(data | unused, text)
 
 
-@reports
-def plot(
-    study: StudyName,
-    /,
-    *,
-    options: Flat[FigureOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Draw the table of a study: each arm's mean and its difference to the reference, with intervals."""
-    from wbc.app.plot.output import check_output, save  # noqa: PLC0415 - slow to import
+Made = tuple[dict[str, Any], str, Any]
+"""Result as plain values and as text, and its labels of stiffness, if any."""
+
+
+def _arms_table(
+    study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions
+) -> StudyTable:
+    return study_table(
+        study,
+        entries,
+        metric=options.metric,
+        completed_only=options.completed,
+        by=options.by,
+        margin=options.margin,
+        any_code=part.any_code,
+    )
+
+
+def _arms(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
+    made = _arms_table(study, entries, options, part)
+    return made.to_json(), made.markdown(), {}
+
+
+def _swings(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
+    summaries = swing_summaries(study, entries, any_code=part.any_code)
+    if not summaries:
+        raise InputError(f"{options.journal} has no walk of '{study.name}' on soles of variable stiffness")
+    return {"study": study.name, "rows": to_json(summaries)}, swing_table(summaries), {}
+
+
+def _heights(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
+    found = half_heights(study, entries, any_code=part.any_code)
+    if not found:
+        raise InputError(f"{options.journal} has no walks of '{study.name}'; run the study")
+    data = {"study": study.name, **origin(study, entries, any_code=part.any_code), "heights_m": found}
+    return data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()), {}
+
+
+def _best(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
+    found = labels(study, entries, pooled=not options.separate, any_code=part.any_code)
+    if not found:
+        raise InputError(
+            f"{options.journal} has no cell of '{study.name}' with walks of enough stiffnesses; run the study"
+        )
+    data = {
+        "study": study.name,
+        "separate": options.separate,
+        **origin(study, entries, any_code=part.any_code),
+        "labels": to_json(found),
+    }
+    return data, label_table(found), found
+
+
+def _choice(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
+    made = choice(
+        study,
+        entries,
+        part.arm,
+        metric=options.metric,
+        margin=DEFAULT_MARGIN if options.margin is None else options.margin,
+        chosen_by=options.chosen_by,
+        any_code=part.any_code,
+    )
+    data = made.to_json() | origin(study, entries, any_code=part.any_code)
+    return data, made.markdown(), {} if options.table is None else made.labels(study)
+
+
+_MADE: dict[str, Callable[[Study, Mapping[str, Entry], TableOptions, PartOptions], Made]] = {
+    "arms": _arms,
+    "swings": _swings,
+    "heights": _heights,
+    "best": _best,
+    "choice": _choice,
+}
+
+
+def _draw(
+    study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions, target: Path
+) -> None:
+    """Draw each arm's mean and its difference to the reference, with intervals."""
+    from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
     from wbc.app.plot.study import study_figure  # noqa: PLC0415
 
-    target = check_output(options.out, [options.journal, study])
-    chosen, entries, unused = part.read(study, options)
-    made = options.table(chosen, entries, any_code=part.any_code)
+    made = _arms_table(study, entries, options, part)
     save({made.study.name: study_figure(made)}, target)
-    return output.report({"figure": str(target), **made.to_json(), **unused}, str(target))
 
 
-@reports
-def export(
-    study: StudyName,
-    /,
-    *,
-    options: Flat[ExportOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Write all results of a study to a table, for a spreadsheet or a data frame."""
-    target = check_target("a table", options.out, (".csv",), [options.journal, study])
-    chosen, entries, unused = part.read(study, options)
-    columns, rows = study_rows(chosen, entries, any_code=part.any_code)
+def _export(
+    study: Study, entries: Mapping[str, Entry], target: Path, unused: dict[str, Any], *, any_code: bool
+) -> tuple[dict[str, Any], str]:
+    """Write all results to a table, for a spreadsheet or a data frame."""
+    columns, rows = study_rows(study, entries, any_code=any_code)
     with replacing(target) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(rows)
     data = {"table": str(target), "rows": len(rows), "columns": columns, **unused}
-    return output.report(data, f"{len(rows)} rows with {len(columns)} columns written to {target}")
+    return data, f"{len(rows)} rows with {len(columns)} columns written to {target}"
 
 
-@reports
-def swings(
-    study: StudyName,
-    /,
-    *,
-    options: Flat[JournalOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
-) -> Report:
-    """Sum up the swings of soles of variable stiffness: reached in time, error of the scan, time before touch-down."""
-    chosen, entries, unused = part.read(study, options)
-    summaries = swing_summaries(chosen, entries, any_code=part.any_code)
-    if not summaries:
-        raise InputError(f"{options.journal} has no walk of '{chosen.name}' on soles of variable stiffness")
-    return output.report({"study": chosen.name, "rows": to_json(summaries), **unused}, swing_table(summaries))
+def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
+    """Return the origin of a result: counts of trials by status, versions of the code, seeds."""
+    found = study_entries(study, entries, any_code=any_code)
+    used = [(trial, entry) for trial, entry in found if entry is not None]
+    versions = {json.dumps(entry.version, sort_keys=True) for _, entry in used}
+    return {
+        "trials": dict(Counter(entry.status for _, entry in used)),
+        "versions": [json.loads(version) for version in sorted(versions)],
+        "seeds": sorted({trial.seed for trial, _ in used}),
+    }
 
 
 def note_left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
@@ -255,13 +334,21 @@ def note_left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool)
     return {"left_out": to_json(unused)}
 
 
-def read_study(name: str) -> Study:
+def read_study(name: str, size: Sequence[str] = ()) -> Study:
     """Return a study by name, or out of a file.
+
+    Args:
+        name: Name, or path of a file.
+        size: Size of the study 'dataset', each as name=value.
 
     Raises:
         UnknownNameError: Neither a study nor a file.
-        InputError: The file holds no study.
+        InputError: The file holds no study, or a size for another one than 'dataset'.
     """
+    if size:
+        if name != "dataset":
+            raise InputError(f"the study 'dataset' alone has a size to --set, got '{name}'")
+        return dataset(changed(DatasetSize(), read_changes(size)))
     path = Path(name)
     if name in STUDIES or not (path.suffix == ".json" or path.exists()):
         return study_by_name(name)

@@ -1,4 +1,7 @@
-"""Speed of the physics of a standing robot, on each sole and ground."""
+"""Speed of the physics of a standing robot, on each sole and ground.
+
+Usage: python tests/benchmarks/physics.py
+"""
 
 from __future__ import annotations
 
@@ -35,8 +38,8 @@ class BenchPhysicsOptions:
 
     Attributes:
         robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
-        foot: Feet, those that `wbc feet` lists.
-        terrain: Grounds, families that `wbc terrains` lists.
+        foot: Feet, those that `wbc foot` lists.
+        terrain: Grounds, families that `wbc terrain` lists.
         amplitude: Highest minus lowest point of grounds that are not flat, m; on higher ones servos alone do not stand.
         seed: Seed of the grounds.
         timestep: Physics steps, s.
@@ -150,3 +153,21 @@ def _speed(
         nv=int(model.nv),
         upright=plant.diverged is None and not TrueFallDetector(plant.robot).fallen(plant.truth().q),
     )
+
+
+def main() -> None:
+    """Print a table in Markdown."""
+    print(
+        "| step (ms) | ground | foot | dof | contacts | steps/s | x real time | plant, x real time | stood |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for row in bench_physics(BenchPhysicsOptions()):
+        print(
+            f"| {1e3 * row.timestep:g} | {row.terrain} {1e3 * row.amplitude:g} mm | {row.foot} | {row.nv} "
+            f"| {row.contacts:.0f} | {row.steps_per_s:.0f} | {row.real_time_factor:.1f} "
+            f"| {row.plant_real_time_factor:.1f} | {'yes' if row.upright else 'NO'} |"
+        )
+
+
+if __name__ == "__main__":
+    main()

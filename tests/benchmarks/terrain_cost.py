@@ -1,4 +1,7 @@
-"""Cost of a terrain in simulation: memory, contacts, steps per second."""
+"""Cost of each family of grounds in simulation: memory, contacts, steps per second.
+
+Usage: python tests/benchmarks/terrain_cost.py
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,8 @@ from wbc.core.errors import InputError
 from wbc.feet import foot
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.terrain import Terrain, add_to_spec
+from wbc.sim.terrain import Terrain, add_to_spec, terrain_families
+from wbc.sim.terrain.plot import example_terrain
 
 PLACES = (0.2, 0.45, 0.7)
 """Places of the two feet, as shares of the rough part: one place alone may be a smooth one."""
@@ -84,3 +88,18 @@ def _probe(ground: Terrain, x: float) -> mujoco.MjSpec:
         ankle.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
         design.build(spec, ankle, side, robot_sole)
     return spec
+
+
+def main() -> None:
+    """Print a table in Markdown."""
+    print("| terrain | geoms | nodes | kB | contacts | steps/s |\n|---|---:|---:|---:|---:|---:|")
+    for name in terrain_families():
+        cost = terrain_cost(example_terrain(name))
+        print(
+            f"| {name} | {cost['geoms']} | {cost['nodes']:,} | {cost['model_bytes'] / 1e3:.0f} "
+            f"| {cost['contacts']:.0f} | {cost['steps_per_s']:,.0f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()

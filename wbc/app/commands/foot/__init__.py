@@ -1,1 +1,0 @@
-"""`wbc feet` and `wbc foot`: the feet, and tests of one foot on a rig."""
