@@ -52,7 +52,10 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
     ),
     "hands carry": (["--set", "hand_overs=0"], HANDS),
-    "hands press": (["--set", "seconds=0.1", "--set", "hands=true", "--set", "hands.ramp=0.2", *REACH], HANDS),
+    "hands press": (
+        ["--set", "seconds=0.1", "--set", "hands=true", "--set", "hands.ramp=0.2", *REACH],
+        HANDS,
+    ),
     "hands cart": (["--set", "forward=0", "--set", "turn=0", "--set", "back=0", *REACH], HANDS),
     "hands door": (["--set", "push=0.05", *REACH], HANDS),
     "hands one-foot": (

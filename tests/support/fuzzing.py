@@ -109,6 +109,7 @@ STUBS = (
 )
 """Long work that legal values start: a word that gets here was accepted."""
 
+
 class Accepted(BaseException):
     """Input was accepted: the work begins."""
 
