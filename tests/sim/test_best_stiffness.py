@@ -316,7 +316,7 @@ def test_the_model_of_the_library_is_the_model_of_its_table(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     model = tmp_path / "model.json"
-    assert cli.main(["stiffness", "train", "--output", str(model), "--json"]) == 0
+    assert cli.main(["stiffness", "train", "--out", str(model), "--json"]) == 0
     told = json.loads(capfd.readouterr().out)
     from wbc.feet.stiffness.model import DEFAULT_MODEL  # noqa: PLC0415
 
@@ -331,14 +331,19 @@ def test_the_model_of_the_library_is_the_model_of_its_table(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["stiffness", "train", "nowhere.csv", "--output", "m.json"], "no stiffness table"),
-        (["stiffness", "train", "--output", "m.txt"], ".json"),
+        (["stiffness", "train", "nowhere.csv", "--out", "m.json"], "no stiffness table"),
+        (["stiffness", "train", "--out", "m.txt"], ".json"),
         (["stiffness", "judge", "--features", "pretty"], 'Choose from: "paper", "window", "select"'),
-        (["study", "dataset", "--journal", "j.jsonl", "--output", "t.txt"], ".csv"),
-        (["study", "dataset", "--journal", "j.jsonl", "--output", "t.csv", "--windows", "1"], "at least 2"),
-        (["stiffness", "train", "/bin/ls", "--output", "m.json"], "no text"),
+        (["stiffness", "train"], "--out"),
+        (["stiffness", "judge", "--out", "m.json"], "no option of 'stiffness judge'"),
+        (["study", "table", "dataset", "--journal", "j.jsonl", "--of", "best", "--table", "t.txt"], ".csv"),
         (
-            ["study", "dataset", "--journal", "j.jsonl", "--output", "t.csv", "--evaluations", "2"],
+            ["study", "table", "dataset", "--journal", "j.jsonl", "--of", "best", "--windows", "1"],
+            "at least 2",
+        ),
+        (["stiffness", "train", "/bin/ls", "--out", "m.json"], "no text"),
+        (
+            ["study", "run", "dataset", "--journal", "j.jsonl", "--set", "evaluations=2"],
             "at least 4",
         ),
     ],

@@ -77,6 +77,9 @@ def motion(
     changes what must change for them, and reports it. Track lets the robot follow it while it balances, on both feet,
     on one, and where it steps.
     """
+    for name, whose in (("out", ("make", "filter")), ("plot", ("filter",)), ("as_is", ("track",))):
+        if do not in whose and getattr(options, name):
+            raise InputError(f"--{name.replace('_', '-')} is no option of 'motion {do}'")
     if do == "make":
         target = options.target()
         made = make_motion(robots.load(options.robot).robot(), clip, options.seed)

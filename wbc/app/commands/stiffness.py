@@ -82,6 +82,9 @@ def stiffness(
     stiffness with the amplitude; features that the table itself would choose. Of a file in the authors' columns only
     models of the paper's features are judged: it has no others.
     """
+    for name, whose in (("out", "train"), ("plot", "judge")):
+        if do != whose and getattr(options, name) is not None:
+            raise InputError(f"--{name} is no option of 'stiffness {do}'")
     return _train(table, options, output) if do == "train" else _judge(table, options, output)
 
 
