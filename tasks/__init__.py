@@ -29,13 +29,13 @@ from wbc.tasks.scheduling.policies import (
 )
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.tasks.stabilizer.stabilizer import Stabilizer
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.tasks.stabilizer.zmp import zmp
 from wbc.tasks.trajectories import Trajectory
 
 __all__ = [
     # Stabilizer: feedback of the DCM, wrenches of the feet, admittances
-    "Stabilizer",
+    "StabilizerTask",
     "StabilizerGains",
     "zmp",
     # Controller of a standing robot

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from wbc.tasks.motion.com import CoMTask
     from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
     from wbc.tasks.motion.posture import PostureTask
+    from wbc.tasks.stabilizer.task import StabilizerTask
     from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "PoseTask",
     "PositionTask",
     "PostureTask",
+    "StabilizerTask",
     "MotionTask",
     "SoleContact",
     "PointContact",
@@ -173,6 +175,7 @@ _PLACES = {
         "PositionTask",
     ),
     "wbc.tasks.motion.posture": ("PostureTask",),
+    "wbc.tasks.stabilizer.task": ("StabilizerTask",),
     "wbc.walking": (
         "FootstepPlan",
         "WalkingControl",

@@ -225,16 +225,15 @@ class MotionControl(WalkingControl):
     def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
         motion, i = self.motion, self.tick
         self.arms.update(reference.feet, reference.heading)
-        self.tasks.move_feet(reference, output)
-        true = reference._replace(
-            pendulum=reference.pendulum._replace(com_acceleration=motion.com_acceleration[i])
-        )
+        self.tasks.move_feet(reference)
+        true = reference.pendulum._replace(com_acceleration=motion.com_acceleration[i])
         turned = motion.com_acceleration[i, :2] - reference.pendulum.com_acceleration[:2]
         if self.settings.mode != "position":
             acceleration = output.com_acceleration.copy()
             acceleration[:2] += turned
             output = output._replace(com_acceleration=acceleration)
-        self.tasks.move_com(true, output, shifted=not self.stabilizer.com_still)
+        places = [foot.placement for foot in reference.feet]
+        self.tasks.com.apply(true, reference.contact, places, reference.push, output)
         self.tasks.pose_trunk(motion.trunk[i], self._lean(output))
         self.tasks.posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
 

@@ -32,9 +32,8 @@ from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
-from wbc.tasks.stabilizer.distribution import WrenchDistribution
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
-from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
@@ -125,7 +124,6 @@ class WalkingControl:
         self.driver = Driver(self.walk, robot, s.drive, extent)
         self._omega = scalar(self.walk.omega)
         self._sizes: SoleSizes = self.walk.sole_sizes
-        self.stabilizer = Stabilizer(robot.mass, WrenchDistribution(self._sizes, s.distribution), s.gains)
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self.bias = None if s.bias is None else BiasEstimator(s.bias)
         self.falls = FallDetector(s.falls)
@@ -134,7 +132,11 @@ class WalkingControl:
         self._torque = torque = s.mode != "position"
         # On steep ground a leg may be too short for where its foot should be: do what can be done.
         self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
-        self.tasks = WalkTasks(self.controller, s.tasks, s.distribution.friction, torque=torque)
+        observer = observer or Observer(robot, adopt=torque)
+        self.tasks = WalkTasks(
+            self.controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque
+        )
+        self.stabilizer = self.tasks.com.stabilizer
         self.hands: Hands | None = None
         self.arms = Arms(self.controller, self.tasks.com, self.tasks.posture, self.dt, s.arms)
         self.control: PositionControl | TorqueControl
@@ -161,11 +163,10 @@ class WalkingControl:
         self._wrench_targets = np.zeros((2, 6))
         self._dcm = np.zeros(3)  # as measured, with its bias
 
-        # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control), of the
-        # estimated soles and of the estimated torso: they move on with their models.
+        # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control) and of the
+        # estimated torso: they move on with their models.
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         estimate = self.control.observer.robot
-        self._estimated_soles = [estimate.placement(sole.frame) for sole in estimate.soles]
         self._torso = estimate.placement(estimate.torso_frame)
         self._area = self._support_area()
         if len(plan):
@@ -307,7 +308,7 @@ class WalkingControl:
         estimate, measurement = state.robot, state.measurement
         if self.load is not None:
             self._hold(self.load)
-        com, velocity = np.array(estimate.com), np.array(estimate.com_velocity)
+        com, velocity = estimate.com, estimate.com_velocity
         self._dcm = com + velocity / self._omega
         bias = None if self.bias is None else self._estimate_bias(self.bias)
         self.reference = reference = self._update_walk(bias)
@@ -322,12 +323,9 @@ class WalkingControl:
                     pendulum=self.hands.shifted(reference.pendulum)
                 )
                 self.controller.outside = self.hands.forces()
-        self.output = output = self.stabilizer.update(
+        self.output = output = self.tasks.com.update(
             reference.pendulum,
-            com,
-            velocity,
             measurement.wrenches,
-            self._estimated_soles,
             reference.contact,
             reference.heading,
             self.dt,
@@ -342,8 +340,9 @@ class WalkingControl:
     def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
         """Hand targets to the tasks."""
         self.arms.update(reference.feet, reference.heading)
-        self.tasks.move_feet(reference, output)
-        self.tasks.move_com(reference, output, shifted=not self.stabilizer.com_still)
+        self.tasks.move_feet(reference)
+        places = [foot.placement for foot in reference.feet]
+        self.tasks.com.apply(reference.pendulum, reference.contact, places, reference.push)
         self.tasks.turn_trunk(reference.heading, self._lean(output))
 
     def _hold(self, load: HeldLoad) -> None:

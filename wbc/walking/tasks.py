@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -13,16 +12,16 @@ from wbc.core.errors import Array
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
-from wbc.tasks.force.wrench import WrenchTask
-from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.stabilizer.distribution import LEAST_SHARE
+from wbc.tasks.stabilizer.distribution import DistributionSettings
+from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
-from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.walk import NO_PUSH, WalkReference
+from wbc.walking.walk import WalkReference
 
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
@@ -69,25 +68,57 @@ class WalkTasks:
 
     Attributes:
         contacts: Contacts of the left and of the right sole.
-        com: Task of the centre of mass.
+        com: Task of the centre of mass and of the wrenches on the feet: the stabilizer.
         posture: Task of all joints.
     """
 
-    def __init__(self, controller: Controller, gains: TaskGains, friction: float, *, torque: bool) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        gains: TaskGains,
+        stabilizer: StabilizerGains,
+        distribution: DistributionSettings,
+        estimate: Robot,
+        *,
+        torque: bool,
+    ) -> None:
         """Add all tasks, contacts and limits to a controller.
 
         Args:
             controller: Controller of a robot that stands at the start.
             gains: Weights and gains.
-            friction: Coulomb coefficient of the contacts in torque control.
+            stabilizer: Gains of the stabilizer.
+            distribution: Settings of its wrench distribution; contacts have its friction in torque control.
+            estimate: The estimated robot.
             torque: Torque control; position control when False.
         """
-        robot = controller.robot
-        self._torque, self._swing_weight = torque, gains.swing_weight
-        self.com = controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
-        if torque:  # horizontally the stabilizer gives the acceleration; the task holds the height
-            self.com.stiffness = (0.0, 0.0, gains.com_stiffness)
-            self.com.damping = (0.0, 0.0, 2.0 * math.sqrt(gains.com_stiffness))
+        robot, friction = controller.robot, distribution.friction
+        self._swing_weight = gains.swing_weight
+        self.contacts = [
+            SoleContact(
+                sole.name,
+                min_force=0.0,
+                margin=0.0,
+                ramp=0.0,
+                stiffness=gains.contact_return if torque else gains.contact_stiffness,
+                friction=friction if torque else FREE_FRICTION,
+                even=torque and gains.even_soles,
+            )
+            for sole in robot.soles
+        ]
+        self.com = controller.add(
+            StabilizerTask(
+                self.contacts,
+                drives="torque" if torque else "position",
+                gains=stabilizer,
+                distribution=distribution,
+                estimate=estimate,
+                wrench_weight=gains.wrench_weight,
+                moment_by_load=gains.moment_by_load,
+                weight=gains.com_weight,
+                stiffness=gains.com_stiffness,
+            )
+        )
         self._swings = [
             controller.add(
                 PoseTask(sole.frame, name=f"{sole.name} swing", weight=0.0, stiffness=gains.swing_stiffness)
@@ -112,28 +143,9 @@ class WalkTasks:
             PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness)
         )
         controller.add(JointLimits())
-        self.contacts = [
-            controller.add(
-                SoleContact(
-                    sole.name,
-                    min_force=0.0,
-                    margin=0.0,
-                    ramp=0.0,
-                    stiffness=gains.contact_return if torque else gains.contact_stiffness,
-                    friction=friction if torque else FREE_FRICTION,
-                    even=torque and gains.even_soles,
-                )
-            )
-            for sole in robot.soles
-        ]
-        self._wrenches: list[WrenchTask] = []
-        self._wrench_weight = np.full(6, gains.wrench_weight)
-        self._moment_by_load = gains.moment_by_load
+        for contact in self.contacts:
+            controller.add(contact)
         controller.add(TorqueLimits())
-        if torque:
-            self._wrenches = [
-                controller.add(WrenchTask(contact, weight=gains.wrench_weight)) for contact in self.contacts
-            ]
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off.
@@ -145,54 +157,16 @@ class WalkTasks:
         self.contacts[side].active = contact
         self._swings[side].weight = 0.0 if contact else self._swing_weight
 
-    def move_feet(self, reference: WalkReference, output: StabilizerOutput) -> None:
-        """Follow the swing foot's reference; hold standing feet at their corrections, or to their wrenches.
+    def move_feet(self, reference: WalkReference) -> None:
+        """Follow the reference of the foot in the air.
 
         Args:
             reference: References of the walk.
-            output: Corrections and desired wrenches of the stabilizer.
         """
-        for side, contact in enumerate(self.contacts):
-            motion = reference.feet[side]
-            if not reference.contact[side]:
+        for side, stands in enumerate(reference.contact):
+            if not stands:
+                motion = reference.feet[side]
                 self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
-            elif self._torque:
-                self._wrenches[side].follow(output.feet.wrenches[side])
-                if self._moment_by_load:
-                    self._weigh_moments(side, reference, output)
-            else:
-                contact.follow(*output.corrections[side].apply(motion.placement))
-
-    def _weigh_moments(self, side: int, reference: WalkReference, output: StabilizerOutput) -> None:
-        """Let the moments of a desired wrench cost by the foot's share of the load."""
-        weight, (left, right) = self._wrench_weight.copy(), output.feet.wrenches[:, 2].tolist()
-        if all(reference.contact):
-            share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)
-            weight[3:] *= (0.5 / share) ** 2
-        self._wrenches[side].weight = weight
-
-    def move_com(self, reference: WalkReference, output: StabilizerOutput, *, shifted: bool) -> None:
-        """Follow the pendulum: with the stabilizer's shift in position control, its acceleration in torque control.
-
-        Args:
-            reference: References of the walk.
-            output: Shift and desired acceleration of the CoM.
-            shifted: The CoM admittance may shift the target.
-        """
-        pendulum = reference.pendulum
-        com, velocity, acceleration = pendulum.com, pendulum.com_velocity, pendulum.com_acceleration
-        if self._torque:
-            acceleration = acceleration.copy()
-            acceleration[:2] = output.com_acceleration[:2]
-        elif shifted:
-            com, velocity, acceleration = com.copy(), velocity.copy(), acceleration.copy()
-            com[:2] += output.com_offset
-            velocity[:2] += output.com_velocity_offset
-            acceleration[:2] += output.com_acceleration_offset
-        if reference.push != NO_PUSH:
-            acceleration = acceleration.copy()
-            acceleration[:2] += reference.push
-        self.com.follow(com, velocity, acceleration)
 
     def turn_trunk(self, yaw: float, lean: LeanMotion) -> None:
         """Turn pelvis and torso to a heading and let them lean.

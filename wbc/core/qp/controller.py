@@ -134,7 +134,7 @@ class Controller:
                 task, contact or limit, or a task whose rows cannot be evaluated, such as one on the wrench of a contact
                 that is not there. None of the items is added then.
         """
-        new, present = (item, *items), [*self._tasks, *self._contacts, *self._limits]
+        new, present = _with_parts(item, *items), [*self._tasks, *self._contacts, *self._limits]
         for each in new:
             if not isinstance(each, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
                 raise InputError(f"a controller takes tasks, contacts and limits, not {each!r}")
@@ -155,7 +155,7 @@ class Controller:
             if isinstance(each, Task):
                 each.fix_attributes()
         self._dirty = True
-        return new if items else item
+        return (item, *items) if items else item
 
     def _bind(self, item: Item, others: Sequence[Item]) -> None:
         """Bind an item to the robot, if it may stand beside the others."""
@@ -216,7 +216,7 @@ class Controller:
         for item in items:
             if _owner(item) is not self:
                 raise InputError(f"{item!r} is not part of this controller")
-        for item in {id(item): item for item in items}.values():
+        for item in {id(item): item for item in _with_parts(*items)}.values():
             if isinstance(item, Task):
                 item.detach()
             of_kind = self._list_of(item)
@@ -368,6 +368,11 @@ def _owner(item: Item) -> Controller | None:
     """Return the controller that has an item; None if none has."""
     owner: weakref.ref[Controller] | None = getattr(item, "_owner", None)
     return None if owner is None else owner()
+
+
+def _with_parts(*items: Item) -> tuple[Item, ...]:
+    """Return items, each followed by the items that come and go with it."""
+    return tuple(part for item in items for part in (item, *getattr(item, "parts", ())))
 
 
 def _has_rows(limit: RowLimit) -> bool:

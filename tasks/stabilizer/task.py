@@ -1,0 +1,268 @@
+"""The DCM stabilizer as one task of any controller, as walks use it and as a controller of one's own adds it.
+
+    left, right = controller.add(SoleContact("left_foot"), SoleContact("right_foot"))
+    controller.add(StabilizerTask((left, right)), PostureTask(weight=0.1))
+
+What is in the QP depends on how the drives are commanded. On torques the feedback's horizontal acceleration of the CoM
+is the reference of three rows, whose vertical one holds the height, and the desired foot wrenches are a cost on the
+wrenches of the contacts. On positions the QP moves the commanded robot: the CoM follows the pendulum, shifted by its
+admittance, and standing feet follow their admittances, while the desired wrenches make the feed-forward torques
+(`DriveControl.act`). Where nothing hands out a pendulum, the robot is to stand with its CoM at `target`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal, Unpack
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.task import read_only
+from wbc.core.robot import Robot
+from wbc.core.signals import Measurement
+from wbc.tasks.force.wrench import WrenchTask
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.options import MotionOptions
+from wbc.tasks.stabilizer.distribution import LEAST_SHARE, DistributionSettings, WrenchDistribution
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+
+STIFFNESS = 100.0
+"""Default stiffness of the CoM, 1/s²."""
+
+
+class StabilizerTask(CoMTask):
+    """Balance on two feet: feedback of the DCM, desired foot wrenches, and admittances of feet and CoM.
+
+    Error and residual are those of the CoM, in m and m/s²; the weight is a cost per (m/s²)². On torques only the
+    vertical row has stiffness and damping: the horizontal acceleration is the feedback's.
+
+    Attributes:
+        parts: Tasks on the contacts' wrenches, which a controller takes and gives back with this one.
+        output: What the stabilizer made of the last tick; None before the first one.
+    """
+
+    @checked
+    def __init__(
+        self,
+        contacts: Sequence[SoleContact],
+        target: ArrayLike | None = None,
+        *,
+        drives: Literal["torque", "position"] = "torque",
+        gains: StabilizerGains | None = None,
+        distribution: DistributionSettings | None = None,
+        estimate: Robot | None = None,
+        wrench_weight: float = 1e-3,
+        moment_by_load: bool = False,
+        **options: Unpack[MotionOptions],
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            contacts: Contacts of the left and of the right sole; both are added before, or together with the task.
+            target: CoM of a robot that stands, shape (3,), m; the present one when None.
+            drives: How the drives are commanded: "torque" for torque and hybrid control, "position".
+            gains: Gains of feedback and admittances; the defaults when None.
+            distribution: Settings of the wrench distribution; the defaults when None.
+            estimate: Robot whose state is the measured one, where it is not the controller's own (`State.robot`).
+            wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
+            moment_by_load: Let moments of the desired wrenches of two feet cost by the inverse square of each one's
+                share of the load.
+            **options: See `MotionOptions`.
+
+        Raises:
+            InputError: Not two contacts of soles.
+        """
+        if len(contacts) != 2:
+            raise InputError(
+                f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
+            )
+        defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
+        super().__init__(target, **(defaults | options))
+        self._torque = drives == "torque"
+        if self._torque:  # horizontally the feedback gives the acceleration
+            height = float(self.stiffness[2])
+            self.stiffness = (0.0, 0.0, height)
+            self.damping = (0.0, 0.0, 2.0 * math.sqrt(height))
+        self._contacts = tuple(contacts)
+        self.parts: tuple[WrenchTask, ...] = ()
+        if self._torque:
+            self.parts = tuple(WrenchTask(contact, weight=wrench_weight) for contact in contacts)
+        self._wrench_weight, self._moment_by_load = np.full(6, wrench_weight), moment_by_load
+        self._gains, self._settings, self._given = gains, distribution, estimate
+        self.output: StabilizerOutput | None = None
+        self._stabilizer: Stabilizer | None = None
+        self._stands = True  # until something hands out a pendulum
+        self._aim: tuple[Array, Array, Array] | None = (
+            None  # CoM of a robot that stands, velocity, acceleration
+        )
+
+    @property
+    def target(self) -> Array:
+        """CoM of a robot that stands, shape (3,), m, read-only; assign one, or see `move_to`."""
+        return super().target if self._aim is None else read_only(self._aim[0])
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        CoMTask.target.fset(self, value)  # type: ignore[attr-defined]
+        assert self._target is not None
+        self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
+
+    @property
+    def stabilizer(self) -> Stabilizer:
+        """Feedback, distribution and admittances.
+
+        Raises:
+            InputError: The task has not been added to a controller yet.
+        """
+        if self._stabilizer is None:
+            raise InputError(f"task '{self.name}' belongs to no controller yet; add it first")
+        return self._stabilizer
+
+    def bind(self, robot: Robot) -> None:
+        """Take the robot's soles and mass, and its present CoM as target when none was given.
+
+        Raises:
+            UnknownNameError: A contact of a sole that the robot does not have.
+        """
+        super().bind(robot)
+        soles = [robot.sole(contact.name) for contact in self._contacts]
+        sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
+        self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, self._settings), self._gains)
+        self._estimate = robot if self._given is None else self._given
+        self._soles = [self._estimate.placement(sole.frame) for sole in soles]
+        self._places = [pin.SE3(robot.placement(sole.frame)) for sole in soles]
+        forward = robot.placement(robot.base_frame).rotation[:2, 0]
+        self._yaw = math.atan2(forward[1], forward[0])
+
+    def reset(self) -> None:
+        """Forget errors, corrections and filtered wrenches, and stand where the robot is."""
+        super().reset()
+        if self._stabilizer is not None:
+            self._stabilizer.reset()
+            self._places = [
+                pin.SE3(self.robot.placement(self.robot.sole(c.name).frame)) for c in self._contacts
+            ]
+        self.output, self._stands = None, True
+
+    def observe(self, measurement: Measurement, dt: float) -> None:
+        """Stand, unless something has handed out a pendulum: a tick of `update` and `apply` with the CoM's target.
+
+        Args:
+            measurement: Measurement with the wrenches on the soles.
+            dt: Control period, s.
+        """
+        if not self._stands:
+            return
+        if self._aim is None:
+            self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
+        target, velocity, acceleration = self._aim
+        ground = 0.5 * float(self._places[0].translation[2] + self._places[1].translation[2])
+        rest = Pendulum.at_rest(target, ground)
+        zmp = rest.zmp - (*(acceleration[:2] / rest.omega**2), 0.0)
+        pendulum = rest._replace(com_velocity=velocity, com_acceleration=acceleration, zmp=zmp)
+        contact = (self._contacts[0].active, self._contacts[1].active)
+        self.update(pendulum, measurement.wrenches, contact, self._yaw, dt)
+        self.apply(pendulum, contact, self._places)
+        self._stands = True
+
+    def update(
+        self,
+        target: Pendulum,
+        wrenches: Array,
+        contact: tuple[bool, bool],
+        yaw: float,
+        dt: float,
+        *,
+        bias: Array | None = None,
+        outside: Array | None = None,
+    ) -> StabilizerOutput:
+        """Run feedback, distribution and admittances for one tick.
+
+        Args:
+            target: Reference of the pendulum.
+            wrenches: Measured wrenches on the soles, shape (2, 6), N and Nm.
+            contact: True for each foot that is to carry.
+            yaw: Heading of the robot, rad.
+            dt: Control period, s.
+            bias: Bias of the measured DCM, shape (2,), m.
+            outside: Wrench of the surroundings on all but the feet; see `Stabilizer.update`.
+
+        Returns:
+            The output, which `apply` hands to the QP.
+        """
+        estimate = self._estimate
+        self.output = output = self.stabilizer.update(
+            target,
+            np.array(estimate.com),
+            np.array(estimate.com_velocity),
+            wrenches,
+            self._soles,
+            contact,
+            yaw,
+            dt,
+            bias=bias,
+            outside=outside,
+        )
+        return output
+
+    def apply(
+        self,
+        target: Pendulum,
+        contact: tuple[bool, bool],
+        places: Sequence[pin.SE3],
+        push: tuple[float, float] = (0.0, 0.0),
+        output: StabilizerOutput | None = None,
+    ) -> None:
+        """Set the references of this task, of the standing feet and of their wrenches; unchecked.
+
+        Args:
+            target: Reference of the pendulum.
+            contact: True for each foot that is to carry.
+            places: Placements of the left and the right sole as planned.
+            push: Acceleration of the CoM beyond that of the pendulum, m/s².
+            output: Output of the stabilizer; that of the last `update` when None.
+        """
+        output = self.output if output is None else output
+        assert output is not None
+        self._stands = False
+        for side, stands in enumerate(contact):
+            if not stands:
+                continue
+            if self._torque:
+                self.parts[side].follow(output.feet.wrenches[side])
+                if self._moment_by_load:
+                    self._weigh_moments(side, contact, output)
+            else:
+                self._contacts[side].follow(*output.corrections[side].apply(places[side]))
+        com, velocity, acceleration = target.com, target.com_velocity, target.com_acceleration
+        if self._torque:
+            acceleration = acceleration.copy()
+            acceleration[:2] = output.com_acceleration[:2]
+        elif not self.stabilizer.com_still:
+            com, velocity, acceleration = com.copy(), velocity.copy(), acceleration.copy()
+            com[:2] += output.com_offset
+            velocity[:2] += output.com_velocity_offset
+            acceleration[:2] += output.com_acceleration_offset
+        if push != (0.0, 0.0):
+            acceleration = acceleration.copy()
+            acceleration[:2] += push
+        self.follow(com, velocity, acceleration)
+
+    def _weigh_moments(self, side: int, contact: tuple[bool, bool], output: StabilizerOutput) -> None:
+        """Let the moments of a desired wrench cost by the foot's share of the load."""
+        weight, (left, right) = self._wrench_weight.copy(), output.feet.wrenches[:, 2].tolist()
+        if all(contact):
+            share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)
+            weight[3:] *= (0.5 / share) ** 2
+        self.parts[side].weight = weight
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        self._aim = np.array(target), np.array(velocity), np.array(acceleration)

@@ -1,0 +1,77 @@
+"""The stabilizer as a task that anybody adds to a controller."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.core.errors import InputError
+from wbc.core.robot import GRAVITY
+from wbc.robots import load
+from wbc.tasks import StabilizerTask
+
+CONTROLS = {"torque": wbc.TorqueControl, "hybrid": wbc.HybridControl, "position": wbc.PositionControl}
+
+
+def standing(mode: str) -> tuple[wbc.Plant, wbc.PositionControl | wbc.TorqueControl, StabilizerTask]:
+    """Return a plant, and a controller of one's own that balances by the task."""
+    description = load("hrp4_class")
+    plant = wbc.Plant(
+        description, control_period=0.005 if mode == "position" else 0.002, noise="realistic", seed=1
+    )
+    robot = description.robot()
+    controller = wbc.Controller(robot, plant.control_period)
+    observer = wbc.Observer(robot, adopt=mode != "position")
+    soles = controller.add(wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+    drives = "position" if mode == "position" else "torque"
+    task = StabilizerTask(soles, drives=drives, estimate=observer.robot)  # type: ignore[arg-type]
+    controller.add(task, wbc.PostureTask(weight=0.1), wbc.OrientationTask(robot.base_frame, weight=10.0))
+    controller.add(wbc.JointLimits(), wbc.TorqueLimits())
+    return plant, CONTROLS[mode](controller, observer), task
+
+
+def run(plant: wbc.Plant, control: wbc.PositionControl | wbc.TorqueControl, seconds: float) -> None:
+    end = plant.time + seconds
+    while plant.time < end - 1e-9:
+        plant.step(control.command(plant.measure()))
+
+
+@pytest.mark.parametrize("mode", CONTROLS)
+def test_a_pushed_robot_comes_back_to_its_target(mode: str) -> None:
+    """A force of 60 N for 0.1 s, ahead and to the left; the desired wrenches carry the weight."""
+    plant, control, task = standing(mode)
+    run(plant, control, 0.3)
+    plant.push("torso", [42.0, 42.0, 0.0], 0.1)
+    run(plant, control, 2.2)
+    assert task.output is not None and control.failures == 0
+    assert np.linalg.norm((plant.truth().com - task.target)[:2]) < 0.012
+    assert task.output.feet.wrenches[:, 2].sum() == pytest.approx(plant.robot.mass * GRAVITY, rel=0.05)
+
+
+def test_the_com_follows_a_target_that_moves() -> None:
+    plant, control, task = standing("torque")
+    run(plant, control, 0.2)
+    goal = task.target + [0.0, 0.03, -0.04]
+    task.move_to(goal, duration=1.0)
+    run(plant, control, 1.8)
+    np.testing.assert_allclose(task.target, goal, atol=1e-9)
+    np.testing.assert_allclose(control.observer.robot.com, goal, atol=0.012)
+
+
+def test_tasks_on_the_wrenches_come_and_go_with_it() -> None:
+    _, control, task = standing("torque")
+    controller = control.controller
+    assert [part.name for part in task.parts] == ["left_foot wrench", "right_foot wrench"]
+    assert set(task.parts) < set(controller.tasks)
+    controller.remove(task)
+    assert not {task, *task.parts} & set(controller.tasks)
+    assert not standing("position")[2].parts
+
+
+def test_it_needs_two_feet_and_a_controller() -> None:
+    left = wbc.SoleContact("left_foot")
+    with pytest.raises(InputError, match="needs two feet"):
+        StabilizerTask((left,))
+    with pytest.raises(InputError, match="belongs to no controller yet"):
+        _ = StabilizerTask((left, wbc.SoleContact("right_foot"))).stabilizer
