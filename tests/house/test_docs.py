@@ -25,12 +25,10 @@ from wbc.app.cli import main
 from wbc.core.settings import unit_and_choices
 from wbc.feet import foot
 from wbc.sim.rig import FootTest, press
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain import terrain, terrain_families
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
-ELSEWHERE = ("feet.md", "grounds.md", "CONTRIBUTING.md")
-"""Pages whose programs tests of their own run and look at more closely."""
 LONG = ("logs.md", "motion.md", "stiffness.md", "studies.md")
 """Pages whose programs take seconds: they run with -m slow."""
 
@@ -91,7 +89,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         pytest.param(p, marks=pytest.mark.slow) if p.name in LONG else p
         for p in PAGES
-        if p.name not in ELSEWHERE and programs(p)
+        if p.name != "CONTRIBUTING.md" and programs(p)
     ],
     ids=lambda page: page.stem,
 )
@@ -167,6 +165,14 @@ def test_links_and_pictures_lead_somewhere(page: Path) -> None:
     for target in LINK.findall(FENCE.sub("", text_of(page))):
         if "://" not in target:
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_family_of_grounds_is_on_its_page() -> None:
+    """In the text, and with its cost in the table."""
+    page = text_of(ROOT / "docs" / "grounds.md")
+    assert set(terrain_families()) <= set(re.findall(r"`(\w+)`", page))
+    measured = re.findall(r"^\| (\w+)[^|]*\| [\d,]+ \| [\d,]+ \|", page, flags=re.MULTILINE)
+    assert set(measured) == set(terrain_families())
 
 
 def test_every_picture_is_shown_on_a_page() -> None:
