@@ -4,7 +4,7 @@
     python tests/mutations.py --only core/estimation   # of the files whose path holds a text
 
 Each changes one operator or one number in a copy of the tree; the tests of the folder run there until the first that
-fails. Every result is a line of text: the change, and whether it was noticed. The same seed draws the same errors.
+fails. The same seed draws the same errors.
 """
 
 from __future__ import annotations
@@ -22,23 +22,21 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("wbc/core", "wbc/walking", "wbc/motion", "wbc/machine", "robots", "feet", "tasks", "sim")
-SLOWEST = 300.0
-"""Time after which the tests hang, s: that is noticed, too."""
+SLOWEST = 300.0  # s; tests that hang have noticed, too
 
 SWAPS = {
     **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"},
     **{ast.Lt: ">", ast.Gt: "<", ast.LtE: ">", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="},
     **{ast.And: "or", ast.Or: "and"},
 }
-AUGMENTED = {ast.Add: "-=", ast.Sub: "+=", ast.Mult: "/=", ast.Div: "*="}
 
 
 def parts(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr, str]]:
     """Pairs of neighbours of an operator that can be changed, with the new operator."""
     if isinstance(node, ast.BinOp) and type(node.op) in SWAPS:
         yield node.left, node.right, SWAPS[type(node.op)]
-    elif isinstance(node, ast.AugAssign) and type(node.op) in AUGMENTED:
-        yield node.target, node.value, AUGMENTED[type(node.op)]
+    elif isinstance(node, ast.AugAssign) and type(node.op) in SWAPS:
+        yield node.target, node.value, f"{SWAPS[type(node.op)]}="
     elif isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in SWAPS:
         yield node.left, node.comparators[0], SWAPS[type(node.ops[0])]
     elif isinstance(node, ast.BoolOp) and len(node.values) == 2:
@@ -46,7 +44,7 @@ def parts(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr, str]]:
 
 
 def changes(text: bytes) -> Iterator[tuple[int, int, str]]:
-    """All changes of a module: first byte, last byte + 1, new text."""
+    """Yield all changes of a module: first byte, last byte + 1, new text."""
     starts = [0]
     for line in text.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
@@ -100,13 +98,14 @@ def main() -> None:
         (room, f) for room in ROOMS for f in sorted((ROOT / room).rglob("*.py")) if options.only in str(f)
     ]
     every = [(room, f, change) for room, f in files for change in changes(f.read_bytes())]
+    drawn = random.Random(options.seed).sample(every, min(options.count, len(every)))
     survived = 0
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(
             ROOT, tree, symlinks=True, ignore=shutil.ignore_patterns(".*", "__pycache__", "build")
         )
-        for room, file, (first, last, new) in random.Random(options.seed).sample(every, options.count):
+        for room, file, (first, last, new) in drawn:
             text, copy = file.read_bytes(), tree / file.relative_to(ROOT)
             copy.write_bytes(text[:first] + new.encode() + text[last:])
             lived = passes(tests_of(room, file), tree)
@@ -116,7 +115,7 @@ def main() -> None:
             where = text.splitlines()[line - 1].decode().strip()
             word = "survived" if lived else "noticed"
             print(f"{word:<9}{file.relative_to(ROOT)}:{line}  {old!r} => {new!r}  in  {where}", flush=True)
-    print(f"{options.count - survived} of {options.count} noticed")
+    print(f"{len(drawn) - survived} of {len(drawn)} noticed")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.loads import draw_feet, draw_torque
 from wbc.app.plot.stiffness import draw_stiffness
 from wbc.app.plot.timing import draw_timing
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose
 
 
@@ -77,6 +78,7 @@ def missing(name: str, log: Log) -> str | None:
     return None
 
 
+@checked
 def draw(name: str, logs: Sequence[Log]) -> Figure:
     """Draw a ready-made figure.
 
