@@ -169,6 +169,7 @@ def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk
         assert not any(callable(value) and hasattr(value, "__wrapped__") for value in vars(owner).values())
 
 
+@pytest.mark.slow
 def test_a_profiled_walk_is_the_same_bit_for_bit() -> None:
     spec = WalkSpec(plan=WalkPlan(distance=0.05), foot="soft", terrain="stones", amplitude=0.02)
     profiled, plain = profile_walk(WalkTrial(spec))[0], WalkTrial(spec).run()

@@ -118,7 +118,11 @@ def test_every_command_is_tested_here_or_elsewhere() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [pytest.param(w, marks=pytest.mark.slow) if w == "hands door" else w for w in QUICK]
+    "words",
+    [
+        pytest.param(w, marks=pytest.mark.slow) if w in ("hands door", "hands one-foot", "hands cart") else w
+        for w in QUICK
+    ],
 )
 def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
     arguments, keys = QUICK[words]

@@ -144,10 +144,8 @@ def test_bad_input_is_one_line_and_nothing_starts(
     assert len(said) == 1 and message in said[0], err
 
 
-@pytest.mark.parametrize(
-    ("clearance", "clears"),
-    [((), "false"), pytest.param(("--clearance", "0.1"), "true", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("clearance", "clears"), [((), "false"), (("--clearance", "0.1"), "true")])
 def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...], clears: str) -> None:
     # In a process of its own: here pytest catches warnings before anyone sees them.
     words = [sys.executable, "-m", "wbc", "terrain", "stones", "--amplitude", "0.08", *clearance]

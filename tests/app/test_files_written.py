@@ -148,6 +148,7 @@ def test_an_export_onto_its_own_journal_is_refused(folder: Path, capsys: Capture
         assert Path("journal.csv").read_bytes() == content
 
 
+@pytest.mark.slow
 def test_a_recording_that_lost_data_says_so(folder: Path, capsys: Captured) -> None:
     old = Path("log.arrow").read_bytes()
     words = ["walk", "--terrain", "flat", "--foot", "flat", "--distance", "0.05", "--record", "log.arrow"]

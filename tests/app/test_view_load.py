@@ -351,6 +351,7 @@ def test_there_are_only_so_many_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     asyncio.run(crowd())
 
 
+@pytest.mark.slow
 def test_an_answer_that_is_not_taken_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guard, "SEND_TIME", 0.2)
 

@@ -462,6 +462,7 @@ def test_a_port_in_use_stops_a_walk_before_anything_is_written(
     assert log.read_text() == "kept"
 
 
+@pytest.mark.slow
 def test_a_result_says_whether_the_page_has_changed_the_walk(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -206,6 +206,7 @@ def test_a_study_that_names_a_cell_twice_is_refused(
     assert "'a' is given twice" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study, journal = tmp_path / "study.json", tmp_path / "journal.jsonl"
     data = {
