@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import Parameter
 from rich.progress import Progress, track
 
-from wbc.app.arguments import attribute_docs
+from wbc.app.arguments import NONE_GIVEN, Fields, attribute_docs
 from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.changes import changed, read_changes, setting_names
@@ -64,6 +64,21 @@ SINGLE = ("param", "rendering", "resolution", "x", "y", "yaw", "timestep", "seed
 """Options of a test on one ground."""
 
 
+SHARED = Fields(
+    FootTest,
+    {
+        "load": "load",
+        "ankle-stiffness": "ankle_stiffness",
+        "x": "x",
+        "y": "y",
+        "drop": "drop",
+        "settle": "settle",
+        "hold": "hold",
+    },
+)
+"""Options that are fields of the test."""
+
+
 @settings(kw_only=True)
 class FootOptions:
     """Options of a foot, the ground under it and the test.
@@ -72,8 +87,6 @@ class FootOptions:
         foot: Foot that is tested.
         foot_param: Its parameters, each as name=value, such as phalanges=8 or contact.radius=0.005.
         robot: Robot whose ankle the foot is fitted to, and only one in the list; 93 mm over 160 x 76 mm if not given.
-        load: Weight on the ankle, N.
-        ankle_stiffness: Of the servo that holds the ankle level, Nm/rad; 0 leaves roll and pitch free.
         stiffness: Of the sole hinges of a soft foot, Nm/rad; several for curves and stability.
         terrain: Family of grounds that `wbc terrain` lists; several for curves and stability (random stones).
         amplitude: Highest minus lowest point of the ground, m; 30 mm for curves and stability.
@@ -82,13 +95,10 @@ class FootOptions:
         seeds: Grounds of each family, for curves and stability.
         rendering: Solids (geoms), height_field, or auto: solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for ground and sole if not given.
-        x: Place of the sole centre ahead of the middle of the rough part, m.
-        y: Place of the sole centre left of the track's middle, m.
         yaw: Heading of the foot, degrees.
         timestep: Physics step, s.
         timesteps: Physics steps of the stability table, s.
-        drop: Height over the ground from which a press lets the foot fall, m.
-        height: The same of a drop, m.
+        height: Height over the ground from which a drop lets the foot fall, m.
         shear_share: Shear over weight while a slide measures creep.
         ramp: Growth of shear over weight per second afterwards, 1/s.
         angle: Largest pitch that the ankle is asked for, degrees.
@@ -100,8 +110,6 @@ class FootOptions:
     foot: str = "soft"
     foot_param: tuple[str, ...] = ()
     robot: str | None = None
-    load: float = FootTest.load
-    ankle_stiffness: float = FootTest.ankle_stiffness
     stiffness: Annotated[tuple[float, ...], Several] = ()
     terrain: Annotated[tuple[str, ...], Several] = ()
     amplitude: float | None = None
@@ -110,12 +118,9 @@ class FootOptions:
     seeds: Count = 5
     rendering: Rendering = "auto"
     resolution: float | None = None
-    x: float = FootTest.x
-    y: float = FootTest.y
     yaw: float = math.degrees(FootTest.yaw)
     timestep: float = PhysicsSettings.timestep
     timesteps: Annotated[tuple[float, ...], Several] = (0.001, 0.002)
-    drop: float = FootTest.drop
     height: float = 0.05
     shear_share: float = 0.3
     ramp: float = 1.0
@@ -124,14 +129,18 @@ class FootOptions:
     loads: Annotated[tuple[float, ...], Several] = LOADS
     plot: Path | None = None
 
-    def check(self, test: Test) -> None:
+    def check(self, test: Test, shared: Mapping[str, Any]) -> None:
         """Refuse options that a test does not have.
+
+        Args:
+            test: The test.
+            shared: Fields of `FootTest` that are given.
 
         Raises:
             InputError: Such an option.
         """
         taken = {*OWN[test], *(SINGLE if test not in ("curves", "stability") else ())}
-        given = {each.name for each in fields(self) if getattr(self, each.name) != each.default}
+        given = {each.name for each in fields(self) if getattr(self, each.name) != each.default} | set(shared)
         for name in sorted(given & {*SINGLE, *(each for own in OWN.values() for each in own)} - taken):
             raise InputError(f"--{name.replace('_', '-')} is no option of 'foot {test}'")
         if test not in ("curves", "stability") and max(len(self.terrain), len(self.stiffness)) > 1:
@@ -139,11 +148,11 @@ class FootOptions:
                 f"'foot {test}' takes one ground and one stiffness; curves and stability take several"
             )
 
-    def test(self, drop: float = FootTest.drop) -> FootTest:
+    def test(self, given: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground.
 
         Args:
-            drop: Height over the ground from which the foot is let fall, m.
+            given: Further fields of the test.
 
         Raises:
             UnknownNameError: No such foot, robot, ground or parameter.
@@ -159,17 +168,19 @@ class FootOptions:
             sole_radius=design.contact.radius,
         )
         return replace(
-            self._shared(design),
+            self._shared(design, given),
             ground=ground,
-            x=self.x,
-            y=self.y,
             yaw=math.radians(self.yaw),
-            drop=drop,
             physics=PhysicsSettings(timestep=self.timestep),
         )
 
-    def study(self) -> tuple[FootTest, tuple[Terrain, ...], tuple[float, ...], float]:
+    def study(
+        self, given: Mapping[str, Any]
+    ) -> tuple[FootTest, tuple[Terrain, ...], tuple[float, ...], float]:
         """Return what the runs of a study share, its grounds, its stiffnesses (Nm/rad) and their amplitude (m).
+
+        Args:
+            given: Further fields of the tests.
 
         Raises:
             UnknownNameError: No such foot, robot, ground or parameter.
@@ -181,11 +192,11 @@ class FootOptions:
             for seed in range(self.seeds)
             for name in self.terrain or ("random", "stones")
         )
-        return self._shared(self._foot()), grounds, self.stiffness or STIFFNESSES, amplitude
+        return self._shared(self._foot(), given), grounds, self.stiffness or STIFFNESSES, amplitude
 
-    def _shared(self, design: Foot) -> FootTest:
+    def _shared(self, design: Foot, given: Mapping[str, Any]) -> FootTest:
         sole = HRP4C_SOLE if self.robot is None else _sole(self.robot)
-        return FootTest(foot=design, load=self.load, ankle_stiffness=self.ankle_stiffness, robot_sole=sole)
+        return FootTest(foot=design, robot_sole=sole, **given)
 
     def _foot(self, *stiffness: float) -> Foot:
         design = foot_by_name(self.foot)
@@ -207,6 +218,7 @@ def foot(
     /,
     *,
     options: Flat[FootOptions] = FootOptions(),
+    given: Annotated[Mapping[str, Any], SHARED] = NONE_GIVEN,
     output: OutputOptions = Output(),
 ) -> Report:
     """List the feet, or test one on a rig: press, drop, slide, pitch; curves and stability over many grounds.
@@ -218,13 +230,13 @@ def foot(
     """
     if test is None:
         return _list(options.robot, output)
-    options.check(test)
+    options.check(test, given)
     if test == "curves":
-        return _curves(options, output)
+        return _curves(given, options, output)
     if test == "stability":
-        return _stability(options, output)
+        return _stability(given, options, output)
     target = check_picture(options.plot, options.param)
-    made = options.test(options.drop) if test == "press" else options.test()
+    made = options.test(given)
     if test == "press":
         return _report(output, made, rig.press(made), _press_lines, rig.plot_press, target)
     if test == "drop":
@@ -298,9 +310,9 @@ def _lines(listed: list[dict[str, Any]]) -> list[str]:
     return [*lines, "How all of them touch the ground:", *shared.values()]
 
 
-def _curves(options: FootOptions, output: Output) -> Report:
+def _curves(given: Mapping[str, Any], options: FootOptions, output: Output) -> Report:
     """Report curves over the stiffness, a rigid foot of the same footprint beside the soft one."""
-    test, grounds, stiffnesses, amplitude = options.study()
+    test, grounds, stiffnesses, amplitude = options.study(given)
     target = check_picture(options.plot)
     tests = _versions(test, stiffnesses)
     first, *further = rising_loads(options.loads)
@@ -336,9 +348,9 @@ def _curves(options: FootOptions, output: Output) -> Report:
     return output.report(data, text)
 
 
-def _stability(options: FootOptions, output: Output) -> Report:
+def _stability(given: Mapping[str, Any], options: FootOptions, output: Output) -> Report:
     """Report the stability of a soft foot for every stiffness, ground and physics step."""
-    test, grounds, stiffnesses, _ = options.study()
+    test, grounds, stiffnesses, _ = options.study(given)
     total = len(stiffnesses) * len(grounds) * len(options.timesteps)
     cells = rig.stability(test, stiffnesses=stiffnesses, grounds=grounds, timesteps=options.timesteps)
     rows = list(track(cells, "pressing", total, console=progress_console()))

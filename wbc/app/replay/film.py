@@ -21,9 +21,8 @@ from wbc.app.files import FILMS, check_target
 from wbc.app.replay.caption import caption
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.replay import Replay
-from wbc.app.scene.colours import ARROW_COLOURS, COM_COLOUR, DCM_COLOUR, ZMP_COLOUR
-from wbc.app.scene.shapes import disc
-from wbc.core.errors import Array, InputError, WbcError
+from wbc.app.scene.colours import ARROW_COLOURS
+from wbc.core.errors import InputError, WbcError
 from wbc.core.files import replacing
 
 Picture = NDArray[np.uint8]
@@ -143,7 +142,7 @@ def _pictures(
                 drawn.set(replay.frame(tick), replay.sole_colours(tick))
                 everything = mujoco.mjtCatBit.mjCAT_ALL
                 mujoco.mjv_updateScene(drawn.model, drawn.data, option, None, camera, everything, scene)
-                _mark(scene, replay, tick)
+                _add_forces(scene, replay, tick)
                 mujoco.mjr_render(view, scene, context)
                 mujoco.mjr_readPixels(pixels, None, view, context)
                 yield captions.on(pixels[::-1], tick)
@@ -153,41 +152,18 @@ def _pictures(
             context.free()
 
 
-def _mark(scene: Any, replay: Replay, tick: int) -> None:
-    """Add centre of mass, ZMP, DCM and forces to the picture."""
-    snapshot, com_height = replay.snapshot(tick), replay.scene.com_height
-    ball, cylinder = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER
-    mark = disc(com_height)
-    _add_marker(scene, ball, (mark.radius, 0.0, 0.0), snapshot.com, COM_COLOUR)
-    flat = (mark.radius, mark.length, 0.0)
-    if snapshot.zmp is not None:
-        _add_marker(scene, cylinder, flat, snapshot.zmp + (0.0, 0.0, 0.006), ZMP_COLOUR)
-    dcm = replay.overlays.dcm(tick)
-    if dcm is not None:
-        _add_marker(scene, cylinder, flat, dcm + (0.0, 0.0, 0.006), DCM_COLOUR)
-    for kind, point, force in snapshot.forces:
+def _add_forces(scene: Any, replay: Replay, tick: int) -> None:
+    """Add an arrow for each force to the picture."""
+    arrow = mujoco.mjtGeom.mjGEOM_ARROW
+    for kind, point, force in replay.snapshot(tick).forces:
         reach = replay.scene.metres_per_newton * force
         if np.linalg.norm(reach) < 1e-3 or scene.ngeom >= scene.maxgeom:
             continue
         start, end = (point - reach, point) if kind == "push" else (point, point + reach)
         geom = scene.geoms[scene.ngeom]
         colour = np.array(ARROW_COLOURS[kind], dtype=np.float32)
-        arrow = mujoco.mjtGeom.mjGEOM_ARROW
         mujoco.mjv_initGeom(geom, arrow, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-        mujoco.mjv_connector(geom, arrow, 0.02 * com_height, start, end)
-        scene.ngeom += 1
-
-
-def _add_marker(scene: Any, kind: Any, size: tuple[float, float, float], place: Array, colour: Any) -> None:
-    if scene.ngeom < scene.maxgeom and np.isfinite(place).all():
-        mujoco.mjv_initGeom(
-            scene.geoms[scene.ngeom],
-            kind,
-            np.array(size),
-            np.array(place),
-            np.eye(3).ravel(),
-            np.array(colour, dtype=np.float32),
-        )
+        mujoco.mjv_connector(geom, arrow, 0.02 * replay.scene.com_height, start, end)
         scene.ngeom += 1
 
 

@@ -29,8 +29,11 @@ from wbc.sim.terrain import Terrain, add_to_spec
 READABLE = (".stl", ".obj")
 """Mesh formats that MuJoCo reads; coal reads the others."""
 
-NOT_BODIES = (f"{ROOT}/markers/", f"{ROOT}/forces/")
-"""Objects that films draw as geoms of the picture, not of the model."""
+FORCES, MARKERS = f"{ROOT}/forces/", f"{ROOT}/markers/"
+"""Objects that films draw as arrows of the picture, not of the model; and objects that lie on the ground."""
+
+MARKER_LIFT = 0.006
+"""Height of markers above where they are in the page, which draws them over everything, m."""
 
 _T = mujoco.mjtGeom
 
@@ -65,11 +68,11 @@ class MujocoScene:
         _light(spec, width, height)
         added = add_to_spec(spec, terrain)
         spec.geom(added.geoms[0]).material = "tiles"
-        self.shown = tuple(path for path in scene.moving if not path.startswith(NOT_BODIES))
+        self.shown = tuple(path for path in scene.moving if not path.startswith(FORCES))
         self._places = [scene.moving.index(path) for path in self.shown]
         owners = {path: spec.worldbody.add_body(name=path, mocap=True) for path in self.shown}
         for i, thing in enumerate(scene.objects):
-            if thing.path.startswith((f"{ROOT}/ground/", *NOT_BODIES)):
+            if thing.path.startswith((f"{ROOT}/ground/", FORCES)):
                 continue
             owner = next((owners[p] for p in self.shown if thing.path.startswith(p + "/")), spec.worldbody)
             _add(spec, owner, thing, i)
@@ -139,8 +142,9 @@ def _add(spec: mujoco.MjSpec, body: Any, thing: SceneObject, number: int) -> Non
     """Add a geom for an object."""
     rotation = np.zeros(4)
     mujoco.mju_mat2Quat(rotation, np.ascontiguousarray(thing.placement[:3, :3]).ravel())
+    lift = MARKER_LIFT if thing.path.startswith(MARKERS) else 0.0
     geom = body.add_geom(
-        pos=thing.placement[:3, 3],
+        pos=thing.placement[:3, 3] + (0.0, 0.0, lift),
         quat=rotation,
         rgba=thing.colour,
         contype=0,
