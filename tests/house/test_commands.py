@@ -92,4 +92,5 @@ def test_every_command_answers_help(words: str, capsys: pytest.CaptureFixture[st
     assert main([*words.split(), "--help"]) == RAN
     text = capsys.readouterr().out
     assert f"Usage: wbc {words}".strip() in text
+    assert len(text.splitlines()) <= 80, "what is turned first; the rest by --set and files"
     assert str(ROOT) not in re.sub(r"[\s│]", "", text), "a folder of this machine"
