@@ -18,9 +18,11 @@ from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
 from wbc.tasks.scheduling.policies import (
+    EdgePolicy,
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
+    PhasePolicy,
     StiffnessDecision,
     StiffnessPolicy,
     SwingScan,
@@ -68,9 +70,11 @@ __all__ = [
     "StiffnessPolicy",
     "SwingScan",
     "StiffnessDecision",
+    "EdgePolicy",
     "FixedPolicy",
     "GroundPolicy",
     "ModelPolicy",
+    "PhasePolicy",
     "stiffness_policy",
     "register_stiffness_policy",
 ]

@@ -84,6 +84,8 @@ class SoftDesign(Foot):
 
     Attributes:
         stiffness: k of the sole hinges, Nm/rad.
+        front_stiffness: k of the hinges in front of the phalanx that the frontal arch holds, Nm/rad: those of the toe,
+            which the stiffness of a variable sole then leaves alone. None for that of all hinges.
         damping: b of the sole hinges, Nms/rad. Below k ≈ 10 Nm/rad a damper of 2 carries more torque than the spring
             during a step; the public SoftFoot model has 0.04.
         damping_ratio: b of the sole hinges as a ratio of the critical damping at each stiffness, in place of `damping`;
@@ -116,6 +118,7 @@ class SoftDesign(Foot):
     """
 
     stiffness: Annotated[NonNegative, "Nm/rad"] = 5.0
+    front_stiffness: Annotated[NonNegative, "Nm/rad"] | None = None
     damping: Annotated[NonNegative, "Nms/rad"] = 2.0
     damping_ratio: Positive | None = None
     phalanges: Annotated[int, Field(ge=2, le=100)] = 10
@@ -151,11 +154,18 @@ class SoftDesign(Foot):
                 f"sole spheres of radius {self.contact.radius:g} m do not fit into phalanges "
                 f"{self.thickness:g} m thick"
             )
+        if self.front_stiffness is not None and self.loop_phalanx == 1:
+            raise InputError("a foot whose frontal arch holds the toe has no hinges for a front_stiffness")
         if self.loop_phalanx >= self.phalanges:
             raise InputError(
                 f"loop_phalanx must be an integer in [1, {self.phalanges - 1}] (the heel phalanx cannot "
                 f"close the loop), got {self.loop_phalanx}"
             )
+
+    @property
+    def front_hinges(self) -> int:
+        """Number of hinges, from the toe, that have `front_stiffness`."""
+        return 0 if self.front_stiffness is None else self.loop_phalanx - 1
 
     def damping_at(self, stiffness: float) -> float:
         """Return b of the sole hinges at a stiffness (Nm/rad), Nms/rad.

@@ -98,7 +98,7 @@ class SoftFootBuilder:
             contact_geoms=geoms,
             sole_joints=pitch_joints,
             transverse_joints=transverse_joints,
-            variable_joints=pitch_joints + (transverse_joints if follows else ()),
+            variable_joints=pitch_joints[self.foot.front_hinges :] + (transverse_joints if follows else ()),
             arch_joint=arch_joint,
             loop_sites=loop_sites,
             encoders=self._add_encoders(pitch_joints),
@@ -110,14 +110,18 @@ class SoftFootBuilder:
         """Add phalanx i (0 is the toe) with its hinge on the heel side; return its body and the origin of it."""
         foot, name = self.foot, part(self.side, f"phalanx_{i + 1}")
         origin = np.array(self.layout.hinges[i])
+        stiffness = foot.stiffness
+        if i < foot.front_hinges:
+            assert foot.front_stiffness is not None
+            stiffness = foot.front_stiffness
         body = parent.add_body(name=name, pos=origin - parent_origin)
         self._pitch.append(
             _add_hinge(
                 body,
                 f"{name}_pitch",
                 _LATERAL,
-                foot.stiffness,
-                foot.damping_at(foot.stiffness),
+                stiffness,
+                foot.damping_at(stiffness),
                 foot.armature,
             )
         )

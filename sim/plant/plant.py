@@ -329,6 +329,11 @@ class Plant:
         q[2] += lift - INITIAL_PRESS
         return q
 
+    @property
+    def joint_velocity(self) -> Array:
+        """True velocities of the actuated joints now, shape (na,), rad/s."""
+        return np.asarray(self.data.qvel[self._plant.joint_dof])
+
     def truth(self) -> GroundTruth:
         """Return the true state now; the same object until the next step."""
         if self._truth is None:

@@ -41,7 +41,7 @@ def over_bar(test: FootTest, height: float = 0.03) -> FootTest:
         test: Foot, load and place.
         height: Height of the bar, m.
     """
-    ground = terrain("cylinder_obstacles", height, yaw=0.0)
+    ground = terrain("cylinder_obstacles", height, yaw=0.0, ramp=0.0)
     if not ground.shapes:
         raise InputError("height of the bar (m) must be above zero")
     peak = max((shape.peak for shape in ground.shapes), key=lambda peak: float(peak[2]))

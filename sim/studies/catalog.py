@@ -60,13 +60,12 @@ ROUGH: dict[str, dict[str, Any]] = {
 """Rough grounds of the main table."""
 
 
-def rough_ground(seeds: int = 20, gains: str = "default") -> Study:
+def rough_ground(seeds: int = 20) -> Study:
     """Return walks of 3 m over rough ground, every sole with the same gait and gains: how many of 22 steps?"""
     return Study(
-        name="rough_ground" if gains == "default" else f"rough_ground_{gains}",
-        about="3 m over rough ground, the same gait and gains for all soles"
-        + ("" if gains == "default" else f" ({gains} gains)"),
-        base={"noise": "realistic", "plan": {"distance": 3.0}, "gains": gains},
+        name="rough_ground",
+        about="3 m over rough ground, the same gait and gains for all soles",
+        base={"noise": "realistic", "plan": {"distance": 3.0}},
         cells=tuple(
             Cell(cell_name(name, amplitude), {**values, "amplitude": amplitude})
             for name, values in ROUGH.items()
@@ -212,7 +211,6 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
     {
         "flat_floor": flat_floor,
         "rough_ground": rough_ground,
-        "rough_ground_legacy": lambda: rough_ground(gains="legacy"),
         "push_recovery": push_recovery,
         "stepping": stepping,
         "speed": speed,
@@ -226,9 +224,9 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "damping": damping,
         "oracle": oracle,
         "fig5": fig5,
-        "fig5_legacy": lambda: fig5(5, gains="legacy"),
+        "fig5_frizza": lambda: fig5(5, gains="frizza"),
         "table4": table4,
-        "table4_legacy": lambda: table4(10, gains="legacy"),
+        "table4_frizza": lambda: table4(10, gains="frizza"),
     },
 )
 """Studies by name."""

@@ -349,6 +349,12 @@ def rate_interval(events: int, time: float, *, confidence: float = CONFIDENCE) -
     return float(chi2.ppf(rest, 2 * count)) / 2.0 / time, float(chi2.isf(rest, 2 * count + 2)) / 2.0 / time
 
 
+def rate_text(events: int, time: float) -> str:
+    """Return a text such as "1.9 [1.2, 2.8]"; of no events the greatest rate that they leave, "≤ 0.2"."""
+    low, high = rate_interval(events, time)
+    return f"{events / time:.3g} [{low:.3g}, {high:.3g}]" if events else f"≤ {high:.3g}"
+
+
 def share_text(successes: int, trials: int) -> str:
     """Return a text such as "18 of 20 completed [68, 99] %"."""
     low, high = (100.0 * end for end in share_interval(successes, trials))

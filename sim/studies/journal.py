@@ -35,7 +35,7 @@ from pydantic_core import from_json
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, choose, shown_path
 from wbc.core.settings import settings, to_json
-from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.provenance import provenance, renamed
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 Status = Literal["done", "diverged", "timeout", "crashed"]
@@ -163,6 +163,7 @@ class Entries(Mapping[str, Entry]):
     def __getitem__(self, key: str) -> Entry:
         data = from_json(self._lines[key])
         del data["sum"], data["key"]
+        data["version"] = renamed(data["version"])
         entry = object.__new__(Entry)  # its values were checked before the line was written
         entry.__dict__.update(data)
         return entry

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
+import re
 from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
@@ -29,18 +31,45 @@ LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 """Libraries that compute."""
 
 
+RENAMED = {
+    "8b193a0eeb39": "da5fd04521c0",  # bfaee90
+    "e7a4d1f354f6": "05534fa07e8f",  # d424345
+    "7d889c658921": "3610f3b9423b",  # f15855e
+}
+"""Hashes of the bytes of the sources, in journals of earlier versions → `code_version` of the same sources."""
+
+_EMPTY = re.compile(r"(, )?\w+=\[\]")
+"""Empty lists in a dumped syntax tree: which are written differs between versions of Python."""
+
+
 @cache
 def code_version() -> str:
-    """Return the hash of all sources that can change the result of a trial, 12 hex digits; needs no version control."""
+    """Return the hash of all sources that can change the result of a trial, 12 hex digits; needs no version control.
+
+    Of a module its abstract syntax is hashed: comments, docstrings, layout and the name of its file do not count.
+    """
     root = Path(str(version.__file__)).parent
-    digest = hashlib.sha256()
-    for part in PARTS:
-        folder = root / part
-        for path in sorted(p for p in folder.rglob("*") if _computes(p.relative_to(root).parts)):
-            digest.update(f"{part}/{path.relative_to(folder).as_posix()}\0".encode())
-            digest.update(path.read_bytes())
-            digest.update(b"\0")
-    return digest.hexdigest()[:12]
+    paths = (path for part in PARTS for path in (root / part).rglob("*"))
+    found = sorted(_hash(path) for path in paths if _computes(path.relative_to(root).parts))
+    return hashlib.sha256("".join(found).encode()).hexdigest()[:12]
+
+
+def _hash(path: Path) -> str:
+    """Return the hash of a source, hex digits: of the abstract syntax of a module, of the bytes of another file."""
+    content = path.read_bytes()
+    if path.suffix == ".py":
+        tree = ast.parse(content)
+        for node in ast.walk(tree):
+            if isinstance(getattr(node, "body", None), list):
+                node.body = [each for each in node.body if not _is_text(each)]  # type: ignore[attr-defined]
+        content = _EMPTY.sub("", ast.dump(tree)).encode()
+    return hashlib.sha256(content).hexdigest()
+
+
+def _is_text(statement: ast.AST) -> bool:
+    """Return True for a statement that is a text alone, as docstrings are."""
+    value = statement.value if isinstance(statement, ast.Expr) else None
+    return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
 
 def _computes(parts: tuple[str, ...]) -> bool:
@@ -66,13 +95,19 @@ def differences(version: Mapping[str, Any]) -> list[str]:
     Args:
         version: The other one, as `provenance` gave it.
     """
-    there, here = ({**v, **v.get("libraries", {})} for v in (version, provenance()))
+    there, here = ({**v, **v.get("libraries", {})} for v in (renamed(version), provenance()))
     names = [name for name in {**here, **there} if name != "libraries"]
     return [
         f"{name} {there.get(name, 'unknown')} instead of {here.get(name, 'none')}"
         for name in names
         if there.get(name) != here.get(name)
     ]
+
+
+def renamed(version: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a version as `provenance` gives it today, also that of an earlier journal."""
+    code = version.get("code")
+    return {**version, "code": RENAMED[code]} if code in RENAMED else version
 
 
 def _version(name: str) -> str:

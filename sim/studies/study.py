@@ -109,6 +109,7 @@ class Study:
         seeds: Seeds that every arm is tried with in every cell.
         metric: Part of a result that the table is about, such as "steps_done" or "zmp_error.mean".
         reference: Arm that the others are compared with; the first one when None.
+        decision: Rule by which the walks decide, written before they are walked; None for an exploratory study.
     """
 
     name: str
@@ -120,6 +121,7 @@ class Study:
     seeds: tuple[Seed, ...]
     metric: str | None = None
     reference: str | None = None
+    decision: str | None = None
 
     def __post_init__(self) -> None:
         choose("kind of trial", self.kind, METRICS)
@@ -333,7 +335,7 @@ def left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool = Fal
     reasons: Counter[str] = Counter()
     versions: Counter[str] = Counter()
     for key, entry in entries.items():
-        if key in used:
+        if key in used or entry.key in used:
             continue
         spec = next(iter(by_spec([entry])), None)
         if spec is None:

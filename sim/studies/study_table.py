@@ -1,4 +1,4 @@
-"""Tables of a study: means with intervals, paired differences, outcomes; and its rows for a spreadsheet."""
+"""Tables of a study: means, paired differences, falls by cause and loads; and its rows for a spreadsheet."""
 
 from __future__ import annotations
 
@@ -17,14 +17,34 @@ from wbc.sim.studies.intervals import (
     equivalence,
     holm,
     mean_interval,
-    paired_difference,
     pairs_of,
+    rate_text,
     share_interval,
     share_text,
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, canonical
 from wbc.sim.studies.study import ALL, METRICS, Study, StudyTrial, study_entries
+
+CAUSES = ("forward", "sideways", "backward", "dropped")
+"""Causes of falls, as tables count them."""
+
+_CAUSE = dict.fromkeys(("left", "right", "outward", "inward"), "sideways")
+"""Cause of a fall, or in walks before version 9 its direction seen from the stance foot → cause in a table."""
+
+BESIDE = {
+    "impact": ("landing peak (x weight)", 1.0),
+    "zmp_error.mean": ("ZMP error (mm)", 1e3),
+    "contact_area.mean": ("contact area (cm²)", 1e4),
+    "cost_of_transport": ("cost of transport", 1.0),
+}
+"""Parts of the result of a walk that stand beside its steps: title and factor."""
+
+EXPLORATORY = "Exploratory: the study has no rule of decision."
+"""Line above the table of a study that says after its walks what they were to decide."""
+
+FAMILIES = 8
+"""Least number of families of grounds that are the clusters of a row; with fewer the layouts are."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +63,10 @@ class TableCell:
         statuses: Status of the trials → number; "missing" have not been run.
         outcomes: Outcome of the walks → number.
         completed: Share of completed walks: ends of its exact interval; None without walks.
-        fall_reasons: Reason of the falls → number.
-        directions: Direction in which falls began → number.
+        falls: Cause of the falls → number; empty without walks.
+        steps: Number of steps of all walks: the time at risk.
+        beside: Part of `BESIDE` → mean, over the same walks as the estimate.
+        clusters: What is drawn for the intervals: "families", with all of their layouts, or "layouts".
     """
 
     row: str
@@ -57,8 +79,10 @@ class TableCell:
     statuses: dict[str, int]
     outcomes: dict[str, int]
     completed: tuple[float, float] | None
-    fall_reasons: dict[str, int]
-    directions: dict[str, int]
+    falls: dict[str, int]
+    steps: int
+    beside: dict[str, float]
+    clusters: str
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain values."""
@@ -109,24 +133,51 @@ class StudyTable:
         return {(cell.row, cell.arm): cell for cell in self.cells}
 
     def markdown(self) -> str:
-        """Return three tables: means, paired differences, outcomes; in brackets the number of trials or pairs."""
+        """Return the rule of decision and three tables: means, paired differences, falls by cause and loads."""
         arms, cells = list(self.study.arms), self.by_name
         which = ", completed walks alone" if self.completed_only else ""
+        over = cells[self.rows[-1], arms[0]].clusters if (self.rows[-1], arms[0]) in cells else "layouts"
         parts = [
-            f"{self.metric}{which}: mean [95 % interval]\n\n" + _grid(self.rows, arms, cells, _mean_text)
+            f"Decision: {self.study.decision}" if self.study.decision else EXPLORATORY,
+            f"{self.metric}{which}: mean, in the last row [95 % interval over {over}] (trials)\n\n"
+            + _grid(
+                self.rows, arms, cells, lambda cell: _mean_text(cell, interval=cell.row == self.rows[-1])
+            ),
         ]
         if len(arms) > 1:
             title = (
-                f"Difference to '{self.reference}' on the same layouts: mean [95 % interval]; * p < 5 % after Holm's "
-                "correction for all rows and arms"
+                f"Difference to '{self.reference}' on the same layouts: mean [95 % interval over layouts, in the last "
+                f"row over {over}] (pairs); * p < 5 % after Holm's correction for all rows and arms"
             )
             if self.margin is not None:
                 title += f"; = smaller than {self.margin:g} (two one-sided tests, 5 %)"
             others = [arm for arm in arms if arm != self.reference]
             parts.append(title + "\n\n" + _grid(self.rows, others, cells, _difference_text))
-        if any(cell.outcomes for cell in self.cells):
-            parts.append("How they ended\n\n" + _grid(self.rows, arms, cells, _ending_text))
-        return "\n\n".join(parts)
+        return "\n\n".join([*parts, self.ends()])
+
+    def ends(self) -> str:
+        """Return how the walks of each arm ended: completed, falls per 1,000 steps by cause, loads; what was lost."""
+        arms = {
+            arm: self.by_name[self.rows[-1], arm]
+            for arm in self.study.arms
+            if (self.rows[-1], arm) in self.by_name
+        }
+        beside = [name for name in BESIDE if any(name in cell.beside for cell in arms.values())]
+        lines, lost = [], []
+        for arm, cell in arms.items():
+            if total := sum(cell.outcomes.values()):
+                falls = [rate_text(cell.falls.get(cause, 0), cell.steps / 1e3) for cause in CAUSES]
+                loads = [f"{BESIDE[n][1] * cell.beside[n]:.3g}" if n in cell.beside else "–" for n in beside]
+                done = share_text(cell.outcomes.get("completed", 0), total).replace(" completed", "")
+                lines.append(f"| {' | '.join((arm, done, *falls, *loads))} |")
+            others = {**cell.outcomes, **cell.statuses}
+            names = ("strayed", "unfinished", "diverged", "timeout", "crashed", "missing")
+            lost += [f"{others[name]} of '{arm}' {name}" for name in names if others.get(name)]
+        head = ("", "completed", *CAUSES, *(BESIDE[name][0] for name in beside))
+        title = "Falls per 1,000 steps by cause [95 %, exact Poisson], and means of what stands beside them"
+        table = [f"| {' | '.join(head)} |", "|---|" + "---|" * (len(head) - 1), *lines]
+        text = title + "\n\n" + "\n".join(table) if lines else ""
+        return "\n\n".join(part for part in (text, "; ".join(lost)) if part)
 
 
 def _grid(
@@ -142,8 +193,9 @@ def _grid(
     return "\n".join(lines)
 
 
-def _mean_text(cell: TableCell) -> str:
-    return f"{cell.estimate.text()} ({cell.estimate.n})"
+def _mean_text(cell: TableCell, *, interval: bool) -> str:
+    mean = cell.estimate.text() if interval else cell.estimate.text().partition(" ")[0]
+    return f"{mean} ({cell.estimate.n})"
 
 
 def _difference_text(cell: TableCell) -> str:
@@ -154,41 +206,55 @@ def _difference_text(cell: TableCell) -> str:
     return f"{cell.difference.text()} ({cell.difference.n}){marks and ' ' + marks}"
 
 
-def _ending_text(cell: TableCell) -> str:
-    total = sum(cell.outcomes.values())
-    parts = [share_text(cell.outcomes.get("completed", 0), total) if total else "0 of 0 completed"]
-    parts += [f"{n} {reason}" for reason, n in sorted(cell.fall_reasons.items(), key=lambda item: -item[1])]
-    parts += [f"{n} {direction}" for direction, n in sorted(cell.directions.items(), key=lambda i: -i[1])]
-    parts += [
-        f"{cell.outcomes[name]} {name}" for name in ("strayed", "unfinished") if cell.outcomes.get(name)
-    ]
-    bad = ("diverged", "timeout", "crashed", "missing")
-    parts += [f"{cell.statuses[name]} {name}" for name in bad if cell.statuses.get(name)]
-    return ", ".join(parts)
-
-
 @dataclass
 class _Column:
     """Results of one arm in one row, while they are collected."""
 
     values: dict[Hashable, float] = field(default_factory=dict)  # (cell, seed) → metric
-    layouts: dict[Hashable, Hashable] = field(default_factory=dict)  # (cell, seed) → ground and seed
+    results: dict[Hashable, Mapping[str, Any]] = field(default_factory=dict)  # (cell, seed) → result
     statuses: Counter[str] = field(default_factory=Counter)
     outcomes: Counter[str] = field(default_factory=Counter)
-    reasons: Counter[str] = field(default_factory=Counter)
-    directions: Counter[str] = field(default_factory=Counter)
+    falls: Counter[str] = field(default_factory=Counter)
+    steps: int = 0
 
-    def count(self, entry: Entry | None) -> None:
+    def count(self, pair: Hashable, entry: Entry | None) -> None:
         """Count status, outcome and fall of a trial."""
         self.statuses["missing" if entry is None else entry.status] += 1
         result = None if entry is None or entry.status != "done" else entry.result
         if result is None or result.get("outcome") is None:
             return
+        self.results[pair] = result
         self.outcomes[result["outcome"]] += 1
-        if result.get("fall_reason"):
-            self.reasons[result["fall_reason"]] += 1
-        if result.get("fall"):
-            self.directions[result["fall"]["direction"]] += 1
+        self.steps += result.get("steps_done", 0)
+        if (cause := cause_of(result)) is not None:
+            self.falls[cause] += 1
+
+    def beside(self, pairs: Sequence[Hashable]) -> dict[str, float]:
+        """Return the means of what stands beside the metric, over some trials."""
+        found = {name: [_measured(self.results.get(pair, {}), name) for pair in pairs] for name in BESIDE}
+        known = {name: [v for v in values if v is not None] for name, values in found.items()}
+        return {name: sum(values) / len(values) for name, values in known.items() if values}
+
+
+def cause_of(result: Mapping[str, Any]) -> str | None:
+    """Return the cause of the fall of a walk, one of `CAUSES`; None without a fall.
+
+    Args:
+        result: Result of the walk, also of a version before 9, which had a direction seen from the stance foot.
+    """
+    fall = result.get("fall")
+    if not fall:
+        return None
+    name = "dropped" if fall.get("reason") == "height" else fall.get("cause") or fall["direction"]
+    return _CAUSE.get(name, name)
+
+
+def _measured(result: Mapping[str, Any], name: str) -> float | None:
+    """Return a number of a result by its dotted name; None where it was not measured."""
+    value: Any = result
+    for key in name.split("."):
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return None if value is None else float(value)
 
 
 @checked
@@ -206,8 +272,9 @@ def study_table(
 
     Trials that diverged, crashed or timed out are counted, and enter no mean. In a row of several cells, means are over
     the grounds (cell and seed) that all its arms have, so that missing walks favour no arm; differences are over the
-    grounds that an arm and the reference have. Intervals are those of layouts: cells that differ in the gait, say, walk
-    the same layouts, which are drawn together.
+    grounds that an arm and the reference have. Intervals are over the layouts: cells that differ in the gait, say, walk
+    the same layouts, which are drawn together. In a row of eight families or more the families are drawn, each with
+    all of its layouts: what holds on these grounds is one question, what holds on grounds another.
 
     Args:
         study: The study.
@@ -226,19 +293,21 @@ def study_table(
     reference = study.reference or next(iter(study.arms))
     columns: dict[tuple[str, str], _Column] = {}
     members: dict[str, set[str]] = {}  # row → its cells
+    layouts: dict[Hashable, Hashable] = {}  # (cell, seed) → ground and seed
+    families: dict[Hashable, Hashable] = {}
     trials = list(study_entries(study, entries, any_code=any_code))
     reach = reach_of((entry for _, entry in trials), name)
     for trial, entry in trials:
         row = _row(trial, by) if len(by) else trial.cell
         value = value_of(entry, name, completed_only=completed_only)
-        layout = layout_of(trial.plain)
+        pair = trial.cell, trial.seed
+        layouts[pair], families[pair] = layout_of(trial.plain), trial.plain.get("terrain")
         for title in (row, ALL):
             members.setdefault(title, set()).add(trial.cell)
             column = columns.setdefault((title, trial.arm), _Column())
-            column.count(entry)
+            column.count(pair, entry)
             if value is not None:
-                column.values[trial.cell, trial.seed] = value
-                column.layouts[trial.cell, trial.seed] = layout
+                column.values[pair] = value
     rows = [row for row in members if row != ALL]
     if len(rows) > 1:
         rows.append(ALL)
@@ -248,29 +317,35 @@ def study_table(
         common = _common(in_row) if len(members[row]) > 1 else None
         base = in_row[reference].values if reference in in_row else {}
         for arm, column in in_row.items():
-            values, layouts = column.values, column.layouts
+            values = column.values
             counted = [pair for pair in values if common is None or pair in common]
+            many = len({families[pair] for pair in counted}) >= FAMILIES
+            of = families if many else layouts
             differences = {} if arm == reference else pairs_of(values, base)
-            compared = list(differences.values()), [layouts[pair] for pair in differences]
+            compared = list(differences.values()), [of[pair] for pair in differences]
             total, done = sum(column.outcomes.values()), column.outcomes["completed"]
             cells.append(
                 TableCell(
                     row=row,
                     arm=arm,
                     estimate=mean_interval(
-                        [values[pair] for pair in counted], [layouts[pair] for pair in counted]
+                        [values[pair] for pair in counted], [of[pair] for pair in counted]
                     ),
-                    difference=None if arm == reference else paired_difference(values, base, layouts=layouts),
+                    difference=None if arm == reference else mean_interval(*compared),
                     p=sign_flip_p(*compared) if differences else None,
                     p_corrected=None,
-                    equivalence=equivalence(compared[0], margin, compared[1], reach=reach)
+                    equivalence=equivalence(
+                        compared[0], margin, [layouts[pair] for pair in differences], reach=reach
+                    )
                     if differences and margin is not None
                     else None,
                     statuses=dict(column.statuses),
                     outcomes=dict(column.outcomes),
                     completed=share_interval(done, total) if total else None,
-                    fall_reasons=dict(column.reasons),
-                    directions=dict(column.directions),
+                    falls=dict(column.falls),
+                    steps=column.steps,
+                    beside=column.beside(counted),
+                    clusters="families" if many else "layouts",
                 )
             )
     corrected = holm([None if cell.row == ALL else cell.p for cell in cells])

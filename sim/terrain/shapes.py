@@ -9,7 +9,7 @@ the ray direction +z.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -332,6 +332,24 @@ class Pyramid(Polytope):
         base = np.append(self.apex[:2], self.floor)
         offsets = [*(slant @ self.apex), *(out @ base + self.side / 2.0), self.depth - self.floor]
         return np.column_stack([normals, offsets])
+
+
+_PLACES = ("position", "start", "end", "apex")
+"""Fields of solids that are points."""
+
+
+def lowered(shape: Shape, drop: float) -> Shape:
+    """Return a solid at a lower place.
+
+    Args:
+        shape: A solid that is a dataclass with its place in fields such as "position".
+        drop: Distance down, m; up where it is negative.
+    """
+    down = np.array([0.0, 0.0, drop])
+    moved = {name: getattr(shape, name) - down for name in _PLACES if hasattr(shape, name)}
+    if isinstance(shape, Pyramid):
+        moved["floor"] = shape.floor - drop
+    return replace(shape, **moved)  # type: ignore[type-var]  # its subclasses are dataclasses
 
 
 def yaw_rotation(yaw: float) -> Array:

@@ -24,9 +24,13 @@ from wbc.sim.terrain.families.draws import Draws
 from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
 from wbc.sim.terrain.heightmap import HeightMap
-from wbc.sim.terrain.shapes import Box, Shape
+from wbc.sim.terrain.shapes import Box, Shape, lowered
 
 Rendering = Literal["auto", "geoms", "height_field"]
+
+RAMP = 0.5
+"""Default length over which heights grow from 0, m: about three steps. A strip that begins with an edge as high as the
+ground fells soft soles there, whatever comes after."""
 
 SOLE_SPHERE_RADIUS = 0.007
 """Radius of the soft sole's contact spheres, m (half the height of its 14 mm phalanges)."""
@@ -71,6 +75,8 @@ class Terrain:
         width: Extent of rough part and strips across, centred on y = 0, m.
         start: World x of the start of the rough part, m.
         strip: Length of the flat strip before and after the rough part, m.
+        ramp: Length of the first piece of the rough part, on which heights grow from 0 to their own, m; solids sink
+            by the share of their middle. 0 for a sharp edge. The amplitude is that without the ramp.
         rendering: "geoms" (solids), "height_field", or "auto": solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
         sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
@@ -83,6 +89,7 @@ class Terrain:
     width: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 1.0
     start: Annotated[float, Field(ge=-LONGEST_TRACK, le=LONGEST_TRACK), "m"] = 0.3
     strip: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 1.0
+    ramp: Annotated[NonNegative, Field(le=LONGEST_TRACK), "m"] = RAMP
     rendering: Rendering = "auto"
     resolution: Annotated[Positive, "m"] | None = None
     sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
@@ -99,12 +106,19 @@ class Terrain:
                 f"amplitude of {self.name} must be 0 or at least {LEAST_AMPLITUDE:g} m, got {self.amplitude:g}"
             )
         self.parameters.check_track(self.length, self.width)
+        if self.ramp > 0.0 and not self.parameters.ramps:
+            raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
         self._check_rendering()
         self._check_size()
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields alone: the surface is built again."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @staticmethod
+    def default_ramp(parameters: Family) -> float:
+        """Return the length of the ramp of a family by default, m."""
+        return parameters.track().get("ramp", RAMP)
 
     @property
     def name(self) -> str:
@@ -242,7 +256,18 @@ class Terrain:
                 f"terrain family '{self.name}' built {built:g} m for an amplitude of {self.amplitude:g} m"
             )
         self._stays_inside(Ground(floor, shapes), max(floor, family.stop(site)))
-        return Ground(floor, shapes, self._strips(0.0, family.stop(site), floor))
+        return Ground(floor, self._sunk(Ground(floor, shapes)), self._strips(0.0, family.stop(site), floor))
+
+    def _share(self, x: Array) -> Array:
+        """Return the share of their heights that points have by the ramp, at world x (m)."""
+        return np.clip((x - self.start) / self.ramp, 0.0, 1.0) if self.ramp > 0.0 else np.ones_like(x)
+
+    def _sunk(self, ground: Ground) -> tuple[Shape, ...]:
+        """Return the solids of a ground, those of the ramp sunk by the share of their middle."""
+        boxes = np.array([shape.box for shape in ground.shapes]).reshape(-1, 4)
+        x, y = (boxes[:, 0] + boxes[:, 1]) / 2.0, (boxes[:, 2] + boxes[:, 3]) / 2.0
+        drops = (1.0 - self._share(x)) * ground.height(x, y)
+        return tuple(s if d == 0.0 else lowered(s, d) for s, d in zip(ground.shapes, drops, strict=True))
 
     def _stays_inside(self, ground: Ground, stop: float) -> None:
         """Check along a line just outside the rough part that no solid sticks out of floor and strips."""
@@ -258,6 +283,9 @@ class Terrain:
         if self.amplitude == 0.0:
             return Ground(0.0)
         field, start, stop = family.build(self.site(), self.cell)
+        if self.ramp > 0.0:
+            share = self._share(np.linspace(field.x0, field.x1, field.z.shape[1]))
+            field, stop = replace(field, z=field.z * share), stop * float(share[-1])
         floor = float(field.z.min()) - FLOOR_GAP
         return Ground(floor, (), self._strips(start, stop, floor), field)
 
@@ -348,6 +376,7 @@ class Terrain:
             "length_m": self.length,
             "width_m": self.width,
             "strip_m": self.strip,
+            "ramp_m": self.ramp,
             "unidirectional": self.parameters.unidirectional,
             "rise_m": self.parameters.rise_at(self.amplitude),
             "rendering": "geoms" if map_ is None else "height_field",
@@ -379,6 +408,7 @@ def terrain(
     width: float | None = None,
     start: float | None = None,
     strip: float | None = None,
+    ramp: float | None = None,
     rendering: Rendering = "auto",
     resolution: float | None = None,
     sole_radius: float = SOLE_SPHERE_RADIUS,
@@ -394,6 +424,7 @@ def terrain(
         width: Extent across, m; 1 m (or the image's) when None.
         start: x at which the rough part begins, m; 0.3 m when None.
         strip: Length of the flat strips, m; 1 m when None.
+        ramp: Length on which heights grow from 0 to their own, m; 0 for a sharp edge, that of the family when None.
         rendering: "geoms", "height_field" or "auto"; see `Terrain`.
         resolution: Greatest cell of a height field, m.
         sole_radius: Radius of the spheres under the sole, m.
@@ -404,7 +435,7 @@ def terrain(
         InputError: A value is out of range.
     """
     parameters = make_family(name, params) if isinstance(name, str) else replace(name, **params)
-    given = {"length": length, "width": width, "start": start, "strip": strip}
+    given = {"length": length, "width": width, "start": start, "strip": strip, "ramp": ramp}
     track = parameters.track() | {key: value for key, value in given.items() if value is not None}
     height = parameters.default_amplitude if amplitude is None else amplitude
     return Terrain(

@@ -91,6 +91,7 @@ class WalkMeter:
         self._limits = np.asarray(plant.description.torque_limit)
         self._torque, self._peak, self._ratio = (np.zeros(plant.robot.na) for _ in range(3))
         self._effort: list[float] = []
+        self.work = 0.0  # of the joints, the negative counted as positive, J
         self._impact: float | None = None
         self._impact_until = -math.inf
         self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
@@ -112,9 +113,10 @@ class WalkMeter:
         self._record_stance(progress, dcm_error)
 
     def after_step(self) -> None:
-        """Record the joint torques, after the plant has moved on."""
+        """Record torques and work of the joints, after the plant has moved on."""
         torque, ratio = np.abs(self._plant.joint_torque, out=self._torque), self._ratio
         np.maximum(self._peak, torque, out=self._peak)
+        self.work += float(torque @ np.abs(self._plant.joint_velocity)) * self._plant.control_period
         np.divide(torque, self._limits, out=ratio)
         self._effort.append(float(ratio[ratio.argmax()]))
 
@@ -198,10 +200,12 @@ class WalkMeter:
         x, y = self._plant.data.qvel[:2].tolist()
         way = onset.seen(x, y) if onset.dcm is None else onset.dcm
         forward, outward, roll, pitch = (value + 0.0 for value in (*way, *onset.tilt))  # no -0.0
-        if abs(outward) >= abs(forward):
-            direction = "outward" if outward > 0.0 else "inward"
+        if reason == "height":
+            cause = "dropped"
+        elif abs(outward) >= abs(forward):
+            cause = "left" if (outward > 0.0) == (onset.stance == 0) else "right"
         else:
-            direction = "forward" if forward > 0.0 else "backward"
+            cause = "forward" if forward > 0.0 else "backward"
         return Fall(
             reason,
             self._plant.time,
@@ -211,7 +215,7 @@ class WalkMeter:
             onset.share,
             None if onset.dcm is None else forward,
             None if onset.dcm is None else outward,
-            direction,
+            cause,
             roll,
             pitch,
         )

@@ -7,26 +7,23 @@ from typing import Any
 
 from wbc.core.registry import Registry
 
-PAPER_GAINS = {"gains.dcm_p": 3.4, "gains.dcm_d": 2.1}
-"""Gains of the paper's stabilizer, tuned on a flat floor: kP (1/s) and kD (section IV-B, Table II)."""
-
 FAST_LANDING = {"apex": 0.5, "landing_height": 0.0, "landing_speed": 0.05}
 """Swing of mc_rtc: the highest point in the middle, no slow part before the landing."""
 
 FRIZZA: Mapping[str, Any] = {
     "foot": "paper",
-    "gains": "legacy",
+    "terrain": "random",
+    "gains": "frizza",
     "gait": {"single_support": 0.8, "double_support": 0.3, "swing_height": 0.06, **FAST_LANDING},
     "plan": {"distance": 3.0},
     "changes": {
-        **PAPER_GAINS,
         "stiffness.decide_at": 0.75,
         "stiffness.early_landing": 0.0,
         "stiffness.deadline": 0.0,
     },
 }
-"""The paper's walk: mc_rtc's plain law with the paper's gains, the paper's foot (0 to 80 Nm/rad, set at once), the scan
-evaluated at 75 % of the single support.
+"""The paper's walk: its law and gains, its foot (0 to 80 Nm/rad, set at once), the scan evaluated at 75 % of the single
+support, over a unidirectional ground as in its experiment 1.
 
 Source: gains, foot and time of the decision from the paper, sections II, IV-B and IV-C; phases and swing height from
 the public configuration of its authors' controller (22 steps of 0.145 m are the paper's 3 m)."""

@@ -51,8 +51,9 @@ class Fall:
         share: Share of that phase that was over.
         dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference; None without a stabilizer.
         dcm_outward: Excursion over the stance foot to the outside, m; likewise.
-        direction: The larger of both, or without them of the pelvis' true velocity: forward, backward, outward or
-            inward.
+        cause: "dropped" where the pelvis sank; else the direction of the larger excursion, or without them of the
+            pelvis' true velocity, seen from the stance foot: "forward", "backward", "left" or "right". A simulation
+            that diverged is no fall.
         sole_roll: Tilt of the stance sole across, rad.
         sole_pitch: Tilt of the stance sole along, toe down positive, rad.
     """
@@ -65,7 +66,7 @@ class Fall:
     share: float
     dcm_forward: float | None
     dcm_outward: float | None
-    direction: str
+    cause: str
     sole_roll: float
     sole_pitch: float
 
@@ -128,6 +129,8 @@ class WalkResult:
         dcm_error_max: m.
         peak_torque_ratio: Greatest joint torque over its limit, at the ends of the control periods.
         peak_torque_joint: Joint of that torque.
+        cost_of_transport: Mechanical work of the joints, ∑ |τ q̇| over control periods, over weight and distance
+            between start and end; None for a robot that is less than 0.05 m from its start.
         torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
         touchdowns: Numbers of touch-downs.
         impact: Greatest normal force on a foot from 0.05 s before its touch-down was detected until 0.1 s after, over
@@ -170,6 +173,7 @@ class WalkResult:
     dcm_error_max: float | None
     peak_torque_ratio: float
     peak_torque_joint: str
+    cost_of_transport: float | None
     torque_ratio: Spread
     touchdowns: Touchdowns
     impact: float | None

@@ -13,6 +13,7 @@ from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
+from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.pattern.preview import PreviewSettings
@@ -21,8 +22,16 @@ from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
 from wbc.walking.walk import WalkSettings
 
-PRESETS = ("default", "legacy")
-"""Names of presets: the best settings on all soles, and mc_rtc's plain law."""
+PRESETS = ("default", "frizza", "no_bias")
+"""Names of presets: the best settings on all soles, the law of the paper, and the same without bias estimate, with the
+gains of mc_rtc."""
+
+NO_BIAS = {"legacy": "no_bias"}
+"""Names of presets in specs of walks before version 9."""
+
+PAPER_GAINS = {"dcm_p": 3.4, "dcm_i": 0.0, "dcm_d": 2.1}
+"""Gains of the paper's stabilizer: kP (1/s) and kD of its data set, tuned on a flat floor, and kI = 0 because a bias
+estimator takes its place (sections II-C and IV-B, Table II)."""
 
 Law = Literal["lipm", "stepping"]
 """Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes."""
@@ -55,21 +64,23 @@ class TrialSettings(WalkingControlSettings):
     def preset(name: str) -> TrialSettings:
         """Return settings by name.
 
-        "legacy" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift on
-        time whatever their load, no step adjustment, an upright trunk, no bias estimated. Touch-downs are
-        detected as in "default": a walk over unknown ground needs it.
+        "no_bias" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift on
+        time whatever their load, no step adjustment, an upright trunk, no bias estimated. "frizza" is the paper's:
+        the same with mc_rtc's estimator of the DCM's bias and the gains of `PAPER_GAINS`. Touch-downs are detected as
+        in "default": a walk over unknown ground needs it.
 
         Raises:
             UnknownNameError: No such preset.
         """
         if choose("gains", name, PRESETS) == "default":
             return TrialSettings()
+        paper, plain = name == "frizza", StabilizerGains.legacy()
         return TrialSettings(
             feedforward=False,
-            gains=StabilizerGains.legacy(),
+            gains=replace(plain, **PAPER_GAINS) if paper else plain,
             distribution=DistributionSettings.legacy(),
             lean=None,
-            bias=None,
+            bias=BiasSettings() if paper else None,
             walk=WalkSettings(
                 preview=PreviewSettings(),
                 phases=replace(PhaseSettings(), lift_off=1.0, stance=0.0, max_wait=0.0),

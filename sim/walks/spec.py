@@ -26,10 +26,12 @@ from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.scenes import Scene, make_scene
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.terrain.spec import RAMP
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.push import WalkPush
 from wbc.sim.walks.settings import (
+    NO_BIAS,
     Law,
     SteppingTrialSettings,
     TrialSettings,
@@ -56,6 +58,12 @@ SEED_LIMIT = 2**63
 SOURCE = "source"
 """Parameter of a ground for the file that it is read from."""
 
+RAMP_NAME = "ramp"
+"""Parameter of a ground for the length of its ramp: always in a written spec."""
+
+_WHOLE = ("terrain", "terrain_params", "noise_seed", "control_period", "timestep", "start")
+"""Some of the names that every spec has that was written by a program, and hardly one that was written by hand."""
+
 
 @settings(kw_only=True)
 class WalkSpec:
@@ -73,7 +81,7 @@ class WalkSpec:
         policy_params: Parameters of the policy: stiffness=5, path=model.json, of an oracle stones=5.
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
-        terrain_params: Parameters of the ground, and length, width, start, strip, rendering.
+        terrain_params: Parameters of the ground, and length, width, start, strip, ramp, rendering.
         scene: What stands on the ground, one that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
@@ -89,7 +97,7 @@ class WalkSpec:
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
         law: lipm plans footsteps, stepping decides place and time of each as it goes.
-        gains: Preset of settings: "default" or "legacy".
+        gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
         pushes: Pushes on the way.
@@ -254,6 +262,7 @@ class WalkSpec:
             del data["law"]
         for name in ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes"):
             data[name] = dict(data[name])
+        data["terrain_params"][RAMP_NAME] = self.ground().ramp
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}
         if self.policy is None:
             del data["policy"], data["policy_params"]
@@ -265,13 +274,25 @@ class WalkSpec:
     def from_json(data: Mapping[str, Any]) -> WalkSpec:
         """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default.
 
+        The grounds of a whole spec without a ramp, as those of walks before version 9, begin with a sharp edge.
+
         Raises:
             UnknownNameError: A key that a spec does not have.
             InputError: A value that cannot be used.
         """
         values = dict(data)
         choose("kind of trial", values.pop("kind", WalkSpec.kind), (WalkSpec.kind,))
-        return from_json(WalkSpec, values)
+        if "gains" in values:
+            values["gains"] = NO_BIAS.get(str(values["gains"]), values["gains"])
+        return from_json(WalkSpec, with_ramp(values))
+
+
+def with_ramp(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return plain values of a spec, with the sharp edge of its ground said if a walk before version 9 wrote them."""
+    params = data.get("terrain_params")
+    if not (set(_WHOLE) <= set(data) and isinstance(params, Mapping)) or RAMP_NAME in params:
+        return data
+    return {**data, "terrain_params": {RAMP_NAME: RAMP if data["terrain"] == "flat" else 0.0, **params}}
 
 
 @lru_cache(maxsize=256)
@@ -298,6 +319,9 @@ def _as_used(ground: Terrain, params: Changes) -> Changes:
         if name in (SOURCE, CONTENT)
         else getattr(ground.parameters, name, getattr(ground, name, value))
         for name, value in params
+        if name != RAMP_NAME
+        or ground.name != "flat"
+        and ground.ramp != ground.default_ramp(ground.parameters)
     }
     source = values.get(SOURCE)
     if isinstance(source, str):

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, choose
 from wbc.core.estimation.observer import Observer
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
@@ -41,6 +41,9 @@ from wbc.walking.progress import WalkingLike
 from wbc.walking.stepping.control import SteppingControl
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
+LEAST_WAY = 0.05
+"""Shortest distance for which a cost of transport is told, m."""
+
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 
@@ -288,13 +291,15 @@ class WalkTrial:
         return math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
     def _travel(self, arrival: Arrival | None) -> dict[str, Any]:
-        """Return the true displacement of the feet, their distance from the goal, and the error of the heading."""
+        """Return the true displacement of the feet, what it cost, and the true errors of goal and heading."""
         q = self.plant.data.qpos
         if not np.isfinite(q[:7]).all():
-            return dict.fromkeys(("distance", "drift", "yaw_error", "goal_error"), math.nan)
+            found = dict.fromkeys(("distance", "drift", "yaw_error", "goal_error"), math.nan)
+            return found | {"cost_of_transport": None}
         yaw = self.spec.start[2]
         c, s = math.cos(yaw), math.sin(yaw)
         dx, dy = (self._middle() - self._origin).tolist()
+        weight = self.plant.robot.mass * GRAVITY
         reference = self.walking.reference
         desired = yaw if reference is None else reference.heading
         return {
@@ -302,6 +307,9 @@ class WalkTrial:
             "drift": c * dy - s * dx,
             "yaw_error": math.remainder(self._heading() - desired, 2.0 * math.pi),
             "goal_error": None if arrival is None else arrival.error(self._middle()),
+            "cost_of_transport": self.meter.work / (weight * way)
+            if (way := math.hypot(dx, dy)) >= LEAST_WAY
+            else None,
         }
 
 

@@ -71,6 +71,9 @@ class StiffnessScheduler:
         self.actuator: StiffnessActuator = foot.actuator
         if self.timing.fallback is not None:
             self.actuator.check(self.timing.fallback)
+        for stands in (False, True):
+            if (stiffness := self.policy.standing(stands)) is not None:
+                self.actuator.check(stiffness)
         self.policy.prepare(self.timing.scan)
         self._frames = tuple(robot.frame_id(sole.frame) for sole in robot.soles)
         self._sensor = toe_sensor(foot)
@@ -144,6 +147,7 @@ class StiffnessScheduler:
             if side is not None:
                 self._lift_off(side, robot)
             self._side = side
+        self._set_standing(side)
         if side is not None:
             if not (math.isfinite(progress) and math.isfinite(time_left)):
                 raise InputError(
@@ -155,6 +159,15 @@ class StiffnessScheduler:
                 if progress >= self.timing.decide_at:
                     self._decide(side, time_left, robot, measurement, landing)
         return self._command.copy()
+
+    def _set_standing(self, swing: int | None) -> None:
+        """Command the stiffness of the feet that stand, where the policy says one."""
+        stiffness = self.policy.standing(swing is not None)
+        if stiffness is not None:
+            within = min(max(stiffness, self.actuator.low), self.actuator.high)
+            for side in range(len(SIDES)):
+                if side != swing:
+                    self._command[side] = within
 
     def _lift_off(self, side: int, robot: Robot) -> None:
         """Start a scan along the heading of the swinging foot."""

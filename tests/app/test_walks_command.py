@@ -91,13 +91,12 @@ def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
 ) -> None:
     words = ["--spec", "frizza", "--terrain", "flat", "--distance", "0.05"]
     spec = spec_of(*words)
-    assert (spec["foot"], spec["gains"], spec["policy"]) == ("paper", "legacy", "model")
-    assert (spec["changes"]["gains.dcm_p"], spec["changes"]["gains.dcm_d"]) == ([3.4, 3.4], [2.1, 2.1])
+    assert (spec["foot"], spec["gains"], spec["policy"]) == ("paper", "frizza", "model")
     assert spec["changes"]["stiffness.decide_at"] == 0.75
     assert spec["gait"]["apex"] == 0.5 and spec["gait"]["step_length"] == 0.145
     spec = spec_of(*words, "--set", "dcm_p=5", "--set", "apex=0.4", "--foot", "flat")
     assert (spec["foot"], spec["gait"]["apex"]) == ("flat", 0.4)
-    assert (spec["changes"]["gains.dcm_p"], spec["changes"]["gains.dcm_d"]) == ([5.0, 5.0], [2.1, 2.1])
+    assert spec["changes"]["gains.dcm_p"] == [5.0, 5.0] and "gains.dcm_d" not in spec["changes"]
     assert main(["walk", "--spec", "friza"]) == BAD_INPUT
     assert "did you mean 'frizza'" in capsys.readouterr().err
 
@@ -111,7 +110,7 @@ def test_another_value_drops_what_belonged_to_the_one_of_the_file(
     file.write_text(json.dumps(whole))
     assert spec_of("--spec", str(file)) == whole
     other = spec_of("--spec", str(file), "--terrain", "flat", "--foot", "flat")
-    assert "policy" not in other and not other["terrain_params"] and other["amplitude"] == 0.0
+    assert "policy" not in other and set(other["terrain_params"]) == {"ramp"} and other["amplitude"] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -352,6 +352,18 @@ def test_stiffness_follows_its_actuator_and_is_reported() -> None:
         sole.step(2001.0, 0.005)
 
 
+def test_the_hinges_of_the_toe_have_a_stiffness_of_their_own() -> None:
+    """Also while that of the others is set: those of phalanges 1 and 2, in front of the third, which the arch holds."""
+    stand = Stand(foot("variable", stiffness=10.0, front_stiffness=300.0), "nothing")
+    sole = SoleStiffness(stand.model, stand.foot, StiffnessActuator.instantaneous(high=100.0))
+    for stiffness in (10.0, 70.0):
+        sole.step(stiffness, 0.005)
+        k = [float(stand.model.joint(name).stiffness[0]) for name in stand.foot.sole_joints]
+        assert k == [300.0, 300.0, *[stiffness] * 8]
+    with pytest.raises(InputError, match="no hinges for a front_stiffness"):
+        foot("long_arch", front_stiffness=300.0)
+
+
 def test_a_rigid_foot_has_no_stiffness_and_a_foreign_model_no_foot() -> None:
     rigid, soft = Stand(foot("rigid"), "nothing"), Stand(foot("soft"), "nothing")
     with pytest.raises(InputError, match="rigid"):

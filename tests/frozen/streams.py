@@ -36,7 +36,7 @@ BLOCK = 100
 SAMPLED = (0, 1, 10, 50, 100, 150, 199)
 """Ticks whose joint commands are stored as numbers: within the first second at 5 ms."""
 
-STONES = {"terrain": "stones", "amplitude": 0.02, "terrain_params": {"start": 0.1}}
+STONES = {"terrain": "stones", "amplitude": 0.02, "terrain_params": {"start": 0.1, "ramp": 0.0}}
 STAIRS = {
     "terrain": "steps",
     "amplitude": 0.06,
@@ -88,7 +88,7 @@ def runs() -> dict[str, Callable[[], Any]]:
         "walk without force sensors": functools.partial(
             walk, **soft, machine=Machine(force_sensors=False), distance=0.3
         ),
-        "walk legacy": functools.partial(walk, **soft, **STONES, gains="legacy", distance=0.4),
+        "walk legacy": functools.partial(walk, **soft, **STONES, gains="no_bias", distance=0.4),
         "stand pushed": lambda: push_standing(StandPushSpec(impulse=0.2, direction=0.5, seconds=2.0)),
         "carry": lambda: carry(load=0.1, hand_over=0.5, steps=1),
         "motion": _motion,

@@ -209,7 +209,8 @@ VERSION = re.compile(
 )
 TABLE = re.compile(r"(?:^\|.*\n)+\n(.*)$", re.MULTILINE)
 CAPTION = re.compile(
-    r"\*Measured at `\w{7}`, \d{4}-\d\d-\d\d(?:, walk (\d+)(; \*\*stale\*\*: the walk is (\d+) now)?)?\.\*"
+    r"\*Measured at `\w{7}`, \d{4}-\d\d-\d\d(?:, walk (?:\d+, as )?(\d+)"
+    r"(?: on a flat floor|(; \*\*stale\*\*: the walk is (\d+) now))?)?\.\*"
 )
 
 

@@ -1,8 +1,7 @@
-"""Tables of the pages are those of their journals."""
+"""Tables and figures of the journals."""
 
 from __future__ import annotations
 
-import lzma
 import sys
 from pathlib import Path
 
@@ -23,44 +22,9 @@ import own_loop  # noqa: E402 - of the benchmarks
 import tables  # noqa: E402 - of docs
 
 
-@pytest.mark.slow
-def test_every_table_from_a_journal_is_what_the_journal_gives() -> None:
-    assert tables.main(["--check"]) == 0
-
-
-def test_the_table_of_own_loops_is_what_their_journal_gives() -> None:
+def test_the_table_of_the_foreign_robot_is_what_its_journal_gives() -> None:
     rows = own_loop.journal(DOCS / "journals" / "own_loop.jsonl.xz")
     assert f"\n{own_loop.table(rows)}\n" in (DOCS / "measured.md").read_text()
-
-
-def test_a_page_is_rebuilt_checked_and_known_to_be_stale(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "journals").mkdir()
-    lines = []
-    for trial in study_by_name("table4").narrowed(["stones, 55 mm"], seeds=2).trials():
-        result = {"steps_done": 22 if trial.arm == "variable" else 11, "outcome": "completed"}
-        version = {**provenance(), "code": "0123456789ab"}
-        lines.append(Entry(trial.spec.to_json(), "done", result, None, None, version).line())
-    (tmp_path / "journals" / "table4.jsonl.xz").write_bytes(lzma.compress(b"".join(lines)))
-    page = tmp_path / "page.md"
-    mark = "<!-- table table4 from table4.jsonl.xz --seeds 2 --margin 0.5 -->\n<!-- end of table -->\n"
-    page.write_text(f"before\n\n{mark}\nafter\n")
-    assert tables.main(["--check"], tmp_path) == 1
-    assert tables.main([], tmp_path) == 0
-    text = page.read_text()
-    assert text.startswith("before\n\n<!-- table table4") and text.endswith(
-        "<!-- end of table -->\n\nafter\n"
-    )
-    assert "| stones, 55 mm | 11 (2) |" in text and "with the code `0123456789ab`" in text
-    assert tables.main(["--check"], tmp_path) == 0
-    assert tables.main(["--stale"], tmp_path) == 1
-    assert "page.md: table4 from table4.jsonl.xz --seeds 2 --margin 0.5 is stale" in capsys.readouterr().out
-    page.write_text(text.replace("11 (2)", "12 (2)", 1))
-    assert tables.main(["--check"], tmp_path) == 1
-    page.write_text(mark.replace("table4.jsonl.xz", "nothing.jsonl"))
-    with pytest.raises(SystemExit, match="no journal"):
-        tables.main([], tmp_path)
 
 
 def made_up(name: str, arms: tuple[str, ...], seeds: int) -> bytes:
@@ -88,7 +52,7 @@ def test_packed_journals_keep_what_was_decided_and_not_what_was_scanned(tmp_path
 
 
 def test_journals_are_packed_and_partial_tables_and_figures_say_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = tmp_path / "results"
     source.mkdir()
@@ -101,49 +65,41 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
         lines.append(Entry(walk, "done", {"J": -float(rng.random())}, None, None, provenance()).line())
     (source / "optimize.jsonl").write_bytes(b"".join(lines))
     assert tables.main(["--pack", str(source)], tmp_path) == 0
-    assert sorted(path.name for path in (tmp_path / "journals").iterdir()) == [
-        "authority.jsonl.xz",
-        "optimize.jsonl.xz",
-    ]
+    names = sorted(path.name for path in (tmp_path / "journals").iterdir())
+    assert names == ["authority.jsonl.xz", "optimize.jsonl.xz"]
     (tmp_path / "images").mkdir()
-    page = tmp_path / "page.md"
-    end = "<!-- end of table -->\n"
-    page.write_text(
-        f"<!-- table authority from authority.jsonl.xz --as choice --arm 5 --arm 80 -->\n{end}\n"
-        f"<!-- table stones from optimize.jsonl.xz --as optimum -->\n{end}\n"
-        "<!-- figure authority from authority.jsonl.xz --as differences --arm 5 --arm 80 --to images/a.svg -->\n"
-        "<!-- figure stones from optimize.jsonl.xz --as optimum --to images/optima.svg -->\n"
+    own = (
+        ("authority", "authority.jsonl.xz", "--as choice --arm 5 --arm 80"),
+        ("authority", "authority.jsonl.xz", "--arm 5 --arm 80 --from 102"),
+        ("stones", "optimize.jsonl.xz", "--as optimum"),
     )
+    monkeypatch.setattr(tables, "TABLES", own)
     assert tables.main([], tmp_path) == 0
-    text = page.read_text()
+    text = (tmp_path / "journals" / "tables.md").read_text()
     assert "| boards, 50 mm (5) |" in text and "over 5: 1 [1, 1]" in text.lower()
-    assert "*Partial: 20 of 1,360 walks of `authority`" in text
+    assert "*Partial: 20 of 1,360 walks of `authority`" in text and "*Partial: 12 of 1,360 walks" in text
     assert "*Partial: 14 on `stones` of 400 walks a ground" in text and "| `stones` |" in text
-    assert tables.main(["--check"], tmp_path) == 0 and tables.main(["--stale"], tmp_path) == 0
+    figures = (
+        ("authority", "authority.jsonl.xz", "--as differences --arm 5 --arm 80", "images/a.svg"),
+        ("authority", "authority.jsonl.xz", "--as risks --arm 5 --arm 80", "images/r.svg"),
+        ("stones", "optimize.jsonl.xz", "--as optimum", "images/optima.svg"),
+    )
+    monkeypatch.setattr(tables, "FIGURES", figures)
     capsys.readouterr()
     assert tables.main(["--figures"], tmp_path) == 0
     assert (tmp_path / "images" / "a.svg").stat().st_size > 5000
+    assert "falls per 1,000 steps" in (tmp_path / "images" / "r.svg").read_text()
     assert "<!-- stones -->" in (tmp_path / "images" / "optima.svg").read_text()
     assert tables.main(["--held-out", str(source)], tmp_path) == 0
     study = Study.from_json(read_json(source / "optimize_held_out.json"))
     assert [cell.name for cell in study.cells] == ["stones"] and len(study.seeds) == tables.VALIDATIONS
-    arms, result = list(study.arms), {"outcome": "fell"}
-    walked = [
-        Entry(
-            trial.spec.to_json(), "done", result | {"J": -float(trial.seed)}, None, None, provenance()
-        ).line()
-        for trial in study.narrowed(arms=[arms[0], arms[-1]]).trials()
-    ]
-    (source / "optimize.jsonl").write_bytes(b"".join([*lines, *walked]))
-    assert tables.main(["--pack", str(source)], tmp_path) == 0
-    page.write_text(
-        f"<!-- table authority from authority.jsonl.xz --as short --arm 5 --arm 80 --from 102 -->\n{end}\n"
-        f'<!-- table stones from optimize.jsonl.xz --as held-out --from 110 --arm best --arm "{arms[-1]}" -->\n{end}'
-    )
-    assert tables.main([], tmp_path) == 0
-    text = page.read_text()
-    assert "*Partial: 12 of 1,360 walks of `authority`" in text and "(3) |" in text
-    assert "-114 [" in text and "(10) |" in text and "*20 walks, with the code" in text
-    page.write_text(f"<!-- table authority from authority.jsonl.xz --as pie -->\n{end}")
-    with pytest.raises(SystemExit, match="no kind of table pie"):
-        tables.main([], tmp_path)
+    for words in ("--as pie", "--of pie"):
+        monkeypatch.setattr(tables, "TABLES", ((*own[0][:2], words),))
+        with pytest.raises(SystemExit, match="no kind of table pie|no option --of"):
+            tables.main([], tmp_path)
+
+
+def test_stored_walks_are_those_of_studies_with_a_sharp_edge() -> None:
+    mark = tables.Mark("table4_no_bias", "table4_legacy.jsonl.xz", "--seeds 1 --arm rigid", DOCS / "journals")
+    assert mark.ramp == {"ramp": 0.0} and len(mark.study.cells) == 20
+    assert mark.code(list(mark.entries.values())) == "da5fd04521c0"

@@ -8,6 +8,7 @@ import lzma
 import math
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim import WalkSpec
 from wbc.sim.studies.intervals import mean_interval
 from wbc.sim.studies.journal import (
+    Entries,
     Entry,
     Journal,
     JournalError,
@@ -27,7 +29,7 @@ from wbc.sim.studies.journal import (
     read_journal,
     trial_key,
 )
-from wbc.sim.studies.provenance import code_version, provenance
+from wbc.sim.studies.provenance import RENAMED, _hash, code_version, provenance, renamed
 from wbc.sim.studies.study import Study
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import sweep
@@ -204,6 +206,30 @@ def test_keys_name_spec_and_code() -> None:
     edited = {"kind": "walk", "policy_params": {"path": "a.json", "sha256": "5678"}}
     assert trial_key(read, VERSION) == trial_key(renamed, VERSION) != trial_key(edited, VERSION)
     assert len(code_version()) == 12 and {"mujoco", "pin"} <= set(provenance()["libraries"])
+
+
+def test_the_hash_of_the_code_changes_when_the_computation_does(tmp_path: Path) -> None:
+    def hashed(source: str, name: str = "module.py") -> str:
+        path = tmp_path / name
+        path.write_text(source)
+        return _hash(path)
+
+    plain = hashed(
+        'class A:\n    """Text."""\n    x = [1.0]  # why\n    """More."""\n\ndef f(a):\n    return a + 1\n'
+    )
+    assert plain == hashed(
+        "class A: x = [1.0]\n\n\ndef f(a):\n    'Other.'\n    return (a + 1)\n", "other.py"
+    )
+    assert plain != hashed("class A: x = [1.0]\ndef f(a): return a + 2\n")
+    assert hashed("x = []\n") != hashed("x = None\n") and hashed("x = ''\n") != hashed("x = 'a'\n")
+    assert hashed("1, 2\n", "a.csv") != hashed("1,  2\n", "b.csv")
+
+
+def test_a_stored_journal_names_its_code_as_today() -> None:
+    old = {"wbc": "0.1.0", "code": "8b193a0eeb39"}
+    (stored,) = Entries({"k": replace(entry(1), version=old).line()[:-1]}).values()
+    assert stored.version["code"] == RENAMED["8b193a0eeb39"] == renamed(old)["code"]
+    assert renamed(stored.version) == stored.version
 
 
 @given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(), st.lists))

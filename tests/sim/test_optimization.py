@@ -18,6 +18,7 @@ from wbc.sim.studies.paper.optimization import (
     BOUNDS,
     FIRST_DESIGN,
     OPTIMISATION_SEED,
+    PAPER_CHANGES,
     Bounds,
     OptimisationSpec,
     Walked,
@@ -28,7 +29,6 @@ from wbc.sim.studies.paper.optimization import (
 from wbc.sim.studies.paper.optimum import TABLE_II, USUAL, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.walks import WalkSpec
-from wbc.sim.walks.presets import PAPER_GAINS
 
 pytest.importorskip("bayes_opt", reason="needs the extra 'studies'")
 
@@ -145,7 +145,7 @@ def test_a_journal_of_something_else_or_of_other_code_is_refused() -> None:
     check_journal(walks.entries, SPEC.owns, "optimisation", any_code=False)
     for other in (
         OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3),
-        OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, law="legacy"),
+        OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, law="no_bias"),
         OptimisationSpec(ground="stones", bounds=Bounds(k=(1900.0, 2000.0)), distance=0.3),
     ):
         with pytest.raises(InputError, match="not of this optimisation: it has a walk with .*stones"):
@@ -197,22 +197,22 @@ def test_nothing_is_optimised_in_the_walks_beside_the_optimum() -> None:
     """With the default law they are walks of the study 'authority', with the paper's law they have its gains."""
     rng = np.random.default_rng(0)
     usual = {}
-    for law in ("default", "legacy"):
+    for law in ("default", "no_bias"):
         spec = optimisation("stones", law)
         found = optimum([Walked(tuple(rng.random(3)), -1.0, {}) for _ in range(12)], spec.bounds)
         trials = validation({spec: found}, 20).trials()
         usual[law] = [trial.spec for trial in trials if trial.arm == USUAL]
     same = {trial.spec for trial in authority(20).narrowed(["stones,"], ["80"]).trials()}
     assert set(usual["default"]) == same and len(same) == 20
-    assert {spec.changes for spec in usual["legacy"]} == {
-        WalkSpec(changes=PAPER_GAINS, gains="legacy").changes
+    assert {spec.changes for spec in usual["no_bias"]} == {
+        WalkSpec(changes=PAPER_CHANGES, gains="no_bias").changes
     }
 
 
 @pytest.mark.slow
 def test_figures_show_each_ground_and_the_stiffness_on_all(tmp_path: Path) -> None:
     """Bounds from k = 0, which have no logarithm, too."""
-    paper = OptimisationSpec(ground="boards", bounds=BOUNDS["paper"], law="legacy", distance=0.3)
+    paper = OptimisationSpec(ground="boards", bounds=BOUNDS["paper"], law="no_bias", distance=0.3)
     walked = {spec.ground: optimise(spec, 14, MadeUpWalks()) for spec in (SPEC, paper)}
     found = {spec.ground: optimum(walked[spec.ground], spec.bounds) for spec in (SPEC, paper)}
     names = [path.name for path in save_figures(tmp_path, "part", walked, found)]

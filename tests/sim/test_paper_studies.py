@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from wbc.app import cli
-from wbc.app.commands.study.paper import BUDGET, JOURNALS, LEGACY_GROUNDS, PARTS, VALIDATIONS
+from wbc.app.commands.study.paper import BUDGET, JOURNALS, PAPER_GROUNDS, PARTS, VALIDATIONS
 from wbc.core.errors import InputError
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.sim.studies.catalog import STUDIES, study_by_name
@@ -42,8 +42,8 @@ def test_experiments_have_the_papers_grounds_and_independent_layouts() -> None:
     assert len(four.cells) == 20 and len(four.seeds) >= 20
     at_once = next(trial.spec for trial in four.trials() if trial.arm == "variable, 75 % at once")
     assert isinstance(at_once, WalkSpec) and at_once.settings().stiffness.decide_at == 0.75
-    legacy = next(iter(study_by_name("table4_legacy").trials())).spec
-    assert isinstance(legacy, WalkSpec) and dict(legacy.changes)["gains.dcm_p"] == (3.4, 3.4)
+    paper = next(iter(study_by_name("table4_frizza").trials())).spec
+    assert isinstance(paper, WalkSpec) and paper.gains == "frizza"
 
 
 def test_the_papers_table_adds_up() -> None:
@@ -73,10 +73,10 @@ def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
 
 @pytest.mark.slow
 def test_the_whole_of_it_is_at_most_25_000_walks() -> None:
-    assert set(PARTS) <= {*STUDIES, "optimize", "optimize_legacy"}
+    assert set(PARTS) <= {*STUDIES, "optimize", "optimize_frizza"}
     studies = [study_by_name(part) for part in PARTS if not part.startswith(("optimize", "dataset"))]
     walks = {json.dumps(dict(trial.plain), sort_keys=True) for study in studies for trial in study.trials()}
-    optimised = (len(TABLE_II) + len(LEGACY_GROUNDS)) * (BUDGET + 4 * VALIDATIONS)
+    optimised = (len(TABLE_II) + len(PAPER_GROUNDS)) * (BUDGET + 4 * VALIDATIONS)
     assert 20_000 < len(walks) + optimised + 6000 <= 25_000
 
 

@@ -488,13 +488,19 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     assert (
         soft.difference is not None and soft.difference.n == 2 and soft.difference.mean == pytest.approx(8.5)
     )
-    assert soft.statuses == {"done": 3, "timeout": 1} and soft.fall_reasons == {"tilt": 1}
-    assert soft.directions == {"outward": 1} and soft.outcomes == {"completed": 2, "fell": 1}
+    assert soft.statuses == {"done": 3, "timeout": 1} and soft.outcomes == {"completed": 2, "fell": 1}
+    assert soft.falls == {"sideways": 1} and soft.steps == 54 and soft.clusters == "layouts"
     assert rigid.difference is not None and rigid.difference.mean == pytest.approx(-19.0)
     assert rigid.statuses == {"done": 1, "missing": 3}
     assert ("legacy", "rigid") not in cells and cells["legacy", "flat"].statuses == {"missing": 4}
     text = table.markdown()
-    assert "2 of 3 completed [9, 99] %, 1 tilt, 1 outward, 1 diverged" in text
+    assert (
+        text.startswith("Exploratory")
+        and "| flat | 2 of 3 [9, 99] % | ≤ 61.1 | 20.4 [0.517, 114] | ≤ 61.1 | ≤ 61.1 |" in text
+    )
+    assert "1 of 'flat' diverged" in text and "3 of 'rigid' missing" in text
+    decided = study_table(replace(study, decision="soft if it falls less"), entries).markdown()
+    assert decided.startswith("Decision: soft if it falls less\n")
     json.dumps(table.to_json(), allow_nan=False)
 
 

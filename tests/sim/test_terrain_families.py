@@ -49,7 +49,7 @@ def _peaks(t: Terrain) -> Array:
 @examples(8)
 @given(seed=st.integers(0, 2**40), share=st.floats(0.05, 1.0))
 def test_amplitude_is_highest_minus_lowest_point(name: str, seed: int, share: float) -> None:
-    t = terrain(name, amplitude=share * terrain(name).amplitude, seed=seed)
+    t = terrain(name, amplitude=share * terrain(name).amplitude, seed=seed, ramp=0.0)
     x, y = _inside(t, 4000)
     # The stop strip of a climb meets the rough part's end; the very edge belongs to the rough part.
     x = np.append(np.append(x, _peaks(t)[:, 0]), t.stop - 1e-12)
@@ -122,7 +122,7 @@ def test_only_unidirectional_grounds_are_the_same_across(name: str) -> None:
     assert (across < 1e-12) if t.parameters.unidirectional else (across > 1e-4)
 
 
-# Rounded heights of every family with its defaults and seed 1: they must never change, on any machine.
+# Rounded heights of every family with a sharp edge and seed 1: they must never change, on any machine.
 FINGERPRINTS = {
     "boards": "1a0cd832708847a8",
     "cobble_stones": "e7c0cb369d55eb55",
@@ -149,7 +149,38 @@ FINGERPRINTS = {
 
 @pytest.mark.parametrize("name", [*NAMES, "flat"])
 def test_the_ground_is_the_same_on_every_machine(name: str) -> None:
-    assert terrain(name, seed=1).fingerprint() == FINGERPRINTS[name]
+    assert terrain(name, seed=1, ramp=0.0).fingerprint() == FINGERPRINTS[name]
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("steps", "slope")])
+def test_heights_grow_along_the_ramp_and_are_those_of_the_family_behind_it(name: str) -> None:
+    y = np.linspace(-0.4, 0.4, 41)[:, None]
+    at_once, at_last = 0.0, 0.0
+    for seed in range(4):
+        ramped, sharp = terrain(name, seed=seed), terrain(name, seed=seed, ramp=0.0)
+        near = np.linspace(ramped.start, ramped.start + 0.1, 40)
+        behind = np.linspace(ramped.start + 1.0, ramped.stop, 400)
+        np.testing.assert_array_equal(ramped.height(behind, y), sharp.height(behind, y))
+        floor = sharp.surface.floor if sharp.surface.field is None else -np.inf  # a pit stays as deep
+        at_once += np.abs(np.where(sharp.height(near, y) == floor, 0.0, sharp.height(near, y))).mean()
+        at_last += np.abs(np.where(ramped.height(near, y) == floor, 0.0, ramped.height(near, y))).mean()
+    assert at_last <= 0.5 * at_once
+
+
+def test_a_field_on_the_ramp_is_its_share_of_the_sharp_one() -> None:
+    ramped, sharp = terrain("random", seed=3, ramp=0.7), terrain("random", seed=3, ramp=0.0)
+    x = ramped.surface.field
+    assert x is not None
+    at = np.linspace(x.x0, x.x1, x.z.shape[1])
+    share = np.clip((at - ramped.start) / 0.7, 0.0, 1.0)
+    np.testing.assert_allclose(ramped.height(at, 0.0), share * sharp.height(at, 0.0), atol=1e-9)
+
+
+def test_exact_heights_have_no_ramp() -> None:
+    assert terrain("steps").ramp == terrain("slope").ramp == 0.0 != terrain("stones").ramp
+    for name in ("steps", "slope"):
+        with pytest.raises(InputError, match="no ramp"):
+            terrain(name, ramp=0.5)
 
 
 def test_equal_terrains_are_one_key_and_survive_a_pickle() -> None:
@@ -267,7 +298,7 @@ def test_climbs_end_where_they_say(name: str, direction: str, end: float) -> Non
 
 def test_a_patchwork_is_what_its_stretches_say() -> None:
     """Each stretch is as high as its family is to be, and its solids are those of the family."""
-    ground = terrain("patchwork", 0.04, 3, families="boards:0.5 stones roof_tiles", length=3.0)
+    ground = terrain("patchwork", 0.04, 3, families="boards:0.5 stones roof_tiles", length=3.0, ramp=0.0)
     found = stretches(ground)
     assert [round(end - begin, 9) for _, begin, end in found] == [0.6] * 5
     assert all(a != b for (a, *_), (b, *_) in pairwise(found))
@@ -348,6 +379,6 @@ def test_a_family_of_ones_own_takes_one_class(monkeypatch: pytest.MonkeyPatch) -
     t = terrain("test_waves", amplitude=0.02, wavelength=0.5)
     _, z = t.profile(step=0.001)
     assert np.ptp(z) == pytest.approx(0.02, rel=1e-3)
-    assert float(t.height(t.start + 0.125, 0.2)) == pytest.approx(0.01, rel=1e-3)
+    assert float(t.height(t.start + 1.125, 0.2)) == pytest.approx(0.01, rel=1e-3)
     assert t.describe()["parameters"] == {"wavelength": 0.5}
     assert Waves.summary() == "Sine waves along the track."

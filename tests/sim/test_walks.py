@@ -177,6 +177,7 @@ def test_torque_tilt_and_touchdowns_are_those_of_the_plant(seen: tuple[WalkResul
     assert result.sole_pitch.mean is not None and result.sole_roll.mean is not None
     assert max(result.sole_pitch.mean, result.sole_roll.mean) <= np.mean(notes.tilt) + 1e-6
     sole = notes.plant.feet[0].fit.sole
+    assert result.cost_of_transport is not None and 0.1 < result.cost_of_transport < 10.0
     assert result.contact_area.mean is not None
     assert 0.3 * sole.length * sole.width < result.contact_area.mean <= 1.0001 * sole.length * sole.width
 
@@ -229,7 +230,7 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     assert result.outcome == "fell" and result.fell and result.fall is not None
     assert result.steps_done < result.steps_planned or result.seconds < 4.0
     assert result.fall_reason == result.fall.reason in {"dcm", "tilt", "height"}
-    assert result.fall.direction == "inward" and result.fall.dcm_outward < -0.06
+    assert result.fall.cause == "left" and result.fall.dcm_outward < -0.06
     assert hook.first < result.fall.onset < result.fall.time == result.seconds
     assert result.fall.step == 1 and result.fall.phase == "single support"
 
@@ -494,13 +495,35 @@ def test_changes_reach_the_controller() -> None:
     assert trial.plant.foot.stiffness == 7.0  # type: ignore[attr-defined]
 
 
-def test_legacy_is_the_plain_law_and_can_be_changed() -> None:
-    settings = WalkSpec(plan=TWO_STEPS, gains="legacy").settings()
+def test_the_law_without_bias_estimate_is_the_plain_one_and_can_be_changed() -> None:
+    settings = WalkSpec(plan=TWO_STEPS, gains="no_bias").settings()
     assert not settings.feedforward and settings.walk.adjustment is None
     assert settings.gains.cop_admittance == (0.01, 0.01)
-    spec = WalkSpec(plan=TWO_STEPS, gains="legacy", changes={"walk.adjustment": True, "freeze": 0.2})  # type: ignore[arg-type]
+    spec = WalkSpec(plan=TWO_STEPS, gains="no_bias", changes={"walk.adjustment": True, "freeze": 0.2})  # type: ignore[arg-type]
     adjustment = spec.settings().walk.adjustment
     assert adjustment is not None and adjustment.freeze == 0.2
+
+
+def test_the_papers_law_is_as_printed() -> None:
+    """KI is zero because a bias estimator takes its place; stored specs had another name for the law without it."""
+    settings, plain = (WalkSpec(gains=name).settings() for name in ("frizza", "no_bias"))
+    assert isinstance(settings, TrialSettings) and isinstance(plain, TrialSettings)
+    assert settings.bias is not None and plain.bias is None and not settings.feedforward
+    assert [settings.gains.dcm_p[0], settings.gains.dcm_i[0], settings.gains.dcm_d[0]] == [3.4, 0.0, 2.1]  # type: ignore[index]
+    assert WalkSpec.from_json({"gains": "legacy"}) == WalkSpec(gains="no_bias")
+
+
+def test_a_stored_walk_keeps_its_sharp_edge() -> None:
+    spec = WalkSpec(terrain="stones", amplitude=0.02)
+    written = spec.to_json()
+    assert written["terrain_params"] == {"ramp": 0.5} and WalkSpec.from_json(written) == spec
+    stored = WalkSpec.from_json({**written, "terrain_params": {}})
+    assert stored.ground().ramp == 0.0 and stored != spec
+    assert WalkSpec.from_json(stored.to_json()) == stored
+    assert WalkSpec.from_json({"terrain": "stones", "amplitude": 0.02}) == spec
+    flat = WalkSpec().to_json()
+    assert WalkSpec.from_json({**flat, "terrain_params": {}}) == WalkSpec()
+    assert WalkSpec(terrain="stones", terrain_params={"ramp": 0.5}, amplitude=0.02) == spec  # type: ignore[arg-type]
 
 
 def test_stairs_of_the_ground_are_climbed() -> None:
@@ -543,7 +566,7 @@ def test_timings_are_rounded_and_said() -> None:
         ({"mode": "speed"}, "position, torque"),
         ({"control_period": 0.0025}, "nearest is 0.002"),
         ({"timestep": 0.0}, "timestep"),
-        ({"gains": "mine"}, "default, legacy"),
+        ({"gains": "mine"}, "default, frizza, no_bias"),
         ({"changes": {"dcm_q": 1.0}}, "dcm_p"),
         ({"changes": {"gains.dcm_p": "much"}}, "number"),
         ({"changes": {"margin": 0.01}}, "distribution.margin"),

@@ -24,7 +24,7 @@ SPEC = WalkSpec(
     terrain="stones",
     amplitude=0.015,
     seed=2,
-    terrain_params={"start": 0.1},  # type: ignore[arg-type]
+    terrain_params={"start": 0.1, "ramp": 0.0},  # type: ignore[arg-type]
     plan=WalkPlan(distance=0.45),
     changes={"stiffness.min_length": 0.1},  # type: ignore[arg-type]
 )

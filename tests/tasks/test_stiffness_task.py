@@ -26,9 +26,11 @@ from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, default_mode
 from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
 from wbc.sim.terrain import Terrain, terrain
 from wbc.tasks.scheduling.policies import (
+    EdgePolicy,
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
+    PhasePolicy,
     StiffnessDecision,
     StiffnessPolicy,
     SwingScan,
@@ -143,6 +145,33 @@ def make_task(
 
 PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
 """The paper decides at three quarters of the single support, and feet land in time."""
+
+
+def test_a_policy_by_phase_is_stiff_on_both_feet_and_soft_on_one_within_the_actuators_limits() -> None:
+    task = make_task(PhasePolicy(landing=300.0, double=400.0, single=5.0))
+    rig = Rig(task)
+    for side in ("left", "right"):
+        rig.commands.clear()
+        record = rig.step(side)
+        assert record.requested == 300.0 and record.fallback is None
+        both, one = np.array(rig.commands[: round(DOUBLE / DT)]), np.array(rig.commands[-2])
+        assert (both[1:] == 400.0).all()
+        stands = 1 if side == "left" else 0
+        assert one[stands] == 5.0 and one[1 - stands] == 300.0
+        assert (np.array(rig.commands[-1]) == 400.0).all()
+        # The stance foot gets there within some ticks, as its actuator can.
+        assert rig.states[stands].reference > 5.0
+    with pytest.raises(InputError, match=r"\[1, 2000\]"):
+        make_task(PhasePolicy(single=0.5))
+
+
+def test_a_policy_by_edges_is_stiff_where_the_scan_rises() -> None:
+    high, low = (terrain("steps", height, riser=height, start=0.5, length=2.0) for height in (0.05, 0.01))
+    for ground, expected in ((high, 400.0), (low, 5.0)):
+        rig = Rig(make_task(EdgePolicy(), QUICK), ground)
+        asked = {rig.step(side).requested for side in ("left", "right", "left", "right")}
+        assert expected in asked and len(asked) <= 2
+        assert expected == 400.0 or 400.0 not in asked
 
 
 @pytest.mark.parametrize("none", [None, np.float64(0.1), np.zeros(0), ["far", "far"], [None, None]])
@@ -401,7 +430,7 @@ def test_a_policy_of_ones_own_is_a_few_lines() -> None:
 
 
 def test_policies_have_names() -> None:
-    assert set(stiffness_policy_names()) >= {"fixed", "model"}
+    assert set(stiffness_policy_names()) >= {"fixed", "phase", "edge", "model"}
     assert stiffness_policy("fixed", stiffness=12.0) == FixedPolicy(12.0)
     with pytest.raises(UnknownNameError, match="no stiffness policy 'fixd'; did you mean 'fixed'"):
         stiffness_policy("fixd")

@@ -41,7 +41,7 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
         fall = result.fall
         lines.append(
             f"  FELL      after {steps} and {result.seconds:.1f} s ({REASONS[fall.reason]}); it began "
-            f"{fall.direction} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the stance sole "
+            f"{fall.cause} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the stance sole "
             f"tilted by {math.degrees(fall.sole_roll):.1f}° roll, {math.degrees(fall.sole_pitch):.1f}° pitch"
         )
     else:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from wbc.sim.studies.paper.optimization import BOUNDS, OptimisationSpec
+from wbc.sim.studies.paper.optimization import BOUNDS, PAPER_CHANGES, OptimisationSpec
 from wbc.sim.studies.stiffness_studies import QUESTION_GROUNDS, halfway_heights, stored_stiffness
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
 from wbc.sim.studies.study_table import StudyTable
-from wbc.sim.walks.presets import FAST_LANDING, FRIZZA, PAPER_GAINS
+from wbc.sim.walks.presets import FAST_LANDING, FRIZZA
 
 FIG5_AMPLITUDES = (0.020, 0.025, 0.030, 0.035)
 """Amplitudes of the unidirectional grounds of Fig. 5, m."""
@@ -59,10 +59,11 @@ DAMPED_STIFFNESSES = (5.0, 80.0, 400.0)
 
 
 def _law(gains: str) -> dict[str, Any]:
-    """Return the parts of a spec of a law: the default one, or the paper's with its gains."""
+    """Return the parts of a spec of a law: the default one, the paper's, or that without bias estimate."""
     if gains == "default":
-        return {"gains": "default"}
-    return {"gains": "legacy", "gait": dict(FAST_LANDING), "changes": dict(PAPER_GAINS)}
+        return {"gains": gains}
+    own = {"changes": dict(PAPER_CHANGES)} if gains == "no_bias" else {}
+    return {"gains": gains, "gait": dict(FAST_LANDING), **own}
 
 
 def _soles() -> dict[str, dict[str, Any]]:
@@ -107,7 +108,7 @@ def fig5(seeds: int = 10, gains: str = "default") -> Study:
 
     Args:
         seeds: Layouts of each ground and amplitude.
-        gains: Law: "default", or "legacy" for the paper's with its gains.
+        gains: Law: "default", "frizza" for the paper's, or "no_bias" for the paper's without its bias estimate.
     """
     study = Study(
         name="fig5" if gains == "default" else f"fig5_{gains}",
@@ -126,7 +127,7 @@ def table4(seeds: int = 20, gains: str = "default") -> Study:
 
     Args:
         seeds: Layouts of each ground and height.
-        gains: Law: "default", or "legacy" for the paper's with its gains.
+        gains: Law: "default", "frizza" for the paper's, or "no_bias" for the paper's without its bias estimate.
     """
     late = {name: value for name, value in FRIZZA["changes"].items() if name.startswith("stiffness.")}
     study = Study(
@@ -190,7 +191,7 @@ def optimisation(
 
     Args:
         ground: Family of grounds.
-        law: "default", with wide bounds and at the height of the study 'authority'; or "legacy", the paper's, with its
+        law: "default", with wide bounds and at the height of the study 'authority'; or one of the paper's, with its
             bounds and at the family's own height.
         distance: Length of a walk, m.
         batch: Number of points asked for at a time.

@@ -20,13 +20,14 @@ from pydantic import Field
 
 from wbc.core.errors import Array, InputError
 from wbc.core.registry import Registry
-from wbc.core.settings import Count, Positive, Seed, settings
+from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.feet.soles.actuator import PAPER_STIFFEST, SOFTEST, STIFFEST
 from wbc.sim.studies.journal import Entry, canonical, trial_key
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import merged
-from wbc.sim.walks.presets import FAST_LANDING, PAPER_GAINS
-from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.presets import FAST_LANDING
+from wbc.sim.walks.settings import NO_BIAS, PAPER_GAINS
+from wbc.sim.walks.spec import WalkSpec, with_ramp
 
 NAMES = ("k", "kP", "kD")
 """Parameters: stiffness of the sole (Nm/rad), proportional (1/s) and derivative gain of the stabilizer."""
@@ -44,6 +45,10 @@ quick."""
 
 REFIT = 10
 """Number of walks after which the length scales of the model are fitted anew."""
+
+
+PAPER_CHANGES = {"gains.dcm_p": PAPER_GAINS["dcm_p"], "gains.dcm_d": PAPER_GAINS["dcm_d"]}
+"""The paper's gains as changes of a law that has others."""
 
 
 @settings(kw_only=True)
@@ -110,7 +115,8 @@ class OptimisationSpec:
     Attributes:
         ground: Family of grounds.
         amplitude: Highest minus lowest point of the ground, m; the family's own when None.
-        law: Preset of the stabilizer's settings, "default" or "legacy".
+        ramp: Length of the ramp that the ground begins with, m; the family's own when None.
+        law: Preset of the stabilizer's settings, "default", "frizza" or "no_bias".
         bounds: Bounds of the parameters.
         distance: Length of a walk, m.
         seed: Seed of the optimisation: of the points it asks for.
@@ -119,6 +125,7 @@ class OptimisationSpec:
 
     ground: str
     amplitude: Annotated[Positive, "m"] | None = None
+    ramp: Annotated[NonNegative, "m"] | None = None
     law: str = "default"
     bounds: Bounds
     distance: Annotated[Positive, "m"] = 3.0
@@ -133,12 +140,13 @@ class OptimisationSpec:
         shared = {
             "terrain": self.ground,
             "amplitude": self.amplitude,
+            "terrain_params": {} if self.ramp is None else {"ramp": self.ramp},
             "foot": "soft",
             "noise": "realistic",
             "plan": {"distance": self.distance},
             "gains": self.law,
         }
-        return shared | ({"gait": dict(FAST_LANDING)} if self.law == "legacy" else {})
+        return shared | ({} if self.law == "default" else {"gait": dict(FAST_LANDING)})
 
     def own_parts(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Return the parts of a spec that the parameters decide."""
@@ -147,7 +155,7 @@ class OptimisationSpec:
 
     def usual_parts(self) -> dict[str, Any]:
         """Return the same parts of a walk that nothing was optimised for: 80 Nm/rad and the usual gains of the law."""
-        gains = dict(PAPER_GAINS) if self.law == "legacy" else {}
+        gains = {} if self.law == "default" else dict(PAPER_CHANGES)
         return {"stiffness": PAPER_STIFFEST, "changes": gains}
 
     def walk(self, values: Mapping[str, float], seed: int) -> WalkSpec:
@@ -156,6 +164,7 @@ class OptimisationSpec:
 
     def owns(self, spec: Mapping[str, Any]) -> bool:
         """Return True if a walk of a journal can be one of this optimisation or of its validation."""
+        spec = {**with_ramp(spec), "gains": NO_BIAS.get(spec["gains"], spec["gains"])}
         if any(spec.get(name) != value for name, value in _shared_by_walks(self).items()):
             return False
         return spec.get("seed", 0) < OPTIMISATION_SEED or within(self.bounds, parameters(spec))

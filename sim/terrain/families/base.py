@@ -66,6 +66,8 @@ class Family(ABC):
     name: ClassVar[str] = ""
     default_amplitude: ClassVar[float] = 0.03
     """The height of the paper's hardest training grounds is 40 mm, of its small stones 25 mm; m."""
+    ramps: ClassVar[bool] = True
+    """False for a family whose heights are exact and cannot begin with a ramp."""
 
     def __post_init__(self) -> None:
         """Check the parameters that must not be below others."""
@@ -108,7 +110,7 @@ class Family(ABC):
 
     def track(self) -> dict[str, float]:
         """Return track dimensions (names of `Terrain` fields, m) that differ from the usual ones."""
-        return {}
+        return {} if self.ramps else {"ramp": 0.0}
 
     def check_track(self, length: float, width: float) -> None:
         """Check that the family can fill a rough part of this size (m).

@@ -122,7 +122,7 @@ class Image(FieldFamily):
         return (self.source.columns - 1) * self._pixel, (self.source.rows - 1) * self._pixel
 
     def track(self) -> dict[str, float]:
-        return dict(zip(("length", "width"), self._size, strict=True))
+        return dict(zip(("length", "width"), self._size, strict=True)) | {"ramp": 0.0}
 
     def check_track(self, length: float, width: float) -> None:
         if length > self._size[0] + 1e-9 or width > self._size[1] + 1e-9:

@@ -46,6 +46,7 @@ class _Climb(ShapeFamily):
     """Stairs or a ramp: a direction, and the levels that follow from it."""
 
     direction: Direction
+    ramps = False
 
     @property
     def unidirectional(self) -> bool:

@@ -36,6 +36,7 @@ class TerrainOptions:
         width: Extent across, m; 1 m when not given.
         start: x at which the rough part begins, m; 0.3 m when not given.
         strip: Length of the flat strips, m; 1 m when not given.
+        ramp: Length on which heights grow from 0 to their own, m; 0 for a sharp edge, 0.5 m when not given.
         rendering: Solids, height field, or auto: solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when not given.
         sole_radius: Radius of the spheres under the sole, m.
@@ -50,6 +51,7 @@ class TerrainOptions:
     width: float | None = None
     start: float | None = None
     strip: float | None = None
+    ramp: float | None = None
     rendering: Rendering = "auto"
     resolution: float | None = None
     sole_radius: float = SOLE_SPHERE_RADIUS
@@ -63,7 +65,7 @@ class TerrainOptions:
             UnknownNameError: No such family or parameter.
             InputError: A value is out of range or cannot be read.
         """
-        names = ("length", "width", "start", "strip", "rendering", "resolution", "sole_radius")
+        names = ("length", "width", "start", "strip", "ramp", "rendering", "resolution", "sole_radius")
         track: dict[str, Any] = {name: getattr(self, name) for name in names}
         family = make_family(name, read_changes(self.param))
         return make_terrain(family, self.amplitude, self.seed, **track)

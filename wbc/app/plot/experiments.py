@@ -1,4 +1,4 @@
-"""Figures of an experiment: in the paper's arrangement, colour for steps; and its differences with their intervals."""
+"""Figures of an experiment: steps in the paper's arrangement, differences with their intervals, risks and loads."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.plot.style import BLUE, ORANGE, grid, new_figure
-from wbc.sim.studies.intervals import FEW
+from wbc.sim.studies.intervals import FEW, rate_interval
 from wbc.sim.studies.study import ALL, ground_of
-from wbc.sim.studies.study_table import StudyTable
+from wbc.sim.studies.study_table import BESIDE, StudyTable
 
 
 def steps_figure(table: StudyTable) -> Figure:
@@ -36,6 +36,42 @@ def steps_figure(table: StudyTable) -> Figure:
     axes.set_yticks(places, names, fontsize=6)
     axes.set_xticks(range(len(heights)), heights, fontsize=7)
     figure.colorbar(image, ax=axes, label=table.metric.replace("_", " "))
+    return figure
+
+
+def risks_figure(table: StudyTable) -> Figure:
+    """Draw the falls of each arm by cause, and beside them its loads over those of the first arm.
+
+    Args:
+        table: Table of a study of walks; the last row counts.
+    """
+    arms = {arm: table.by_name[table.rows[-1], arm] for arm in table.study.arms}
+    figure = new_figure(7.6, 2.8)
+    falls, loads = figure.subplots(1, 2)
+    places = np.arange(len(arms))
+    for cause, colour in (("sideways", BLUE), ("forward", ORANGE)):
+        counts = [(cell.falls.get(cause, 0), max(cell.steps, 1) / 1e3) for cell in arms.values()]
+        rates = np.array([count / steps for count, steps in counts])
+        ends = np.array([rate_interval(*count) for count in counts]).T
+        falls.errorbar(
+            places, rates, np.abs(ends - rates), color=colour, fmt="o-", markersize=4, capsize=2, label=cause
+        )
+    first = next(iter(arms.values())).beside
+    for name, marker in zip(BESIDE, "osD^", strict=True):
+        values = (
+            [cell.beside.get(name, np.nan) / first[name] for cell in arms.values()] if name in first else []
+        )
+        if values:
+            loads.plot(places, values, marker + "-", markersize=4, label=BESIDE[name][0].partition(" (")[0])
+    loads.axhline(1.0, color="0.3", linewidth=0.8)
+    falls.set_ylabel("falls per 1,000 steps", fontsize=8)
+    loads.set_ylabel(f"over that of '{next(iter(arms))}'", fontsize=8)
+    for axes in (falls, loads):
+        axes.set_xticks(places, list(arms), fontsize=7)
+        axes.set_ylim(bottom=0.0)
+        axes.tick_params(axis="y", labelsize=7)
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(fontsize=7)
     return figure
 
 

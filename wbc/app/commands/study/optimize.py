@@ -47,7 +47,7 @@ class OptimizeOptions(RunOptions):
         k: Other bounds of the stiffness, Nm/rad: the lowest and the highest.
         kp: Other bounds of the proportional gain, 1/s.
         kd: Other bounds of the derivative gain.
-        law: Preset of the stabilizer's settings, default or legacy.
+        law: Preset of the stabilizer's settings, default, frizza or no_bias.
         amplitude: Highest minus lowest point of the grounds, m; the family's own when not given.
         distance: Length of a walk, m.
         seed: Seed of the points that are asked for.
@@ -62,7 +62,7 @@ class OptimizeOptions(RunOptions):
     k: tuple[float, float] | None = None
     kp: tuple[float, float] | None = None
     kd: tuple[float, float] | None = None
-    law: Literal["default", "legacy"] = "default"
+    law: Literal["default", "frizza", "no_bias"] = "default"
     amplitude: Annotated[Positive, "m"] | None = None
     distance: Annotated[Positive, "m"] = 3.0
     seed: Seed = 0

@@ -39,9 +39,9 @@ PARTS = (
     "fig5",
     "optimize",
     "dataset",
-    "table4_legacy",
-    "fig5_legacy",
-    "optimize_legacy",
+    "table4_frizza",
+    "fig5_frizza",
+    "optimize_frizza",
 )
 """All parts, those that tell most first: studies, optimisations (wide bounds on eleven grounds, the paper's bounds and
 law on four), data set."""
@@ -49,7 +49,7 @@ law on four), data set."""
 JOURNALS = {"damping": "authority"}
 """Part → part whose journal it shares, and with it walks."""
 
-LEGACY_GROUNDS = ("flat", "stones", "cylinder_obstacles", "roof_tiles")
+PAPER_GROUNDS = ("flat", "stones", "cylinder_obstacles", "roof_tiles")
 """Grounds of the optimisation with the paper's law and bounds."""
 
 BUDGET, VALIDATIONS = 400, 20
@@ -73,8 +73,8 @@ class PaperOptions:
         folder: Folder for journals, tables, figures and the report.
         scale: Share of the walks, of each experiment at least one seed; 0.05 is 1,793 walks, two hours on two
             cores.
-        only: Only these parts: authority, damping, oracle, tuned_fixed, table4, fig5, optimize, dataset, table4_legacy,
-            fig5_legacy, optimize_legacy.
+        only: Only these parts: authority, damping, oracle, tuned_fixed, table4, fig5, optimize, dataset, table4_frizza,
+            fig5_frizza, optimize_frizza.
         cells: Only the first so many cells of each study and grounds of each optimisation, to see it work.
         distance: Length of each walk, m; the studies' own when not given.
         workers: Number of processes on this machine.
@@ -175,8 +175,8 @@ def _choice(part: str, study: Study, entries: Mapping[str, Entry], options: Pape
 
 
 def _optimisation(part: str, options: PaperOptions) -> str:
-    law = "legacy" if part == "optimize_legacy" else "default"
-    grounds = (LEGACY_GROUNDS if law == "legacy" else tuple(TABLE_II))[: options.cells]
+    law = "frizza" if part == "optimize_frizza" else "default"
+    grounds = (PAPER_GROUNDS if law == "frizza" else tuple(TABLE_II))[: options.cells]
     length = options.distance or 3.0
     specs = [optimisation(ground, law, distance=length, batch=options.workers) for ground in grounds]
     budget = max(round(options.scale * BUDGET), FIRST_DESIGN + 1)

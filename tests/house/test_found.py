@@ -1,0 +1,213 @@
+"""The page of what was found says what its journals give: numbers of its sentences, computed anew."""
+
+from __future__ import annotations
+
+import json
+import lzma
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.sim.studies.intervals import mean_interval, rate_interval, sign_flip_p
+from wbc.sim.studies.paper.experiments import TABLE_IV_STEPS
+from wbc.sim.studies.study_table import cause_of
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = re.sub(r"\s+", " ", (DOCS / "found.md").read_text(encoding="utf-8"))
+SOLES = ("rigid", "1", "5", "20", "80", "400", "2000")
+
+Result = dict[str, Any]
+Layout = tuple[str, int]
+
+
+def walks(journal: str) -> Iterable[tuple[dict[str, Any], Result]]:
+    with lzma.open(DOCS / "journals" / f"{journal}.jsonl.xz") as lines:
+        for line in lines:
+            entry = json.loads(line)
+            yield entry["spec"], entry["result"]
+
+
+def sole(spec: dict[str, Any]) -> str:
+    return f"{spec['stiffness']:g}" if spec["foot"] == "soft" else spec["foot"]
+
+
+@cache
+def authority() -> tuple[dict[str, dict[Layout, Result]], dict[str, dict[Layout, Result]]]:
+    """Walks of the study 'authority', and those of an oracle and 80 Nm/rad on layouts of their own: sole → layout."""
+    found: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    own: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    for spec, result in walks("authority"):
+        layout = spec["terrain"], spec["seed"]
+        if spec["seed"] >= 1000:
+            own[spec["policy"] if "policy" in spec else sole(spec)][layout] = result
+        elif not spec["foot_changes"]:
+            found[sole(spec)][layout] = result
+    return found, own
+
+
+def arrived(result: Result) -> bool:
+    return bool(result["outcome"] == "completed")
+
+
+def early(result: Result) -> bool:
+    return bool(result["fell"]) and result["steps_done"] <= 5
+
+
+def says(text: str) -> None:
+    assert text in PAGE, f"the page does not say: {text}"
+
+
+def listed(values: Iterable[Any]) -> str:
+    *most, last = map(str, values)
+    return f"{', '.join(most)} and {last}"
+
+
+def test_the_page_is_short_and_its_studies_are_there() -> None:
+    assert len((DOCS / "found.md").read_text(encoding="utf-8").splitlines()) <= 250
+    folder = DOCS.parent / "sim" / "studies" / "data" / "hypotheses"
+    for path in folder.glob("*.json"):
+        assert f"`{path.stem}`" in PAGE
+
+
+def test_early_falls_decide_the_gain_of_the_oracle() -> None:
+    soles, own = authority()
+    falls = {k: sum(map(early, soles[k].values())) for k in SOLES}
+    says(f"within five steps {listed(falls[k] for k in SOLES[1:])} of 680 walks fall")
+    says(f"{falls['rigid']} on the rigid sole. That decides")
+    gain = {at: float(own["oracle"][at]["steps_done"] - own["80"][at]["steps_done"]) for at in own["oracle"]}
+    edge = {at for at in gain if early(own["oracle"][at]) or early(own["80"][at])}
+    says(
+        f"does {sum(gain.values()):.0f} steps more than 80 Nm/rad on {len(gain)} layouts. "
+        f"{sum(gain[at] for at in edge):.0f} of them come from the {len(edge)} on which"
+    )
+    rest = mean_interval([gain[at] for at in gain if at not in edge])
+    assert rest.low is not None and rest.high is not None
+    says(f"on the other {rest.n} it gains {rest.mean:.2f} [−{-rest.low:.2f}, {rest.high:.2f}] steps a walk")
+    p = sign_flip_p(list(gain.values()), [family for family, _ in gain])
+    says(f"with families as the unit its gain has p = {p:.2f}")
+
+
+def test_soft_soles_do_more_steps_where_neither_falls_early() -> None:
+    soles, _ = authority()
+    late, every = [], []
+    for k in ("5", "20", "80"):
+        pairs = [(soles[k][at], soles["rigid"][at]) for at in soles["rigid"]]
+        late.append(
+            np.mean([a["steps_done"] - b["steps_done"] for a, b in pairs if not (early(a) or early(b))])
+        )
+        every.append(np.mean([a["steps_done"] - b["steps_done"] for a, b in pairs]))
+    says(f"the rigid one: {late[0]:.1f} with 5 Nm/rad, {late[1]:.1f} with 20, {late[2]:.1f} with 80")
+    says(f"it is −{-every[0]:.1f}, −{-every[1]:.1f} and {every[2]:.1f}, none established")
+
+
+def test_two_risks_are_opposed() -> None:
+    soles, _ = authority()
+    rates = {}
+    for cause in ("sideways", "forward"):
+        for k in SOLES:
+            steps = sum(result["steps_done"] for result in soles[k].values()) / 1e3
+            count = sum(cause_of(result) == cause for result in soles[k].values())
+            low, high = rate_interval(count, steps)
+            rates[cause, k] = count / steps
+            assert low < rates[cause, k] < high
+    first = f"Sideways falls per 1,000 steps are {rates['sideways', 'rigid']:.1f} on the rigid sole and "
+    says(first + listed(f"{rates['sideways', k]:.1f}" for k in SOLES[1:]))
+    first = f"Forward falls are {rates['forward', 'rigid']:.1f} on the rigid sole and "
+    says(first + listed(f"{rates['forward', k]:.1f}" for k in SOLES[1:]))
+
+
+def test_sideways_falls_by_layout_and_family_and_forward_ones_by_phase() -> None:
+    soles, _ = authority()
+    soft, rigid = ({at: cause_of(r) == "sideways" for at, r in soles[k].items()} for k in ("5", "rigid"))
+    alone = sum(soft[at] and not rigid[at] for at in soft), sum(rigid[at] and not soft[at] for at in soft)
+    says(f"only the soft sole falls sideways on {alone[0]} layouts, only the rigid one on {alone[1]}")
+    families = {family for family, _ in soft}
+    lead = {f: sum(rigid[at] - soft[at] for at in soft if at[0] == f) for f in families}
+    assert sum(n > 0 for n in lead.values()) == 15 and not any(n < 0 for n in lead.values())
+    says("less often on 15 families and more often on none")
+    forward = [r["fall"]["phase"] for r in soles["5"].values() if cause_of(r) == "forward"]
+    says(
+        f"of the {len(forward)} forward falls with 5 Nm/rad {forward.count('double support')} begin in double"
+    )
+
+
+def test_more_walks_arrive_on_soft_soles() -> None:
+    soles, _ = authority()
+    done = {k: sum(map(arrived, soles[k].values())) for k in SOLES}
+    says(f"{done['rigid']} of 680 on the rigid sole, and {listed(done[k] for k in SOLES[1:])}")
+    for k, name in (("80", "80 Nm/rad wins"), ("20", "20"), ("5", "5"), ("400", "400")):
+        pairs = {at: 100.0 * (arrived(soles[k][at]) - arrived(soles["rigid"][at])) for at in soles["rigid"]}
+        families = [family for family, _ in pairs]
+        found, p = mean_interval(list(pairs.values()), families), sign_flip_p(list(pairs.values()), families)
+        text = f"{name} {found.mean:.0f} [{found.low:.0f}, {found.high:.0f}] %"
+        says(text + (" of the walks" if k == "80" else "") + f" (p = {p:.2f})")
+
+
+def test_landings_are_softer_and_more_of_the_sole_touches() -> None:
+    soles, _ = authority()
+    pairs = [(soles["20"][at], soles["rigid"][at]) for at in soles["20"]]
+    both = [(a, b) for a, b in pairs if arrived(a) and arrived(b)]
+
+    def change(part: Callable[[Result], float]) -> tuple[float, float, float]:
+        soft, rigid = (np.array([part(pair[i]) for pair in both]) for i in (0, 1))
+        assert np.mean(soft < rigid) > 0.97 or np.mean(soft > rigid) > 0.8
+        return float(soft.mean()), float(rigid.mean()), 100.0 * float(soft.mean() / rigid.mean() - 1.0)
+
+    soft, rigid, less = change(lambda result: result["impact"])
+    says(
+        f"the landing peak is {soft:.2f} of the weight, not {rigid:.2f} (−{-less:.0f} %, lower in 98 % of the pairs)"
+    )
+    zmp, area = change(lambda r: r["zmp_error"]["mean"])[2], change(lambda r: r["contact_area"]["mean"])[2]
+    says(f"the ZMP error −{-zmp:.0f} %, the contact area of the stance sole +{area:.0f} %")
+
+
+def table_four(journal: str) -> dict[str, float]:
+    """Sum of the mean steps of the twenty cells, for each sole."""
+    steps: dict[tuple[str, str, float], list[int]] = defaultdict(list)
+    for spec, result in walks(journal):
+        steps[sole(spec), spec["terrain"], spec["amplitude"]].append(result["steps_done"])
+    sums: dict[str, float] = defaultdict(float)
+    for (name, _, _), values in steps.items():
+        sums[name] += float(np.mean(values))
+    return sums
+
+
+def test_table_four_beside_the_papers() -> None:
+    paper = [sum(row[i] for rows in TABLE_IV_STEPS.values() for row in rows) for i in (2, 1, 0)]
+    says(f"| paper, one walk a cell | {', '.join(map(str, paper))} |")
+    law, default = table_four("table4_legacy"), table_four("table4")
+    one, two = (
+        [f"{sums[name]:.0f}" for name in ("flat", "5", "variable", "rigid")] for sums in (law, default)
+    )
+    says(f"means of 10 walks a cell | {', '.join(one[:3])}; a rigid sole of the soft one's size {one[3]} |")
+    says(f"means of 20 walks a cell | {', '.join(two[:3])}; rigid {two[3]} |")
+
+
+def test_choosing_by_the_family_owes_most_of_its_gain_to_early_falls() -> None:
+    """The choice of the first 20 layouts, on the 20 others."""
+    soles, _ = authority()
+    best = {}
+    for family in {family for family, _ in soles["80"]}:
+        means = {k: np.mean([soles[k][family, s]["steps_done"] for s in range(100, 120)]) for k in SOLES[1:]}
+        pooled = {k: np.mean([soles[k][at]["steps_done"] for at in soles[k] if at[1] < 120]) for k in means}
+        best[family] = max(means, key=lambda k: (means[k], pooled[k]))
+    gain = {
+        (f, s): float(soles[best[f]][f, s]["steps_done"] - soles["80"][f, s]["steps_done"])
+        for f in best
+        for s in range(120, 140)
+    }
+    edge = {
+        at for at in gain if best[at[0]] != "80" and (early(soles[best[at[0]]][at]) or early(soles["80"][at]))
+    }
+    found = mean_interval(list(gain.values()))
+    says(f"is worth {found.mean:.1f} [{found.low:.1f}, {found.high:.1f}] steps over 80 on the 20 others")
+    p = sign_flip_p(list(gain.values()), [family for family, _ in gain])
+    says(
+        f"with families as the unit p = {p:.2f}; {sum(gain[at] for at in edge):.0f} of its "
+        f"{sum(gain.values()):.0f} steps come from the {len(edge)} layouts with an early fall"
+    )
