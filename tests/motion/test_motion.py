@@ -383,6 +383,7 @@ def test_motions_become_feasible(g1: Robot, name: str) -> None:
         assert after.single_support > 0.1
 
 
+@pytest.mark.slow
 def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
     first = make_feasible(g1, make_motion(g1, "squat", 2))
     again = make_feasible(g1, first.clip)

@@ -91,7 +91,7 @@ class Carry(WalkHook):
 
 @pytest.mark.parametrize(
     ("aside", "back", "outcome"),
-    [(0.4, math.inf, "completed"), (0.6, math.inf, "strayed"), (0.6, 2.0, "strayed")],
+    [(0.4, math.inf, "completed"), (0.6, 2.0, "strayed")],
 )
 def test_a_robot_that_does_its_steps_elsewhere_has_strayed(aside: float, back: float, outcome: str) -> None:
     spec = WalkSpec(plan=WalkPlan(distance=0.1), noise="none")

@@ -64,6 +64,7 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
     assert hold.penetration < 0.0005
 
 
+@pytest.mark.slow
 def test_a_test_is_a_pure_function() -> None:
     assert press(SOFT_ON_STONES) == press(SOFT_ON_STONES)
 

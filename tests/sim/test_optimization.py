@@ -57,6 +57,7 @@ class MadeUpWalks:
         return self.entries
 
 
+@pytest.mark.slow
 def test_finds_the_top_of_a_noisy_hill_and_the_range_that_is_as_good() -> None:
     walks = MadeUpWalks()
     found = optimum(optimise(SPEC, 36, walks), SPEC.bounds)

@@ -90,6 +90,7 @@ def made_up(study: Study, steps: Callable[[str, str, int], float]) -> dict[str, 
     return entries
 
 
+@pytest.mark.slow
 def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> None:
     study = authority(seeds=10).narrowed(["boards", "stones"])
     rng = np.random.default_rng(2)

@@ -178,6 +178,7 @@ def test_a_robot_that_may_step_stands_still_where_nothing_pushes_it() -> None:
     assert result.com_error_mm < 15.0
 
 
+@pytest.mark.slow
 def test_pushes_to_the_left_and_to_the_right_are_mirror_images() -> None:
     left, right = (
         push_standing(StandPushSpec(impulse=0.15, direction=d, after=1.0))

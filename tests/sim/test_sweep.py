@@ -315,6 +315,7 @@ def test_refuses_numbers_that_are_none(tmp_path: Path) -> None:
 # Walks as trials
 
 
+@pytest.mark.slow
 def test_a_push_limit_lies_between_a_push_that_is_survived_and_one_that_is_not() -> None:
     walk = WalkSpec(
         plan=WalkPlan(distance=0.05), noise="none", pushes=(WalkPush(impulse=0.3, step=1, phase=0.5),)

@@ -97,6 +97,7 @@ def test_a_policy_that_keeps_the_stiffness_walks_as_a_soft_foot_of_it() -> None:
     assert soft.policy is None and soft.stiffness is None and soft.sole_stiffness == 5.0
 
 
+@pytest.mark.slow
 def test_a_policy_of_ones_own_and_a_fallback() -> None:
     asked: list[SwingScan] = []
 
