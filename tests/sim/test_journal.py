@@ -248,7 +248,7 @@ def test_refuses(tmp_path: Path) -> None:
     for opened in (check_journal_path, Journal):
         with pytest.raises(InputError, match="folder"):
             opened(tmp_path)
-        with pytest.raises(InputError, match="cannot be the name of a file"):
+        with pytest.raises(InputError, match="too long|cannot be the name of a file"):
             opened(tmp_path / ("x" * 300))
     (tmp_path / "file").touch()
     with pytest.raises(JournalError, match="cannot be written"):
