@@ -715,3 +715,15 @@ def test_a_mirrored_walk_is_the_mirror_of_the_walk(foot: str) -> None:
     assert _figures(right) == pytest.approx(_figures(left), rel=1e-4)
     assert right.drift == pytest.approx(-left.drift, abs=1e-5)
     assert right.yaw_error == pytest.approx(-left.yaw_error, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_a_walk_is_the_same_by_any_solver(solver: str) -> None:
+    """All solvers find the optimum of a strictly convex QP: the feet go to the same places within 0.01 mm."""
+    spec = WalkSpec(noise="none", plan=WalkPlan(distance=0.2))
+    usual = walk(spec)
+    other = walk(replace(spec, changes={"solver.solver": solver}))
+    assert other.outcome == usual.outcome == "completed"
+    assert other.distance == pytest.approx(usual.distance, abs=1e-5)
+    assert other.com_error.mean == pytest.approx(usual.com_error.mean, abs=1e-5)

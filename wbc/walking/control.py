@@ -27,7 +27,6 @@ from wbc.core.errors import Array, InputError, as_period, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
@@ -130,8 +129,7 @@ class WalkingControl:
         self.stiffness = stiffness
 
         self._torque = torque = s.mode != "position"
-        # On steep ground a leg may be too short for where its foot should be: do what can be done.
-        self.controller = Controller(robot, dt, settings=SolverSettings(relaxation=1e4))
+        self.controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=torque)
         self.tasks = WalkTasks(
             self.controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque

@@ -6,6 +6,7 @@ from dataclasses import field
 from typing import Annotated
 
 from wbc.core.control import Mode, SafetySettings
+from wbc.core.qp.solver import SolverSettings
 from wbc.core.settings import Positive, settings
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
@@ -43,6 +44,8 @@ class WalkingControlSettings:
         hands: Hands that press on things; None for hands that are only carried along.
         load: Estimate of a load of unknown mass in the hands, which the models then carry; None for empty hands.
         safety: Ranges of measurements and commands.
+        solver: Solver of the QP. On steep ground a leg may be too short for where its foot should be: hard tasks and
+            contacts are then relaxed, and what can be done is done.
     """
 
     mode: Mode = "position"
@@ -60,3 +63,4 @@ class WalkingControlSettings:
     load: LoadSettings | None = None
     arms: ArmSettings = field(default_factory=ArmSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)
+    solver: SolverSettings = field(default_factory=lambda: SolverSettings(relaxation=1e4))

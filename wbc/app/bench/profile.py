@@ -16,6 +16,7 @@ from typing import Any
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.sim.walks import WalkHook, WalkResult, WalkTrial
+from wbc.tasks.stabilizer.task import StabilizerTask
 
 MODEL, ASSEMBLY, SOLVE, DECODE = "QP: model", "QP: assembly", "QP: solve", "QP: decode"
 
@@ -57,7 +58,7 @@ WALK_PARTS = (
     ("driver", "update", "footsteps"),
     ("walk", "update", "references"),
     ("stabilizer", "update", "stabilizer"),
-    *(("tasks", method, "targets") for method in ("move_feet", "move_com", "turn_trunk", "switch")),
+    *(("tasks", method, "targets") for method in ("move_feet", "turn_trunk", "switch")),
     ("falls", "update", "fall test"),
 )
 """Attribute, method and part of what a controller that walks may have."""
@@ -230,6 +231,9 @@ def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]
         (trial.meter, "after_step", "figures"),
         *named,
     ]
+    balance = getattr(getattr(walking, "tasks", None), "com", None)
+    if isinstance(balance, StabilizerTask):
+        timed.append((balance, "apply", "targets"))
     if walking.stiffness is not None:
         timed.append((walking.stiffness, "update", "scheduling"))
     if trial.sole_meter is not None:
