@@ -16,7 +16,6 @@ from wbc.sim.studies.paper.experiments import (
     tuned_fixed,
 )
 from wbc.sim.studies.stiffness_studies import (
-    arches,
     dataset,
     halfway,
 )
@@ -218,7 +217,6 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "driving": driving,
         "dataset": dataset,
         "halfway": halfway,
-        "arches": arches,
         "tuned_fixed": tuned_fixed,
         "authority": authority,
         "damping": damping,

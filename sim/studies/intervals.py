@@ -7,9 +7,8 @@ layouts, each with all of its trials, and a test flips the signs of whole layout
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +20,6 @@ CONFIDENCE = 0.95
 RESAMPLES = 9999
 """Resamples of bootstrap and permutation test, scipy's default: the ends of an interval vary by about 1 % of its width,
 and the smallest p-value is 2e-4."""
-
-EXACT = 13
-"""Largest number of layouts that differ whose signs are all flipped: 2^13 patterns are fewer than the resamples."""
 
 MANY = 2000
 """Number of layouts from which the normal distribution takes the place of resampling: a mean of 2,000 is as good as
@@ -169,34 +165,6 @@ def _standard_error(sums: Array, counts: Array) -> float:
     return math.sqrt(sums.size / (sums.size - 1) * float(left @ left)) / float(counts.sum())
 
 
-def pairs_of(values: Mapping[Any, float], reference: Mapping[Any, float]) -> dict[Any, float]:
-    """Return pair → difference, over the pairs that both have."""
-    return {key: value - reference[key] for key, value in values.items() if key in reference}
-
-
-def paired_difference(
-    values: Mapping[Any, float],
-    reference: Mapping[Any, float],
-    *,
-    layouts: Mapping[Any, Hashable] | None = None,
-    confidence: float = CONFIDENCE,
-) -> Estimate:
-    """Return the mean difference to a reference over the pairs that both have, with its interval.
-
-    Args:
-        values: Pair (a ground, a seed) → value.
-        reference: Pair → value of the reference.
-        layouts: Pair → layout; each pair has its own when None.
-        confidence: Confidence of the interval.
-    """
-    pairs = pairs_of(values, reference)
-    return mean_interval(
-        list(pairs.values()),
-        None if layouts is None else [layouts[key] for key in pairs],
-        confidence=confidence,
-    )
-
-
 def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None = None) -> float | None:
     """Return the two-sided p-value of a mean difference of zero, by flipping the signs of whole layouts.
 
@@ -207,23 +175,30 @@ def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None
     Returns:
         p-value; None with fewer than two layouts.
 
-    Source: R. Fisher, "The design of experiments", 1935, section 21; a random part of the patterns where 14 layouts or
-    more differ, their normal limit for many.
+    Source: R. Fisher, "The design of experiments", 1935, section 21; `scipy.stats.permutation_test`: all patterns where
+    few layouts differ, a random part of them for more, their normal limit for many.
     """
+    from scipy.stats import permutation_test  # noqa: PLC0415 - slow to import
+
     sums, _ = _by_layout(finite_array("differences", list(differences)), layouts)
     if sums.size < 2:
         return None
-    sums = sums[sums != 0.0]  # their signs change nothing
+    sums = np.sort(
+        sums[sums != 0.0]
+    )  # the signs of zeros change nothing, and the order of the pairs must not matter
     if sums.size >= MANY:
         spread = math.sqrt(float(sums @ sums))  # of the total, over all patterns of signs
-        return 1.0 if spread == 0.0 else math.erfc(abs(float(sums.sum())) / spread / math.sqrt(2.0))
-    if sums.size <= EXACT:
-        patterns = np.arange(2**sums.size)[:, None] >> np.arange(sums.size) & 1
-        totals = (2.0 * patterns - 1.0) @ sums
-    else:
-        signs = np.random.default_rng(0).integers(0, 2, (RESAMPLES, sums.size)) * 2.0 - 1.0
-        totals = np.append(signs @ np.sort(sums), sums.sum())  # the order of the pairs must not matter
-    return float(np.mean(np.abs(totals) >= abs(sums.sum()) - 1e-9 * np.abs(sums).sum()))
+        return math.erfc(abs(float(sums.sum())) / spread / math.sqrt(2.0))
+    if sums.size < 2:
+        return 1.0
+    test = permutation_test(
+        (sums,),
+        np.sum,
+        permutation_type="samples",
+        n_resamples=RESAMPLES,
+        random_state=np.random.default_rng(0),
+    )
+    return float(test.pvalue)
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:

@@ -18,7 +18,7 @@ from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name, ground_of, study_entries
+from wbc.sim.studies.study import Cell, Study, cell_name, ground_of, study_entries
 from wbc.sim.terrain import terrain
 from wbc.sim.walks.spec import WalkSpec
 
@@ -157,9 +157,6 @@ QUESTION_GROUNDS = (
 HEIGHTS = (0.020, 0.030, 0.045, 0.065, 0.090)
 """Heights of the study 'halfway', m."""
 
-ARCHES_DISTANCE = 1.5
-"""Length of a walk of the study 'arches', m: twelve steps, the first two of them on flat floor."""
-
 
 def halfway(seeds: int = 3) -> Study:
     """Return walks that tell at which height of the ground half of them fall, where a sole can make a difference."""
@@ -181,26 +178,6 @@ def halfway(seeds: int = 3) -> Study:
         arms={"10": {}},
         seeds=tuple(range(seeds)),
         metric="steps_done",
-    )
-
-
-def arches(seeds: int = 6) -> Study:
-    """Return walks that compare a soft foot whose arch reaches to the toe with the paper's, and with a rigid sole."""
-    arms: dict[str, dict[str, Any]] = {"rigid": {"foot": "rigid"}}
-    for k in (3.2, 32.0):
-        arms[f"soft, {k:g}"] = {"foot": "soft", "stiffness": k}
-        arms[f"long arch, {k:g}"] = {"foot": "long_arch", "stiffness": k}
-    return Study(
-        name="arches",
-        about="a soft foot whose arch reaches to the toe against the paper's, on every rough family",
-        base={"noise": "realistic", "plan": {"distance": ARCHES_DISTANCE}},
-        cells=tuple(
-            Cell(cell_name(name, height), {"terrain": name, "amplitude": height})
-            for name, height in halfway_heights().items()
-        ),
-        arms=arms,
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-        reference="soft, 3.2",
     )
 
 

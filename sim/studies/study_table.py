@@ -17,7 +17,6 @@ from wbc.sim.studies.intervals import (
     equivalence,
     holm,
     mean_interval,
-    pairs_of,
     rate_text,
     share_interval,
     share_text,
@@ -231,8 +230,8 @@ class _Column:
 
     def beside(self, pairs: Sequence[Hashable]) -> dict[str, float]:
         """Return the means of what stands beside the metric, over some trials."""
-        found = {name: [_measured(self.results.get(pair, {}), name) for pair in pairs] for name in BESIDE}
-        known = {name: [v for v in values if v is not None] for name, values in found.items()}
+        parts = [flattened(self.results[pair]) for pair in pairs if pair in self.results]
+        known = {name: [each[name] for each in parts if each.get(name) is not None] for name in BESIDE}
         return {name: sum(values) / len(values) for name, values in known.items() if values}
 
 
@@ -247,14 +246,6 @@ def cause_of(result: Mapping[str, Any]) -> str | None:
         return None
     name = "dropped" if fall.get("reason") == "height" else fall.get("cause") or fall["direction"]
     return _CAUSE.get(name, name)
-
-
-def _measured(result: Mapping[str, Any], name: str) -> float | None:
-    """Return a number of a result by its dotted name; None where it was not measured."""
-    value: Any = result
-    for key in name.split("."):
-        value = value.get(key) if isinstance(value, Mapping) else None
-    return None if value is None else float(value)
 
 
 @checked
@@ -321,7 +312,9 @@ def study_table(
             counted = [pair for pair in values if common is None or pair in common]
             many = len({families[pair] for pair in counted}) >= FAMILIES
             of = families if many else layouts
-            differences = {} if arm == reference else pairs_of(values, base)
+            differences = {
+                pair: v - base[pair] for pair, v in values.items() if arm != reference and pair in base
+            }
             compared = list(differences.values()), [of[pair] for pair in differences]
             total, done = sum(column.outcomes.values()), column.outcomes["completed"]
             cells.append(

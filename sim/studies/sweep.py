@@ -45,8 +45,8 @@ IN_FLIGHT = 64
 """Number of trials that a given executor holds at a time: more than a cluster of some dozen cores can run."""
 
 STARTS = 5
-"""Number of times in a row that every worker may end before a trial has begun: one that is killed while it starts ends
-no sweep, a script whose processes cannot start does."""
+"""Number of times in a row that a process may end before its trial has begun: a script whose processes cannot start
+ends its sweep, one that is killed while it starts does not."""
 
 THREADS = (
     "OMP_NUM_THREADS",
@@ -200,37 +200,34 @@ Record = Callable[[dict[str, Any], Outcome], None]
 def _run_locally(pending: Pending, workers: int, timeout: float | None, record: Record) -> None:
     """Run trials in local processes.
 
-    Each process has a pool of its own: when one dies, the trial that it had is known, and the others go on. The trial
-    has crashed if it had begun; otherwise the process was killed while it started, and the trial is given to another.
+    A process that dies takes its pool with it. The trials that were in flight are then run again one by one, each in a
+    process of its own: the one that dies there too has crashed.
 
     Raises:
         SweepError: Processes end again and again before a trial has begun.
     """
-    begun = multiprocessing.get_context("spawn").RawArray("b", len(pending))
-    waiting = deque(range(len(pending)))
-    failed_starts, most = 0, STARTS * workers
-    running: dict[Future[Outcome], tuple[_Worker, int]] = {}
-    with _local_workers(min(workers, len(pending)), begun) as pool:
-        idle = list(pool)
-        while waiting or running:
-            while waiting and idle:
-                worker, number = idle.pop(), waiting.popleft()
-                running[worker.submit(number, pending[number][0], timeout, provenance())] = worker, number
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                worker, number = running.pop(future)
-                idle.append(worker)
-                if isinstance(_error(future), BrokenExecutor) and not begun[number]:
-                    waiting.appendleft(number)
-                    failed_starts += 1
-                    if failed_starts == most:
-                        raise SweepError(
-                            f"processes for the trials have ended {most} times before one began; the standard error "
-                            "may say why (a script that starts a sweep needs `if __name__ == '__main__':`)"
-                        )
-                else:
-                    failed_starts = 0
-                    record(pending[number][1], _outcome(future))
+    while pending:
+        with local_executor(min(workers, len(pending))) as pool:
+            lost = _feed(pool, pending, timeout, workers, record, stuck_ends=True)
+        for trial in lost:
+            _run_alone(trial, timeout, record)
+
+
+def _run_alone(trial: tuple[Trial, dict[str, Any]], timeout: float | None, record: Record) -> None:
+    """Run a trial in a process of its own, which may end before it begins some times, when it is killed meanwhile."""
+    for _ in range(STARTS):
+        with local_executor(1) as pool:
+            try:
+                pool.submit(time.monotonic).result()
+            except BrokenExecutor:
+                continue
+            if _feed(pool, deque([trial]), timeout, 1, record, stuck_ends=True):
+                record(trial[1], Outcome("crashed", error="the process that ran it died"))
+            return
+    raise SweepError(
+        f"processes for the trials have ended {STARTS} times before one began; the standard error may say why (a "
+        "script that starts a sweep needs `if __name__ == '__main__':`)"
+    )
 
 
 def _outcome(future: Future[Outcome]) -> Outcome:
@@ -244,8 +241,6 @@ def _outcome(future: Future[Outcome]) -> Outcome:
         return future.result()
     if isinstance(error, SweepError):
         raise error
-    if isinstance(error, BrokenExecutor):
-        return Outcome("crashed", error="the process that ran it died")
     return Outcome("crashed", error=f"{type(error).__name__}: {error}")  # such as a spec that cannot be sent
 
 
@@ -254,7 +249,13 @@ def _error(future: Future[Outcome]) -> BaseException | None:
 
 
 def _feed(
-    executor: Executor, pending: Pending, timeout: float | None, in_flight: int, record: Record
+    executor: Executor,
+    pending: Pending,
+    timeout: float | None,
+    in_flight: int,
+    record: Record,
+    *,
+    stuck_ends: bool = False,
 ) -> Pending:
     """Keep a given executor busy until nothing is pending, or until it breaks or cancels a trial.
 
@@ -268,7 +269,7 @@ def _feed(
         while pending or running:
             while pending and len(running) < in_flight and not lost:
                 try:
-                    future = executor.submit(_run, pending[0][0], timeout, provenance())
+                    future = executor.submit(_run, pending[0][0], timeout, provenance(), stuck_ends)
                 except BrokenExecutor:
                     lost.append(pending.popleft())
                     break
@@ -289,52 +290,6 @@ def _feed(
     return lost
 
 
-class _Worker:
-    """One local process with one thread, started when it is needed, and again when it has died."""
-
-    def __init__(self, begun: Any) -> None:
-        self._begun = begun
-        self._pool: ProcessPoolExecutor | None = None
-
-    def submit(self, number: int, *trial: Any) -> Future[Outcome]:
-        """Give the process the arguments of `_run`; `begun[number]` is set as soon as the trial begins."""
-        if self._pool is not None:
-            try:
-                return self._pool.submit(_begin, number, *trial)
-            except BrokenExecutor:
-                self.end()
-        context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(
-            1, mp_context=context, initializer=_start_worker, initargs=(self._begun,)
-        )
-        return self._pool.submit(_begin, number, *trial)
-
-    def end(self, *, wait: bool = True) -> None:
-        """End the process after its trial."""
-        if self._pool is not None:
-            self._pool.shutdown(wait, cancel_futures=not wait)
-
-
-@contextlib.contextmanager
-def _local_workers(count: int, begun: Any) -> Iterator[list[_Worker]]:
-    """Make local workers; their processes end when this process does, however it ends.
-
-    Args:
-        count: Number of workers.
-        begun: Shared array with a byte for each trial.
-    """
-    workers = [_Worker(begun) for _ in range(count)]
-    with _one_thread():
-        try:
-            yield workers
-        except BaseException:
-            for worker in workers:
-                worker.end(wait=False)
-            raise
-        for worker in workers:
-            worker.end()
-
-
 @contextlib.contextmanager
 def local_executor(workers: int) -> Iterator[Executor]:
     """Make an executor of local processes for many small sweeps, which take over its processes from one another.
@@ -345,11 +300,14 @@ def local_executor(workers: int) -> Iterator[Executor]:
         workers: Number of processes.
     """
     context = multiprocessing.get_context("spawn")
-    with (
-        _one_thread(),
-        ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool,
-    ):
-        yield pool
+    with _one_thread():
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        pool.shutdown()
 
 
 @contextlib.contextmanager
@@ -367,21 +325,8 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-_begun: Any = None
-"""In a local process, the array in which begun trials are marked, shared with the sweep. Every trial has its own byte:
-a lock would never be released by a process that is killed."""
-
-
-def _begin(number: int, spec: Trial, timeout: float | None, version: Mapping[str, Any]) -> Outcome:
-    """Mark a trial as begun and run it, in a local process."""
-    _begun[number] = 1
-    return _run(spec, timeout, version, exit_when_stuck=True)
-
-
-def _run(
-    spec: Trial, timeout: float | None, version: Mapping[str, Any], *, exit_when_stuck: bool = False
-) -> Outcome:
-    """Run a trial, by the code that the journal will name alone.
+def _run(spec: Trial, timeout: float | None, version: Mapping[str, Any], stuck_ends: bool) -> Outcome:
+    """Run a trial, by the code that the journal will name alone; its process may end when a library does not return.
 
     Raises:
         SweepError: This process has other code: sources have changed since the sweep began, or a cluster has its own.
@@ -391,13 +336,11 @@ def _run(
             f"a process that runs trials has other code than the sweep, which has {', '.join(other)}; run the sweep "
             "again with one version of the code"
         )
-    return run_trial(spec, timeout, exit_when_stuck=exit_when_stuck)
+    return run_trial(spec, timeout, exit_when_stuck=stuck_ends)
 
 
-def _start_worker(begun: Any = None) -> None:
+def _start_worker() -> None:
     """Prepare a local process."""
-    global _begun  # noqa: PLW0603 - initializers have no other way to hand something to the calls
-    _begun = begun
     logging.getLogger().setLevel(logging.ERROR)
     parent = multiprocessing.parent_process()
     if parent is None:
