@@ -1,6 +1,6 @@
 """Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`.
 
-A few are simulations in MuJoCo, the others what `wbc terrain`, `wbc foot press` and `wbc foot curves` draw. It takes
+A few are simulations in MuJoCo, the others what `wbc terrain` and `wbc foot press` draw. It takes
 about two minutes; on a machine without a display set MUJOCO_GL=egl.
 """
 
@@ -19,7 +19,7 @@ from PIL import Image
 from wbc.app.cli import main as wbc
 from wbc.core.errors import Array
 from wbc.feet import TransverseBending, foot
-from wbc.sim.rig import FootTest, over_bar
+from wbc.sim.rig import FootTest
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.terrain import terrain
 from wbc.sim.terrain.plot import plot_families
@@ -34,13 +34,28 @@ SKY = (0.93, 0.95, 0.97)
 
 STONES = terrain("stones", amplitude=0.03, seed=1)
 
+BAR = terrain("cylinder_obstacles", 0.03, yaw=0.0)
+"""Bars across the track."""
+
+BAR_PLACE = -0.028
+"""Place of a bar under the foot, m ahead of the sole centre: midway between the heel hinge and the loop point of the
+soft foot, where its sole can bend most."""
+
+
+def over_bar(stiffness: float) -> FootTest:
+    """The soft foot over the highest bar, under the middle of its arch."""
+    peak = max((shape.peak for shape in BAR.shapes), key=lambda peak: float(peak[2]))
+    place = float(peak[0]) - (BAR.start + BAR.stop) / 2.0 - BAR_PLACE
+    return FootTest(foot("soft", stiffness=stiffness), BAR, load=LOAD, x=place)
+
+
 VIEWS: dict[str, FootTest] = {
     "rigid, on stones": FootTest(foot("rigid"), STONES, load=LOAD),
     "soft, k = 5 Nm/rad": FootTest(foot("soft"), STONES, load=LOAD),
     "soft, cut into strips": FootTest(foot("soft", transverse=TransverseBending("flaps")), STONES, load=LOAD),
-    "soft over a bar, k = 1": over_bar(FootTest(foot("soft", stiffness=1.0), load=LOAD)),
-    "k = 20": over_bar(FootTest(foot("soft", stiffness=20.0), load=LOAD)),
-    "k = 80": over_bar(FootTest(foot("soft", stiffness=80.0), load=LOAD)),
+    "soft over a bar, k = 1": over_bar(1.0),
+    "k = 20": over_bar(20.0),
+    "k = 80": over_bar(80.0),
 }
 """Foot tests that are drawn, in rows of three."""
 
@@ -89,11 +104,6 @@ def draw_press(path: Path) -> None:
     run(command, path)
 
 
-def draw_curves(path: Path) -> None:
-    """Curves over stiffness, as `wbc foot curves` draws them."""
-    run("foot curves --seeds 8 --load 390 --terrain random stones cobble_stones --plot", path)
-
-
 def run(command: str, path: Path) -> None:
     """Run a command of `wbc` that draws a picture."""
     if wbc([*command.split(), str(path)]) != 0:
@@ -110,7 +120,6 @@ PICTURES: dict[str, Callable[[Path], object]] = {
     "terrains.png": plot_families,
     "foot_soft.png": draw_feet,
     "foot_press.png": draw_press,
-    "foot_curves.png": draw_curves,
 }
 """Name of each picture and who draws it."""
 

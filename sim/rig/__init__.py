@@ -1,4 +1,4 @@
-"""Test rig: press, drop, slide and pitch one foot on any ground.
+"""Test rig: press one foot on any ground, and pitch its ankle.
 
     >>> from wbc.feet import foot
     >>> from wbc.sim.rig import FootTest, press
@@ -14,57 +14,18 @@ absorbed impact, each a pure function of a frozen `FootTest`. A new test goes in
 
 from __future__ import annotations
 
-from wbc.sim.rig.actions import drop, pitch, press, slide
-from wbc.sim.rig.plot import plot_curves, plot_pitch, plot_press
-from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon
+from wbc.sim.rig.actions import pitch, press
+from wbc.sim.rig.plot import plot_pitch, plot_press
+from wbc.sim.rig.results import PitchResult, PressResult
 from wbc.sim.rig.spec import HRP4C_SOLE, FootTest
-from wbc.sim.rig.study import (
-    LOADS,
-    STIFFNESSES,
-    Deflection,
-    StabilityRow,
-    StiffnessRow,
-    bumps,
-    force_deflection,
-    over_bar,
-    stability,
-    stiffness_curves,
-)
-from wbc.sim.rig.tables import deflection_table, stability_table, stiffness_means, stiffness_table
 
 __all__ = [
-    # A test
     "FootTest",
     "HRP4C_SOLE",
-    # Its actions
     "press",
-    "drop",
-    "slide",
-    "pitch",
-    # Their results
     "PressResult",
-    "Impact",
-    "Hold",
-    "SupportPolygon",
-    "SlideResult",
+    "pitch",
     "PitchResult",
-    # Studies over stiffness, ground and physics step
-    "stability",
-    "stiffness_curves",
-    "force_deflection",
-    "StabilityRow",
-    "StiffnessRow",
-    "Deflection",
-    "bumps",
-    "over_bar",
-    "STIFFNESSES",
-    "LOADS",
-    # Tables and pictures
-    "stability_table",
-    "stiffness_table",
-    "stiffness_means",
-    "deflection_table",
     "plot_press",
     "plot_pitch",
-    "plot_curves",
 ]

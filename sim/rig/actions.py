@@ -1,9 +1,8 @@
-"""Press, drop, slide and pitch: pure functions of a foot test."""
+"""Press and pitch: pure functions of a foot test."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.hull import hull_and_area
 from wbc.sim.rig.fixture import Rig
-from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SlideResult, SupportPolygon
+from wbc.sim.rig.results import Hold, Impact, PitchResult, PressResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
 
 REBOUND_TIME = 0.3
@@ -27,9 +26,6 @@ SUPPORT_LOAD = 0.5
 """Least vertical force, as a share of the weight, at which a centre of pressure counts for the support polygon. A tilt
 is so slow that the ground carries about the weight; a foot that rolls off a stone loses it for some ticks, and the
 quotient of two small moments and forces lies anywhere."""
-
-SLIP_SPEED = 0.05
-"""Smallest forward speed of a foot that counts as sliding, m/s."""
 
 _RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft foot by less than 1 mm
 _SAMPLE = 0.005  # s between samples of the centre of pressure
@@ -60,45 +56,6 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
     return PressResult(True) if polygon is None else PressResult(False, impact, hold, polygon)
 
 
-def drop(test: FootTest, *, height: float = 0.05) -> PressResult:
-    """Drop the foot from higher up, for the share of a hard landing that its sole absorbs.
-
-    Args:
-        test: Foot, ground and load.
-        height: Height of the sole over the highest point under it, m.
-    """
-    return press(replace(test, drop=positive("drop height (m)", height)), support=False)
-
-
-def slide(test: FootTest, *, shear_share: float = 0.3, ramp: float = 1.0) -> SlideResult:
-    """Push a loaded foot forward: first gently, to measure creep, then harder until it slides.
-
-    Args:
-        test: Foot, ground and load.
-        shear_share: Shear over weight for the creep.
-        ramp: Growth of shear over weight per second afterwards, 1/s.
-    """
-    finite_scalar("shear over weight", shear_share, low=0.0, high=2.0)
-    _check_duration("shear", (3.0 - shear_share) / positive("shear ramp (1/s)", ramp))
-    rig = Rig(test, shear=True)
-    if land(rig) is None:
-        return SlideResult(True, shear_share)
-    weight = rig.mass * test.physics.gravity
-    rig.set_shear_force(shear_share * weight)
-    rig.step(rig.steps(test.settle))
-    place = rig.forward_position
-    rig.step(rig.steps(test.hold))
-    creep = (rig.forward_position - place) / test.hold
-    share = shear_share
-    while share < 3.0 and not rig.diverged:
-        rig.step()
-        share += ramp * test.physics.timestep
-        rig.set_shear_force(share * weight)
-        if rig.forward_speed > SLIP_SPEED and rig.vertical_force > 0.0:
-            return SlideResult(False, shear_share, creep, -rig.forward_force / rig.vertical_force)
-    return SlideResult(rig.diverged, shear_share, creep)
-
-
 def pitch(
     test: FootTest, *, amplitude: float = math.radians(5.0), rate: float = math.radians(10.0)
 ) -> PitchResult:
@@ -116,7 +73,10 @@ def pitch(
         raise InputError("pitching needs an ankle servo: ankle_stiffness must be above 0 Nm/rad")
     finite_scalar("pitch amplitude (rad)", amplitude, low=0.0, high=0.5 * math.pi, open_low=True)
     duration = 4.0 * amplitude / positive("pitch rate (rad/s)", rate)
-    _check_duration("pitch", duration)
+    if duration > LONGEST:
+        raise InputError(
+            f"the pitch would last {duration:g} s, at most {LONGEST:g} s are simulated; move faster"
+        )
     if duration < 2.0 * _SAMPLE:
         raise InputError(
             f"pitching by {amplitude:g} rad at {rate:g} rad/s lasts {duration:g} s, less than two samples"
@@ -138,13 +98,6 @@ def pitch(
         return PitchResult(True)
     angles, centres, moments, heights = (tuple(column) for column in zip(*rows, strict=True))
     return PitchResult(False, angles, centres, moments, heights)
-
-
-def _check_duration(what: str, duration: float) -> None:
-    if duration > LONGEST:
-        raise InputError(
-            f"the {what} would last {duration:g} s, at most {LONGEST:g} s are simulated; move faster"
-        )
 
 
 def land(rig: Rig) -> tuple[Impact, float, float] | None:

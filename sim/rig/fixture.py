@@ -39,16 +39,14 @@ class Rig:
         foot: Names of the foot's parts.
         probe: Ground truth of the foot.
         mass: Mass of carriage and foot together, kg.
-        touch_height: Ankle height at which the undeformed, level foot would touch the ground, m.
         centre: World x and y of the sole centre at the start, m.
     """
 
-    def __init__(self, test: FootTest, *, shear: bool = False) -> None:
+    def __init__(self, test: FootTest) -> None:
         """Build the rig and put the foot over the ground.
 
         Args:
             test: Foot, ground and load.
-            shear: True to let the carriage slide freely along the foot's x axis, see `set_shear_force`.
         """
         self.test = test
         fitted = test.foot.fit(test.robot_sole).sole
@@ -59,14 +57,12 @@ class Rig:
         margin = test.foot.contact.radius
         top = self._highest(fitted.length / 2.0 + margin, fitted.width / 2.0 + margin)
 
-        self.touch_height = top + float(fitted.ankle[2])
-
         spec = mujoco.MjSpec()
         test.physics.apply(spec)
         add_to_spec(spec, test.ground)
         carriage = spec.worldbody.add_body(
             name="carriage",
-            pos=[*ankle_place, self.touch_height + test.drop],
+            pos=[*ankle_place, top + float(fitted.ankle[2]) + test.drop],
             quat=[math.cos(test.yaw / 2.0), 0.0, 0.0, math.sin(test.yaw / 2.0)],
             mass=test.load / test.physics.gravity,
             inertia=[ANKLE_INERTIA] * 3,
@@ -76,9 +72,8 @@ class Rig:
         slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
         for name, axis in (("forward", [1.0, 0.0, 0.0]), ("left", [0.0, 1.0, 0.0])):
             joint = carriage.add_joint(name=name, type=slide, axis=axis)
-            if not (shear and name == "forward"):
-                joint.stiffness[0] = GUIDE_STIFFNESS
-                joint.damping[0] = 2.0 * math.sqrt(GUIDE_STIFFNESS * carriage.mass)
+            joint.stiffness[0] = GUIDE_STIFFNESS
+            joint.damping[0] = 2.0 * math.sqrt(GUIDE_STIFFNESS * carriage.mass)
         carriage.add_joint(name="lift", type=slide, axis=[0.0, 0.0, 1.0])
         for name, axis in (("roll", [1.0, 0.0, 0.0]), ("pitch", [0.0, 1.0, 0.0])):
             carriage.add_joint(name=name, type=hinge, axis=axis)
@@ -94,9 +89,7 @@ class Rig:
         self.data = mujoco.MjData(self.model)
         self.probe = SoleProbe(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
-        self._dof = {
-            name: int(self.model.joint(name).dofadr[0]) for name in ("forward", "lift", "roll", "pitch")
-        }
+        self._dof = {name: int(self.model.joint(name).dofadr[0]) for name in ("lift", "pitch")}
         soft = [self.model.joint(name) for name in (*self.foot.sole_joints, *self.foot.transverse_joints)]
         self._sole_joints = np.array([joint.id for joint in soft], dtype=int)
         self._sole_qpos = np.array([joint.qposadr[0] for joint in soft], dtype=int)
@@ -149,32 +142,9 @@ class Rig:
         return float(self.data.qvel[self._dof["lift"]])
 
     @property
-    def forward_force(self) -> float:
-        """Sum of the contact forces along the carriage's forward axis, N."""
-        return float(self.data.qfrc_constraint[self._dof["forward"]])
-
-    @property
     def pitch_moment(self) -> float:
         """Moment of the contact forces about the ankle's pitch axis, Nm."""
         return float(self.data.qfrc_constraint[self._dof["pitch"]])
-
-    @property
-    def forward_position(self) -> float:
-        """Forward travel of the carriage, m."""
-        return float(self.data.joint("forward").qpos[0])
-
-    @property
-    def forward_speed(self) -> float:
-        """Forward speed of the carriage, m/s."""
-        return float(self.data.qvel[self._dof["forward"]])
-
-    def set_shear_force(self, force: float) -> None:
-        """Push the carriage forward, N; only with `shear`."""
-        self.data.qfrc_applied[self._dof["forward"]] = force
-
-    def set_extra_load(self, force: float) -> None:
-        """Press the carriage down on top of its weight, N."""
-        self.data.qfrc_applied[self._dof["lift"]] = -force
 
     @property
     def tilt(self) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -13,7 +12,6 @@ from wbc.core.errors import Array, InputError
 from wbc.core.files import save_figure
 from wbc.sim.rig.results import Hold, PitchResult, PressResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.rig.study import Deflection, StiffnessRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +30,7 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
 
     Args:
         test: Foot, ground and load.
-        result: Result of `press` or `drop`.
+        result: Result of `press`.
         path: Picture file; its ending chooses the format.
 
     Raises:
@@ -56,38 +54,6 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
         f"{1e4 * hold.contact_area:.0f} cm²{support}",
         fontsize=9,
     )
-    save_figure(figure, path, dpi=150)
-
-
-def plot_curves(
-    rows: Sequence[StiffnessRow], deflections: Sequence[Deflection], path: str | Path, *, floor: float = 0.05
-) -> None:
-    """Draw contact area, support area and ankle height over stiffness, and force–deflection curves.
-
-    Args:
-        rows: From `stiffness_curves`; means and standard errors over grounds are drawn per family.
-        deflections: From `force_deflection`.
-        path: Picture file.
-        floor: Place of k = 0 on the logarithmic axis, Nm/rad.
-    """
-    figure = _figure(9.0, 7.0, "constrained")
-    (area, support), (height, force) = figure.subplots(2, 2)
-    for axes, name, label, scale in (
-        (area, "contact_area", "contact area (cm²)", 1e4),
-        (support, "support_area", "equivalent support area (cm²)", 1e4),
-        (height, "ankle_height", "ankle height (mm)", 1e3),
-    ):
-        _draw_curve(axes, rows, name, scale, floor)
-        axes.set_xlabel(f"sole stiffness k (Nm/rad); 0 is drawn at {floor:g}")
-        axes.set_ylabel(label)
-    figure.legend(*area.get_legend_handles_labels(), loc="outside upper center", ncols=6, fontsize=8)
-    for curve in deflections:
-        label = "rigid" if math.isinf(curve.stiffness) else f"k = {curve.stiffness:g}"
-        force.plot(1e3 * np.array(curve.deflection), curve.load, "o-", ms=3, label=label)
-    force.set_xlabel("ankle deflection (mm)")
-    force.set_ylabel("load (N)")
-    if deflections:
-        force.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.06, 1.0))
     save_figure(figure, path, dpi=150)
 
 
@@ -189,25 +155,3 @@ def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: SupportPolygon | 
     axes.set_ylabel("y (mm)")
     axes.set_aspect("equal")
     return image
-
-
-def _draw_curve(axes: Axes, rows: Sequence[StiffnessRow], name: str, scale: float, floor: float) -> None:
-    for ground in dict.fromkeys(row.ground for row in rows):
-        mine = [row for row in rows if row.ground == ground]
-        soft = sorted({row.stiffness for row in mine if math.isfinite(row.stiffness)})
-        values = [scale * np.array([getattr(r, name) for r in mine if r.stiffness == k]) for k in soft]
-        error = [v.std(ddof=1) / math.sqrt(v.size) if v.size > 1 else 0.0 for v in values]
-        drawn = axes.errorbar(
-            [max(k, floor) for k in soft],
-            [v.mean() for v in values],
-            error,
-            fmt="o-",
-            ms=3,
-            capsize=2,
-            label=ground,
-        )
-        rigid = [getattr(row, name) for row in mine if math.isinf(row.stiffness)]
-        if rigid:
-            color = drawn.lines[0].get_color()
-            axes.axhline(scale * float(np.mean(rigid)), ls="--", lw=1, color=color, label=f"{ground}, rigid")
-    axes.set_xscale("log")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 Points = tuple[tuple[float, ...], ...]
@@ -126,23 +125,6 @@ class PressResult:
     impact: Impact | None = None
     hold: Hold | None = None
     support: SupportPolygon | None = None
-
-
-@dataclass(frozen=True)
-class SlideResult:
-    """A loaded foot pushed along the ground.
-
-    Attributes:
-        diverged: True if the simulation diverged.
-        shear_share: Shear over weight while creep is measured.
-        creep: Forward speed under that shear, m/s.
-        slip_share: Shear over weight at which the foot starts to slide, its effective friction coefficient.
-    """
-
-    diverged: bool
-    shear_share: float
-    creep: float = math.nan
-    slip_share: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -85,17 +85,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     "bench solver": (["--ticks", "40"], {"ticks", "unsolved", "above_tolerance", "slow_ticks", "solve_us"}),
     "foot": (["--robot", "g1"], {"feet"}),
     "foot press": (["--terrain", "stones", "--amplitude", "0.02"], {"foot", "hold", "support", "impact"}),
-    "foot drop": (["--foot", "rigid"], {"foot", "impact"}),
-    "foot slide": (["--foot", "rigid"], {"foot", "creep", "slip_share"}),
     "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "centre_of_pressure"}),
-    "foot curves": (
-        ["--foot", "rigid", "--seeds", "1", "--terrain", "stones", "--loads", "100"],
-        {"means", "deflections", "diverged"},
-    ),
-    "foot stability": (
-        ["--stiffness", "5", "--seeds", "1", "--terrain", "flat", "--timesteps", "0.002"],
-        {"cells", "diverged", "rows"},
-    ),
     "terrain": ([], {"terrains", "scenes"}),
     "terrain stones": (["--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
 }

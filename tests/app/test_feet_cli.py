@@ -28,8 +28,6 @@ from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
-from wbc.sim.rig import stiffness_means, stiffness_table
-from wbc.sim.rig.study import StiffnessRow
 from wbc.sim.terrain import terrain_families
 
 Run = Callable[..., tuple[int, str, str]]
@@ -72,11 +70,9 @@ NEGATIVE = "stiffness (Nm/rad) must be a finite number of at least 0, got"
 
 BAD: dict[str, tuple[str, str]] = {
     "negative stiffness": ("foot press --stiffness -1", f"{NEGATIVE} -1"),
-    "one negative stiffness of many": ("foot curves --stiffness 5 -1", NEGATIVE),
-    "negative stiffness as parameter": ("foot drop --foot-param stiffness=-2", f"{NEGATIVE} -2"),
+    "negative stiffness as parameter": ("foot pitch --foot-param stiffness=-2", f"{NEGATIVE} -2"),
     "stiffness beyond the actuator": ("foot press --foot variable --stiffness 2001", "must lie in [1, 2000], got 2001"),
-    "stiffness of a rigid foot": ("foot slide --foot rigid --stiffness 5", "a rigid foot has no stiffness"),
-    "stability of a rigid foot": ("foot stability --foot rigid", "no stiffness to vary; use a soft foot"),
+    "stiffness of a rigid foot": ("foot pitch --foot rigid --stiffness 5", "a rigid foot has no stiffness"),
     "unknown foot": ("foot press --foot sotf", "did you mean 'soft'"),
     "unknown parameter of a foot": ("foot press --foot-param phalnages=8", "did you mean 'phalanges'"),
     "foot that does not fit": (
@@ -93,11 +89,9 @@ BAD: dict[str, tuple[str, str]] = {
         "terrain stones --amplitude -0.01",
         "number of at least 0 and of at most 100, got -0.01",
     ),
-    "amplitude of a study": ("foot stability --amplitude -0.01", "amplitude (m) must be a finite number of at least 0"),
     "amplitude beyond the family": ("terrain small_stones --amplitude 0.2", "must be at most 0.025 m"),
     "unknown family": ("terrain stone", "did you mean 'stones'"),
     "unknown family under a foot": ("foot pitch --terrain stone", "did you mean 'stones'"),
-    "unknown family of a study": ("foot curves --terrain random ston", "did you mean 'stones'"),
     "image that is not grey": (
         "terrain image --param source={colour} --param metres_per_pixel=0.01",
         "is not grey (mode RGB); convert it to greyscale",
@@ -112,18 +106,13 @@ BAD: dict[str, tuple[str, str]] = {
         "foot press --terrain random --resolution 0.006 --foot-param contact.radius=0.004",
         "at most 0.004 m is needed (sole spheres of 0.004 m",
     ),
-    "loads that fall": ("foot curves --loads 100 50", "must rise"),
     "no load": ("foot press --load 0", "load (N)"),
-    "no ground": ("foot stability --seeds 0", "seeds must be an integer of at least 1, got 0"),
-    "no step": ("foot stability --timesteps 0", "timestep"),
     "pitch of a free ankle": ("foot pitch --ankle-stiffness 0", "above 0 Nm/rad"),
-    "drop from no height": ("foot drop --height 0", "drop height"),
-    "shear backwards": ("foot slide --shear-share -1", "shear over weight"),
-    "picture into no folder": ("foot curves --plot no/folder/a.png", "no folder"),
+    "picture into no folder": ("foot press --plot no/folder/a.png", "no folder"),
     "picture that is none": ("foot pitch --plot a.doc", "must end in"),
     "sheet that is none": ("terrain --plot a.doc", "must end in"),
-    "option of another test": ("foot slide --loads 100", "--loads is no option of 'foot slide'"),
-    "several grounds of one test": ("foot press --terrain stones random", "takes one ground and one stiffness"),
+    "option of another test": ("foot press --rate 100", "--rate is no option of 'foot press'"),
+    "no step": ("foot press --timestep 0", "timestep"),
     "option of one ground": ("terrain --amplitude 0.1", "belongs to one ground; name its family"),
 }  # fmt: skip
 
@@ -268,51 +257,11 @@ def test_a_height_field_is_what_was_asked_for(run: Run) -> None:
 
 
 def test_a_drop_is_harder_from_higher_up_and_a_pitch_is_drawn(run: Run, tmp_path: Path) -> None:
-    low, high = (data_of(run, "foot", "drop", "--height", h)["impact"] for h in ("0.01", "0.05"))
+    low, high = (data_of(run, "foot", "press", "--drop", h)["impact"] for h in ("0.01", "0.05"))
     assert high["peak_force"] > low["peak_force"] and high["speed"] > 2.0 * low["speed"]
     picture = tmp_path / "pitch.png"
     data_of(run, "foot", "pitch", "--foot", "rigid", "--rate", "60", "--plot", str(picture))
     assert picture.stat().st_size > 10_000
-    _, out, _ = run("foot", "slide", "--foot", "rigid", "--foot-param", "friction=0.5")
-    assert "slides at 0.50 of it" in out
-
-
-@pytest.mark.slow
-def test_curves_have_a_rigid_foot_beside_the_soft_one(run: Run, tmp_path: Path) -> None:
-    picture = tmp_path / "curves.png"
-    words = f"foot curves --stiffness 1 60 --terrain stones --seeds 2 --loads 100 400 --plot {picture}"
-    facts = data_of(run, *words.split())
-    assert [mean["stiffness"] for mean in facts["means"]] == [1.0, 60.0, None]
-    assert [mean["grounds"] for mean in facts["means"]] == [2, 2, 2] and facts["diverged"] == 0
-    soft, stiff, rigid = (curve["deflection"][-1] for curve in facts["deflections"])
-    assert soft > stiff > rigid
-    assert picture.stat().st_size > 10_000
-
-
-def test_means_are_paired_ground_by_ground() -> None:
-    def row(seed: int, stiffness: float, area: float) -> StiffnessRow:
-        return StiffnessRow("stones", seed, stiffness, 0.1, 3, area, 2.0 * area, 0.9, 100.0)
-
-    rows = [row(0, 5.0, 0.03), row(1, 5.0, 0.05), row(0, math.inf, 0.01), row(1, math.inf, 0.03)]
-    soft, rigid = stiffness_means(rows)
-    assert soft["contact_area"] == pytest.approx((0.04, 0.01))
-    assert soft["more_contact_area"] == pytest.approx((0.02, 0.0))  # 0.02 more on both, whatever the spread
-    assert soft["more_support_area"] == pytest.approx((0.04, 0.0))
-    assert "more_contact_area" not in rigid
-    assert "| stones | 5 | 2 | 3.0 ± 0.0 | 400 ± 100 | 200 ± 0 |" in stiffness_table(rows)
-    assert math.isnan(stiffness_means(rows[:1])[0]["contact_area"][1])
-    with pytest.raises(InputError, match="got two of 'stones' with seed 0 at 5 Nm/rad"):
-        stiffness_means([*rows, row(0, 5.0, 0.04)])
-
-
-@pytest.mark.slow
-def test_stability_counts_every_cell(run: Run) -> None:
-    words = "foot stability --stiffness 0 42 --terrain random stones --seeds 1 --timesteps 0.001 0.002"
-    facts = data_of(run, *words.split())
-    assert facts["cells"] == len(facts["rows"]) == 8 and facts["diverged"] == 0
-    for row in facts["rows"]:
-        assert abs(row["balance_error"]) < (0.02 if row["timestep"] == 0.001 else 0.05)
-        assert row["loop_gap"] < 1e-3
 
 
 # --- grounds ---------------------------------------------------------------------------------------------------------

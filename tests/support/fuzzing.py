@@ -67,7 +67,7 @@ BASE: dict[str, list[str]] = {
     "stand": ["--seconds", "0.05"],
     "walk": ["--distance", "0.1"],
     "bench tick": ["--ticks", "5", "--warm-up", "1"],
-    "foot": ["drop", "--foot", "rigid"],
+    "foot": ["press", "--foot", "rigid"],
     "bench solver": ["--ticks", "5", "--repeat", "1", "--robot", "hrp4_class"],
     "terrain": ["stones"],
     "hands": ["press"],
@@ -101,9 +101,6 @@ STUBS = (
     "wbc.app.commands.bench:bench_walk",
     "wbc.app.commands.study.run:sweep",
     "wbc.app.commands.terrain:plot_families",
-    "wbc.sim.rig:stiffness_curves",
-    "wbc.sim.rig:stability",
-    "wbc.sim.rig:force_deflection",
     "wbc.app.live:LiveView.show",
     "wbc.app.live:LiveView.watch",
 )

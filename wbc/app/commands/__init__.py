@@ -44,7 +44,7 @@ COMMANDS = {
     ),
     "foot": (
         "foot:foot",
-        "List the feet, or test one on a rig: press, drop, slide, pitch; curves and stability over many grounds.",
+        "List the feet, or test one on a rig: press it on a ground, or pitch its ankle.",
     ),
     "terrain": (
         "terrain:terrain",

@@ -4,64 +4,37 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import Parameter
-from rich.progress import Progress, track
 
 from wbc.app.arguments import NONE_GIVEN, Fields, attribute_docs
 from wbc.app.files import check_picture
-from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
-from wbc.core.settings import Count, settings, to_json
+from wbc.core.settings import settings, to_json
 from wbc.feet import Foot, SoftFoot, foot_names
 from wbc.feet.soles.catalog import foot as foot_by_name
-from wbc.feet.soles.rigid import RigidFoot
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
 from wbc.sim import rig
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig import (
-    HRP4C_SOLE,
-    LOADS,
-    STIFFNESSES,
-    Deflection,
-    FootTest,
-    PitchResult,
-    PressResult,
-    SlideResult,
-    StiffnessRow,
-)
+from wbc.sim.rig import HRP4C_SOLE, FootTest, PitchResult, PressResult
 from wbc.sim.rig.spec import fit_facts
-from wbc.sim.rig.study import rising_loads, with_stiffness
-from wbc.sim.terrain import Rendering, Terrain
+from wbc.sim.terrain import Rendering
 from wbc.sim.terrain import terrain as make_terrain
 from wbc.sim.terrain.families.base import make_family
 
-Result = TypeVar("Result", PressResult, SlideResult, PitchResult)
+Result = TypeVar("Result", PressResult, PitchResult)
 
-Several = Parameter(consume_multiple=True)
-"""An option that takes all the values that follow it."""
+Test = Literal["press", "pitch"]
 
-Test = Literal["press", "drop", "slide", "pitch", "curves", "stability"]
-
-OWN = {
-    "press": ("drop", "plot"),
-    "drop": ("height", "plot"),
-    "slide": ("shear_share", "ramp"),
-    "pitch": ("angle", "rate", "plot"),
-    "curves": ("seeds", "loads", "plot"),
-    "stability": ("seeds", "timesteps"),
-}
-"""Test → options that belong to it; the others are those of every test, or of every single one."""
-
-SINGLE = ("param", "rendering", "resolution", "x", "y", "yaw", "timestep", "seed")
-"""Options of a test on one ground."""
+PITCH = ("angle", "rate")
+"""Options of a pitch alone."""
 
 
 SHARED = Fields(
@@ -87,66 +60,45 @@ class FootOptions:
         foot: Foot that is tested.
         foot_param: Its parameters, each as name=value, such as phalanges=8 or contact.radius=0.005.
         robot: Robot whose ankle the foot is fitted to, and only one in the list; 93 mm over 160 x 76 mm if not given.
-        stiffness: Of the sole hinges of a soft foot, Nm/rad; several for curves and stability.
-        terrain: Family of grounds that `wbc terrain` lists; several for curves and stability (random stones).
-        amplitude: Highest minus lowest point of the ground, m; 30 mm for curves and stability.
+        stiffness: Of the sole hinges of a soft foot, Nm/rad; the foot's own if not given.
+        terrain: Family of grounds that `wbc terrain` lists.
+        amplitude: Highest minus lowest point of the ground, m; the family's own if not given.
         param: Parameters of the ground, each as name=value.
         seed: Fixes every random draw of the ground.
-        seeds: Grounds of each family, for curves and stability.
         rendering: Solids (geoms), height_field, or auto: solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for ground and sole if not given.
         yaw: Heading of the foot, degrees.
         timestep: Physics step, s.
-        timesteps: Physics steps of the stability table, s.
-        height: Height over the ground from which a drop lets the foot fall, m.
-        shear_share: Shear over weight while a slide measures creep.
-        ramp: Growth of shear over weight per second afterwards, 1/s.
         angle: Largest pitch that the ankle is asked for, degrees.
         rate: Speed of the pitch, degrees/s.
-        loads: Loads of the force–deflection curves over a bar as high as the grounds, N.
         plot: Picture to write.
     """
 
     foot: str = "soft"
     foot_param: tuple[str, ...] = ()
     robot: str | None = None
-    stiffness: Annotated[tuple[float, ...], Several] = ()
-    terrain: Annotated[tuple[str, ...], Several] = ()
+    stiffness: float | None = None
+    terrain: str = "flat"
     amplitude: float | None = None
     param: tuple[str, ...] = ()
     seed: int = 0
-    seeds: Count = 5
     rendering: Rendering = "auto"
     resolution: float | None = None
     yaw: float = math.degrees(FootTest.yaw)
     timestep: float = PhysicsSettings.timestep
-    timesteps: Annotated[tuple[float, ...], Several] = (0.001, 0.002)
-    height: float = 0.05
-    shear_share: float = 0.3
-    ramp: float = 1.0
     angle: float = 5.0
     rate: float = 10.0
-    loads: Annotated[tuple[float, ...], Several] = LOADS
     plot: Path | None = None
 
-    def check(self, test: Test, shared: Mapping[str, Any]) -> None:
+    def check(self, test: Test) -> None:
         """Refuse options that a test does not have.
-
-        Args:
-            test: The test.
-            shared: Fields of `FootTest` that are given.
 
         Raises:
             InputError: Such an option.
         """
-        taken = {*OWN[test], *(SINGLE if test not in ("curves", "stability") else ())}
-        given = {each.name for each in fields(self) if getattr(self, each.name) != each.default} | set(shared)
-        for name in sorted(given & {*SINGLE, *(each for own in OWN.values() for each in own)} - taken):
-            raise InputError(f"--{name.replace('_', '-')} is no option of 'foot {test}'")
-        if test not in ("curves", "stability") and max(len(self.terrain), len(self.stiffness)) > 1:
-            raise InputError(
-                f"'foot {test}' takes one ground and one stiffness; curves and stability take several"
-            )
+        for name in PITCH if test == "press" else ():
+            if getattr(self, name) != getattr(type(self), name):
+                raise InputError(f"--{name} is no option of 'foot {test}'")
 
     def test(self, given: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground.
@@ -158,57 +110,35 @@ class FootOptions:
             UnknownNameError: No such foot, robot, ground or parameter.
             InputError: A value out of range, a stiffness for a foot that has none, or a foot that does not fit.
         """
-        design = self._foot(*self.stiffness)
+        design = self._foot()
         ground = make_terrain(
-            make_family(self.terrain[0] if self.terrain else "flat", read_changes(self.param)),
+            make_family(self.terrain, read_changes(self.param)),
             self.amplitude,
             self.seed,
             rendering=self.rendering,
             resolution=self.resolution,
             sole_radius=design.contact.radius,
         )
-        return replace(
-            self._shared(design, given),
+        return FootTest(
+            foot=design,
             ground=ground,
+            robot_sole=HRP4C_SOLE if self.robot is None else _sole(self.robot),
             yaw=math.radians(self.yaw),
             physics=PhysicsSettings(timestep=self.timestep),
+            **given,
         )
 
-    def study(
-        self, given: Mapping[str, Any]
-    ) -> tuple[FootTest, tuple[Terrain, ...], tuple[float, ...], float]:
-        """Return what the runs of a study share, its grounds, its stiffnesses (Nm/rad) and their amplitude (m).
-
-        Args:
-            given: Further fields of the tests.
-
-        Raises:
-            UnknownNameError: No such foot, robot, ground or parameter.
-            InputError: A value out of range, or a foot that does not fit.
-        """
-        amplitude = 0.03 if self.amplitude is None else self.amplitude
-        grounds = tuple(
-            make_terrain(name, 0.0 if name == "flat" else amplitude, seed)
-            for seed in range(self.seeds)
-            for name in self.terrain or ("random", "stones")
-        )
-        return self._shared(self._foot(), given), grounds, self.stiffness or STIFFNESSES, amplitude
-
-    def _shared(self, design: Foot, given: Mapping[str, Any]) -> FootTest:
-        sole = HRP4C_SOLE if self.robot is None else _sole(self.robot)
-        return FootTest(foot=design, robot_sole=sole, **given)
-
-    def _foot(self, *stiffness: float) -> Foot:
+    def _foot(self) -> Foot:
         design = foot_by_name(self.foot)
         values = read_changes(self.foot_param)
-        for value in stiffness:
+        if self.stiffness is not None:
             if not isinstance(design, SoftFoot):
                 raise InputError(
                     f"a {self.foot} foot has no stiffness; leave --stiffness out, or take a soft foot"
                 )
             if "stiffness" in values:
                 raise InputError("the stiffness is given twice, as --stiffness and as --foot-param")
-            values["stiffness"] = value
+            values["stiffness"] = self.stiffness
         return changed(design, values)
 
 
@@ -221,31 +151,18 @@ def foot(
     given: Annotated[Mapping[str, Any], SHARED] = NONE_GIVEN,
     output: OutputOptions = Output(),
 ) -> Report:
-    """List the feet, or test one on a rig: press, drop, slide, pitch; curves and stability over many grounds.
+    """List the feet, or test one on a rig: press it on a ground, or pitch its ankle.
 
-    A press lets the foot settle under a load and looks at forces, contacts, support and sole; a drop shows what the
-    sole takes of a hard landing; a slide how it creeps under shear and when it slips; a pitch how the centre of
-    pressure follows the ankle. Curves (about a minute) are contact area, support and ankle height over the stiffness, a
-    rigid foot of the same size beside; stability (minutes) asks for every physics step: does it diverge, is it quiet.
+    A press lets the foot fall on the ground and settle under a load, and looks at impact, forces, contacts, support and
+    sole; a pitch shows how the centre of pressure follows the ankle.
     """
     if test is None:
         return _list(options.robot, output)
-    options.check(test, given)
-    if test == "curves":
-        return _curves(given, options, output)
-    if test == "stability":
-        return _stability(given, options, output)
+    options.check(test)
     target = check_picture(options.plot, options.param)
     made = options.test(given)
     if test == "press":
         return _report(output, made, rig.press(made), _press_lines, rig.plot_press, target)
-    if test == "drop":
-        return _report(
-            output, made, rig.drop(made, height=options.height), _press_lines, rig.plot_press, target
-        )
-    if test == "slide":
-        slid = rig.slide(made, shear_share=options.shear_share, ramp=options.ramp)
-        return _report(output, made, slid, _slide_lines)
     angle, rate = math.radians(options.angle), math.radians(options.rate)
     return _report(
         output, made, rig.pitch(made, amplitude=angle, rate=rate), _pitch_lines, rig.plot_pitch, target
@@ -310,77 +227,6 @@ def _lines(listed: list[dict[str, Any]]) -> list[str]:
     return [*lines, "How all of them touch the ground:", *shared.values()]
 
 
-def _curves(given: Mapping[str, Any], options: FootOptions, output: Output) -> Report:
-    """Report curves over the stiffness, a rigid foot of the same footprint beside the soft one."""
-    test, grounds, stiffnesses, amplitude = options.study(given)
-    target = check_picture(options.plot)
-    tests = _versions(test, stiffnesses)
-    first, *further = rising_loads(options.loads)
-    bars = [replace(rig.over_bar(each, amplitude), load=first) for each in tests]
-    rows: list[StiffnessRow] = []
-    deflections: list[Deflection] = []
-    with Progress(console=progress_console()) as bar:
-        task = bar.add_task("pressing", total=len(grounds) * len(tests) + len(bars))
-        for each in tests:
-            for ground in grounds:
-                stiffness = each.foot.stiffness if isinstance(each.foot, SoftFoot) else 0.0
-                rows += rig.stiffness_curves(each, stiffnesses=(stiffness,), grounds=(ground,))
-                bar.advance(task)
-        for each in bars:
-            deflections.append(rig.force_deflection(each, loads=further))
-            bar.advance(task)
-    data: dict[str, Any] = {
-        "test": test.describe(),
-        "means": to_json(rig.stiffness_means(rows)),
-        "rows": to_json(rows),
-        "deflections": to_json(deflections),
-        "diverged": len(tests) * len(grounds) - len(rows) + sum(curve.diverged for curve in deflections),
-    }
-    if target is not None:
-        rig.plot_curves(rows, deflections, target)
-        data["plot"] = str(target)
-    text = (
-        f"{rig.stiffness_table(rows)}\n\nAnkle deflection (mm) over a bar of {1e3 * amplitude:g} mm under the "
-        f"middle of the arch:\n\n{rig.deflection_table(deflections)}"
-    )
-    if data["diverged"]:
-        text += f"\n\n{data['diverged']} runs DIVERGED"
-    return output.report(data, text)
-
-
-def _stability(given: Mapping[str, Any], options: FootOptions, output: Output) -> Report:
-    """Report the stability of a soft foot for every stiffness, ground and physics step."""
-    test, grounds, stiffnesses, _ = options.study(given)
-    total = len(stiffnesses) * len(grounds) * len(options.timesteps)
-    cells = rig.stability(test, stiffnesses=stiffnesses, grounds=grounds, timesteps=options.timesteps)
-    rows = list(track(cells, "pressing", total, console=progress_console()))
-    data = {
-        "test": test.describe(),
-        "cells": len(rows),
-        "diverged": sum(row.diverged for row in rows),
-        "rows": to_json(rows),
-    }
-    return output.report(data, rig.stability_table(rows))
-
-
-def _versions(test: FootTest, stiffnesses: Iterable[float]) -> list[FootTest]:
-    """Return the foot at every stiffness and a rigid one of its size; a rigid foot alone."""
-    if not isinstance(test.foot, SoftFoot):
-        return [test]
-    soft = test.foot
-    rigid = RigidFoot(
-        contact=soft.contact,
-        length=soft.length,
-        width=soft.width,
-        thickness=soft.thickness,
-        ankle_behind=soft.ankle_behind,
-        ankle_height=soft.ankle_height,
-        mass=soft.mass,
-    )
-    designs = [*(with_stiffness(soft, stiffness) for stiffness in stiffnesses), rigid]
-    return [replace(test, foot=design) for design in designs]
-
-
 def _report(
     output: Output,
     test: FootTest,
@@ -443,16 +289,6 @@ def _press_lines(result: PressResult) -> list[str]:
         f"  depth     {1e3 * hold.penetration:.3f} mm penetration, {1e3 * hold.penetration_peak:.3f} mm at landing"
     )
     return lines
-
-
-def _slide_lines(result: SlideResult) -> list[str]:
-    if result.diverged:
-        return [_DIVERGED]
-    slips = "does not slide" if math.isnan(result.slip_share) else f"slides at {result.slip_share:.2f} of it"
-    return [
-        f"  creep     {1e6 * result.creep:.1f} µm/s under a shear of {result.shear_share:g} of the weight",
-        f"  friction  {slips}",
-    ]
 
 
 def _pitch_lines(result: PitchResult) -> list[str]:
