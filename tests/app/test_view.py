@@ -396,6 +396,7 @@ def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.M
     view._next = 0.0  # for the tests that follow, which have the real clock
 
 
+@pytest.mark.slow
 def test_the_drawing_process_ends_with_the_program() -> None:
     program = (
         "import os, wbc; from wbc.app.view import MeshcatView\n"

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -36,6 +37,11 @@ FLOOR = {package: height for height, floor in enumerate(architecture.FLOORS) for
 
 def sources(folder: Path) -> Iterator[Path]:
     return (file for file in folder.rglob("*.py") if "__pycache__" not in file.parts)
+
+
+@cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[str, int]]:
@@ -68,7 +74,7 @@ def test_what_is_imported_is_declared(at_import_time: bool) -> None:
     unknown: dict[str, str] = {}
     for folder in FOLDERS.values():
         for file in sources(folder):
-            tree = ast.parse(file.read_text(encoding="utf-8"))
+            tree = parsed(file)
             for module, line in imports(tree, at_import_time=at_import_time):
                 top = module.split(".")[0]
                 if top == "wbc" or top in sys.stdlib_module_names:
@@ -93,7 +99,7 @@ def test_no_import_goes_up_or_sideways(package: str) -> None:
     assert files, f"{FOLDERS[package]} holds no module"
     wrong = []
     for file in files:
-        for module, line in imports(ast.parse(file.read_text(encoding="utf-8"))):
+        for module, line in imports(parsed(file)):
             other = package_of(module)
             if other not in (None, package) and FLOOR[other] >= FLOOR[package]:  # type: ignore[index]
                 wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
@@ -117,7 +123,7 @@ def test_nothing_below_the_simulator_imports_mujoco_when_imported() -> None:
         for file in sources(folder):
             if package in ("wbc.feet", "wbc.robots") and file.stem.endswith("_mjcf"):
                 continue
-            for module, line in imports(ast.parse(file.read_text(encoding="utf-8")), at_import_time=True):
+            for module, line in imports(parsed(file), at_import_time=True):
                 if module.split(".")[0] == "mujoco" or (
                     module.startswith("wbc.") and any(part.endswith("_mjcf") for part in module.split("."))
                 ):
@@ -129,7 +135,7 @@ def test_the_folders_beside_wbc_are_imported_through_it() -> None:
     wrong = []
     for top in (*FOLDERS.values(), ROOT / "tests", ROOT / "examples", ROOT / "wbc"):
         for file in sources(top):
-            for module, line in imports(ast.parse(file.read_text(encoding="utf-8"))):
+            for module, line in imports(parsed(file)):
                 if module.split(".")[0] in ("robots", "feet", "tasks", "sim"):
                     wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
     assert not wrong, "\n".join(wrong)
@@ -169,6 +175,12 @@ def test_the_first_names_of_the_package_exist() -> None:
         _ = wbc.Plnt
 
 
+@cache
+def module_graph() -> dict[str, set[str]]:
+    graph: dict[str, set[str]] = architecture.module_graph(ROOT)
+    return graph
+
+
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Shortest circle through each module that has one; every circle once."""
     found: dict[frozenset[str], list[str]] = {}
@@ -192,7 +204,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
 
 def test_modules_do_not_import_each_other_in_circles() -> None:
     """Imports inside functions and for type checkers count, too: a circle is one idea in two files."""
-    wrong = [" -> ".join(way) for way in circles(architecture.module_graph(ROOT))]
+    wrong = [" -> ".join(way) for way in circles(module_graph())]
     assert not wrong, "\n".join(wrong)
 
 
@@ -203,7 +215,7 @@ def test_a_circle_is_noticed() -> None:
 
 def test_rooms_do_not_import_each_other_in_circles() -> None:
     """A room is a folder of a package; modules that lie in the package itself belong to no room."""
-    graph = architecture.module_graph(ROOT)
+    graph = module_graph()
     rooms = {module: architecture.room_of(ROOT, module) for module in graph if module.count(".") > 1}
     rooms = {module: room for module, room in rooms.items() if room.count(".") > 1}
     wrong = [" -> ".join(way) for way in circles(architecture.grouped(graph, rooms))]

@@ -178,6 +178,7 @@ def test_layouts_without_a_value_are_left_out_of_a_choice_and_texts_are_no_metri
         choice(study, entries, metric="outcome")
 
 
+@pytest.mark.slow
 def test_a_choice_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     study = authority(seeds=5).narrowed(["boards", "stones"])
     with Journal(tmp_path / "authority.jsonl") as journal:
