@@ -60,16 +60,15 @@ def _hash(path: Path) -> str:
     if path.suffix == ".py":
         tree = ast.parse(content)
         for node in ast.walk(tree):
-            if isinstance(getattr(node, "body", None), list):
-                node.body = [each for each in node.body if not _is_text(each)]  # type: ignore[attr-defined]
+            if isinstance(
+                body := getattr(node, "body", None), list
+            ):  # a text alone, such as a docstring, goes
+                texts = [
+                    isinstance(e, ast.Expr) and isinstance(getattr(e.value, "value", 0), str) for e in body
+                ]
+                body[:] = [each for each, text in zip(body, texts, strict=True) if not text]
         content = _EMPTY.sub("", ast.dump(tree)).encode()
     return hashlib.sha256(content).hexdigest()
-
-
-def _is_text(statement: ast.AST) -> bool:
-    """Return True for a statement that is a text alone, as docstrings are."""
-    value = statement.value if isinstance(statement, ast.Expr) else None
-    return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
 
 def _computes(parts: tuple[str, ...]) -> bool:
