@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -95,28 +96,55 @@ class CommandGate:
             gains: kp and kd of the machine, each of shape (na,), Nm/rad and Nms/rad.
             measured: Joint positions and velocities, each of shape (na,).
         """
-        kp, kd = gains
         # References first: what they are clipped to decides what the servos do.
         sent = self.pass_on(np.zeros_like(torque), position, velocity)
         faults = self.faults
         assert sent.joint_position is not None and sent.joint_velocity is not None
+        kp, kd = gains
         servo = kp * (sent.joint_position - measured[0])
         servo += kd * (sent.joint_velocity - measured[1])
         total = torque + servo
-        if (np.abs(total) <= self._torque).all():
-            feedforward = torque
-        else:
-            wrong = ~(np.abs(total) <= ROUNDING * self._torque)
-            limit = self._torque
-            servo = np.nan_to_num(servo, nan=0.0)
-            feedforward = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
-            if (np.abs(feedforward) > ROUNDING * limit).any():
-                # Servos that ask for twice the limit, as on a wrong velocity.
-                feedforward = np.clip(feedforward, -limit, limit)
-                share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), 1e-9))
-                kp, kd = share * kp, share * kd
-            self._report(wrong, faults)
-        return Command(feedforward, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
+        if not (np.abs(total) <= self._torque).all():
+            self._report(~(np.abs(total) <= ROUNDING * self._torque), faults)
+            torque, kp, kd = self._give_way(total, servo, kp, kd)
+        return Command(torque, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
+
+    def admit(self, command: Command, measured: tuple[Array, Array]) -> Command:
+        """Return a command of any origin with torques within the limits, its own gains counted.
+
+        Args:
+            command: The command.
+            measured: Joint positions and velocities, each of shape (na,).
+
+        Raises:
+            InputError: A part of the wrong shape or not finite, or a negative gain.
+        """
+        command.check(self._names)
+        torque, kp, kd = command.joint_torque, command.kp, command.kd
+        total, servo = np.asarray(torque, dtype=float), None
+        if kp is not None and kd is not None and command.joint_position is not None:
+            velocity = 0.0 if command.joint_velocity is None else command.joint_velocity
+            servo = kp * (command.joint_position - measured[0]) + kd * (velocity - measured[1])
+            total = total + servo
+        limit = ROUNDING * self._torque
+        if (np.abs(total) <= limit).all() and (np.abs(torque) <= limit).all():
+            return command
+        if servo is None or kp is None or kd is None:
+            return replace(command, joint_torque=np.clip(torque, -self._torque, self._torque))
+        torque, kp, kd = self._give_way(total, servo, kp, kd)
+        return replace(command, joint_torque=torque, kp=kp, kd=kd)
+
+    def _give_way(self, total: Array, servo: Array, kp: Array, kd: Array) -> tuple[Array, Array, Array]:
+        """Return feed-forward and gains that stay within the limits together: the gains give way last."""
+        limit, servo = self._torque, np.nan_to_num(servo, nan=0.0)
+        torque = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
+        if (
+            np.abs(torque) > ROUNDING * limit
+        ).any():  # servos ask for twice the limit, as on a wrong velocity
+            torque = np.clip(torque, -limit, limit)
+            share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), 1e-9))
+            kp, kd = share * kp, share * kd
+        return torque, kp, kd
 
     def pass_on(self, torque: Array, position: Array | None = None, velocity: Array | None = None) -> Command:
         """Return a command within all limits.

@@ -15,10 +15,11 @@ BUCKETS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 
 class Phase(enum.Enum):
-    """State of the loop."""
+    """State of the loop, in the order of a run."""
 
     START = "start"
-    WAIT = "waiting for the feet to be loaded"
+    HANG = "hanging"
+    STAND = "balancing what the feet carry"
     RUN = "run"
     STOP = "stop"
     DAMPED = "damped"

@@ -11,21 +11,28 @@ import logging
 import signal
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import Field
 
 from wbc.core.arguments import checked
+from wbc.core.control import DriveControl
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError, check_parts, non_negative, positive
+from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
+from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Driver, MachineError
 from wbc.machine.report import Phase, RunReport
+from wbc.machine.stand import Stand, standing, warm_up
 from wbc.machine.start import SafeStart
 from wbc.robots import RobotDescription
 
@@ -33,6 +40,15 @@ logger = logging.getLogger(__name__)
 
 KEPT = 1 << 20
 """Ticks whose times are kept: 35 minutes at 500 Hz; later ones replace the first."""
+
+NEAR = 0.4
+"""Distance of every joint from half-sitting within which a robot that is let down early is balanced, rad."""
+
+TOUCHED, CARRIED, LIFTED = 0.05, 0.3, 0.2
+"""Times for which the feet must touch, carry the robot, and carry nothing, before the next phase, s."""
+
+CAUGHT = 0.2
+"""Time in which the balance takes over from the servos, s."""
 
 DAMP_TICKS = 50
 """Damping commands that are sent at the end."""
@@ -52,8 +68,12 @@ class RunSettings:
     Attributes:
         fade: Time in which stiffness and torques rise at the start, s.
         speed: Largest mean speed of a joint on the way to half-sitting, rad/s.
-        load: Share of the weight on the soles from which the controller takes over; 0 does not wait.
+        touch: Share of the described weight on the soles from which a robot that hangs is balanced; below a third of it
+            the robot hangs again.
+        load: Share of the described weight on the soles from which the controller takes over; 0 does not wait. The
+            real weight may be a tenth less.
         blend: Time in which the controller takes over, s.
+        refusal: Time for which measurements may be refused before the joints are damped, s.
         robot_timeout: Age of the last measurement from which the joints are damped and the run ends, s.
         control_timeout: Time without a tick after which the guard damps, s.
         stop: Time in which stiffness and torques fall at a stop, s.
@@ -63,8 +83,10 @@ class RunSettings:
 
     fade: Annotated[Positive, "s"] = 1.0
     speed: Annotated[Positive, "rad/s"] = 0.5
-    load: Share = 0.8
+    touch: Share = 0.15
+    load: Share = 0.85
     blend: Annotated[Positive, "s"] = 0.5
+    refusal: Annotated[NonNegative, "s"] = 0.1
     robot_timeout: Annotated[Positive, "s"] = 0.015
     control_timeout: Annotated[Positive, "s"] = 0.015
     stop: Annotated[NonNegative, "s"] = 2.0
@@ -123,6 +145,11 @@ class Runner:
                 f"and {s.control_timeout:g} s at a rate of {rate:g} Hz, {self.period:g} s a period"
             )
         self.phase = Phase.START
+        self._robot = found.robot()
+        self._weight = self._robot.mass * GRAVITY
+        self._inlet = Inlet(self._robot, self.period)
+        self._may_run = True
+        self._holds: float | None = None  # since when what `_lasts` asks for
         self._clock = clock or Clock()
         self._guarded, self._ran = guard, False
         self._guard: Guard | None = None
@@ -161,19 +188,9 @@ class Runner:
         got = Quiet()
         try:
             self._guard = self._make_guard()
-            first = self.driver.read(self.settings.first)
-            if first is None:
-                raise MachineError(f"no measurement from the machine within {self.settings.first:g} s")
-            if first.joint_position.shape != (len(self.description.joint_names),):
-                raise MachineError(
-                    f"the machine has {first.joint_position.size} joints, '{self.description.name}' has "
-                    f"{len(self.description.joint_names)}"
-                )
-            if not np.isfinite(first.joint_position).all():
-                raise MachineError(f"the machine's joint positions are not finite: {first.joint_position}")
-            self._warm_up(forces=first.sole_wrench is not None)
+            self._make_parts(self._first())
             with quiet(self.settings.priority) as got:
-                self._loop(first, until)
+                self._loop(until)
         finally:
             try:
                 self._damp()
@@ -218,55 +235,67 @@ class Runner:
 
         return {number: signal.signal(number, asked) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def _warm_up(self, *, forces: bool) -> None:
-        """Run ticks on a robot at rest, so that the first real ones do not load code and memory."""
-        reset = getattr(self.control, "reset", None)
-        if reset is None:
-            return
-        robot = self.description.robot()
-        imu = robot.placement(robot.imu_frame).rotation
-        wrench = np.zeros((len(robot.soles), 6))
-        wrench[:, 2] = robot.mass * GRAVITY / len(robot.soles)
-        for i in range(20):
-            self.control.command(
-                Measurement(
-                    i * self.period,
-                    robot.half_sitting[7:].copy(),
-                    np.zeros(robot.na),
-                    np.zeros(3),
-                    imu.T @ np.array([0.0, 0.0, GRAVITY]),
-                    wrench if forces else None,
-                )
-            )
-        reset()
+    def _first(self) -> Measurement:
+        """Return the first measurement that can be used."""
+        wait, end = self.settings.first, self._clock.now() + self.settings.first
+        names = self.description.joint_names
+        while True:
+            got = self.driver.read(max(0.0, end - self._clock.now()))
+            if got is not None:
+                position = getattr(got, "joint_position", None)
+                if isinstance(position, np.ndarray) and position.shape != (len(names),):
+                    raise MachineError(
+                        f"the machine has {position.size} joints, '{self.description.name}' has {len(names)}"
+                    )
+                self._inlet.take(got, self._clock.now())
+            if self._inlet.good is not None:
+                return self._inlet.good
+            if self._clock.now() >= end:
+                if self._inlet.refused:
+                    raise MachineError(
+                        f"no measurement that can be used within {wait:g} s: {self._inlet.refused}"
+                    )
+                raise MachineError(f"no measurement from the machine within {wait:g} s")
+            if got is not None:  # one that cannot be used
+                self._clock.sleep_until(self._clock.now() + self.period)
+
+    def _make_parts(self, first: Measurement) -> None:
+        """Make what the phases need, before the time counts."""
+        robot, period = self._robot, self.period
+        self._gains = getattr(self.driver, "gains", None) or (self.description.kp, self.description.kd)
+        self._gate = CommandGate(robot, period)
+        self._loads = SoleLoads(self.description, period, self._gains)
+        self._start = self._begin_start(first, self.settings.fade)
+        soft = self._gains[1] if robot.servos is None else np.minimum(self._gains[1], robot.servos.soft()[1])
+        self._inner: Any = getattr(self.control, "control", self.control)
+        self._stand: Stand | None = None
+        if not isinstance(self._inner, PositionControl):  # its servos stand by themselves
+            self._stand = Stand(self.description, period, self._loads, soft)
+        warm_up(self.control, robot, period, forces=first.sole_wrench is not None)
+
+    def _begin_start(self, measurement: Measurement, fade: float) -> SafeStart:
+        return SafeStart(
+            self._robot, measurement, self._loads, fade=fade, speed=self.settings.speed, gains=self._gains
+        )
 
     def _enter(self, phase: Phase, now: float) -> None:
         self.phase = phase
         self._phases.append((phase, now - self._begin))
-        self._since = now
+        self._since, self._holds = now, None
+        if phase is Phase.START:
+            self._started = now
         logger.info("%.3f s: %s", now - self._begin, phase.value)
 
     def _end(self, reason: str) -> bool:
         self._reason = reason
         return False
 
-    def _loop(self, measurement: Measurement, until: float | Callable[[], bool] | None) -> None:
+    def _loop(self, until: float | Callable[[], bool] | None) -> None:
         clock, driver, period = self._clock, self.driver, self.period
         now = self._begin = self._seen = clock.now()
-        self._gains = getattr(driver, "gains", None) or (self.description.kp, self.description.kd)
-        self._loads = SoleLoads(self.description, period, self._gains)
-        self._start = SafeStart(
-            self.description,
-            measurement,
-            self._loads,
-            fade=self.settings.fade,
-            speed=self.settings.speed,
-            gains=self._gains,
-        )
-        self._weight = self.description.robot().mass * GRAVITY
-        self._loaded_since: float | None = None
         self._until = until
-        self._last: Command | None = None
+        self._last: Command | None = None  # sent
+        self._before: Command | None = None  # of the phase before, from which commands are mixed
         self._enter(Phase.START, now)
         deadline = now
         while True:
@@ -280,10 +309,9 @@ class Runner:
                     woken = deadline = max(deadline, clock.now())
             now = clock.now()
             if newest is not None:
-                measurement = newest
                 self._age = max(self._age, now - self._seen)
                 self._seen = now
-            if not self._tick(measurement, now, fresh=newest is not None):
+            if not self._tick(now, fresh=newest is not None and self._inlet.take(newest, now)):
                 driver.damp()
                 self._enter(Phase.DAMPED, clock.now())
                 return
@@ -300,78 +328,183 @@ class Runner:
                 self._skipped += lost
                 deadline += lost * period
 
-    def _tick(self, measurement: Measurement, now: float, *, fresh: bool) -> bool:
+    def _tick(self, now: float, *, fresh: bool) -> bool:
         """Send the command of this tick; False if the run is over, with its reason."""
-        settings = self.settings
+        settings, inlet = self.settings, self._inlet
         if self._emergency.is_set():
             return self._end("emergency stop")
         if now - self._seen >= settings.robot_timeout:
             return self._end(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
+        if now - inlet.since >= settings.refusal and not self._checks_itself:
+            return self._end(f"measurements refused for {1e3 * (now - inlet.since):.0f} ms: {inlet.refused}")
+        measurement = inlet.good
+        assert measurement is not None
         if self._stop.is_set() and self.phase is not Phase.STOP:
             self._enter(Phase.STOP, now)
             self._held = np.array(measurement.joint_position)
             self._reason = "stopped"
-        elapsed = now - self._since
         if self.phase is Phase.STOP:
-            left = 1.0 - elapsed / settings.stop if settings.stop > 0.0 else 0.0
+            left = 1.0 - (now - self._since) / settings.stop if settings.stop > 0.0 else 0.0
             if left <= 0.0:
                 return False
             zero = np.zeros_like(self._held)
             kp, kd = left * self._gains[0], self._gains[1]
-            self._send(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
-            return True
-        if not fresh and self._last is not None:
+            return self._send(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
+        if (not fresh or (inlet.refused and not self._checks_itself)) and self._last is not None:
             self.driver.write(self._last)
             return True
-        command = self._command(measurement, now, elapsed)
-        if command is None:
+        command = self._command(measurement, now)
+        if command is None or not self._send(command):
             return False
-        self._last = command
-        self._send(command)
         if self._until is not None and (
             now - self._begin >= self._until if isinstance(self._until, float) else self._until()
         ):
             self.stop()
         return True
 
-    def _send(self, command: Command) -> None:
-        self.driver.write(command)
-        self._loads.sent(command)
+    @property
+    def _checks_itself(self) -> bool:
+        """True while a control runs that has a policy of its own for measurements that cannot be used."""
+        return self.phase is Phase.RUN and isinstance(self._inner, DriveControl)
 
-    def _command(self, measurement: Measurement, now: float, elapsed: float) -> Command | None:
-        """Return the command of this tick; None if the controller has failed."""
-        settings, start = self.settings, self._start
-        if self.phase in (Phase.START, Phase.WAIT):
-            command = start.command(measurement, now - self._begin)
-            if start.done and self.phase is Phase.START:
-                self._enter(Phase.WAIT, now)
-            if self.phase is Phase.WAIT and self._loaded(measurement, now):
-                self._enter(Phase.RUN, now)
-            return command
+    def _send(self, command: Command) -> bool:
+        """Send a command of whatever phase; False, with a reason, if no machine must get it."""
+        good = self._inlet.good
+        assert good is not None
         try:
-            command = self.control.command(measurement)
+            self._last = command = self._gate.admit(command, (good.joint_position, good.joint_velocity))
+        except InputError as error:
+            of = "the controller" if self.phase is Phase.RUN else f"phase '{self.phase.value}'"
+            return self._end(f"InputError of {of}: {error}")
+        self.driver.write(command)
+        if self.phase is not Phase.RUN:
+            self._loads.sent(command)
+        return True
+
+    def _command(self, measurement: Measurement, now: float) -> Command | None:
+        """Return the command of this tick, and go on to the next phase; None if the controller has failed."""
+        if self.phase in (Phase.START, Phase.HANG):
+            return self._hang(measurement, now)
+        if self.phase is Phase.STAND:
+            return self._balance(measurement, now)
+        return self._run(measurement, now)
+
+    def _hang(self, measurement: Measurement, now: float) -> Command:
+        """Go to half-sitting on servos, legs under the body, until the feet touch the ground."""
+        settings, elapsed = self.settings, now - self._started
+        command = self._start.command(measurement, elapsed)
+        arrived = elapsed >= self._start.duration
+        if arrived and self.phase is Phase.START:
+            self._enter(Phase.HANG, now)
+        away = float(np.abs(measurement.joint_position - self._robot.half_sitting[7:]).max())
+        # Let down too early it is better balanced from where it is than held by servos too soft to stand on.
+        ready = arrived or (elapsed > settings.fade and away < NEAR and self._stand is not None)
+        if ready and self._lasts(self._loads.share >= settings.touch or settings.load == 0.0, TOUCHED, now):
+            if self._stand is not None:
+                self._stand.begin(measurement)
+            self._enter(Phase.STAND, now)
+            self._before = command
+        return command
+
+    def _balance(self, measurement: Measurement, now: float) -> Command | None:
+        """Balance what the feet carry until they carry the robot, or nothing."""
+        settings, stand = self.settings, self._stand
+        if stand is None:
+            command = self._start.command(measurement, now - self._started)
+        else:
+            command = mixed(self._before, stand.command(measurement), (now - self._since) / CAUGHT)
+            if stand.control.stopped:
+                self._end(f"the robot cannot be balanced: {stand.control.reason}")
+                return None
+        share = self._loads.share
+        if share < settings.touch / 3.0 and settings.load > 0.0:
+            if self._lasts(True, LIFTED, now):
+                self._lift(measurement, now)
+        elif self._lasts(share >= settings.load and self._may_run, CARRIED, now):
+            if isinstance(self._inner, (TorqueControl, PositionControl)) and stand is not None:
+                self._inner.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
+            self._enter(Phase.RUN, now)
+        return command
+
+    def _run(self, measurement: Measurement, now: float) -> Command | None:
+        """Run the controller; its commands come by and by."""
+        given = self._inlet.raw if self._checks_itself else measurement
+        try:
+            command = self.control.command(given)
             command.check(self.description.joint_names)
         except Exception as error:  # whatever a controller does, the machine is damped
             logger.exception("the controller failed")
             self._end(f"{type(error).__name__} of the controller: {error}")
             return None
-        inner = getattr(self.control, "control", self.control)
-        if getattr(inner, "stopped", False):
-            self._end(f"the controller has stopped: {getattr(inner, 'reason', '')}")
+        if getattr(self._inner, "stopped", False):
+            self._end(f"the controller has stopped: {getattr(self._inner, 'reason', '')}")
             return None
-        if elapsed < settings.blend:
-            return start.blend(command, measurement, elapsed / settings.blend)
+        part = (now - self._since) / self.settings.blend
+        if part < 1.0:
+            if self._stand is not None:
+                before = self._stand.command(measurement)
+            else:
+                before = self._start.command(measurement, now - self._started)
+            self._loads.sent(command)
+            return mixed(before, self._with_gains(command), part)
+        seen = getattr(self._inner, "measurement", None)
+        if self.settings.load > 0.0 and isinstance(seen, Measurement) and seen.sole_wrench is not None:
+            carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
+            if self._lasts(carried < self.settings.touch / 3.0, LIFTED, now):
+                self._may_run = hasattr(self.control, "reset")
+                self._lift(measurement, now)
         return command
 
-    def _loaded(self, measurement: Measurement, now: float) -> bool:
-        """Return True if the soles have carried the robot for a while."""
-        load = float(self._loads.wrenches(measurement)[:, 2].sum())
-        if self.settings.load > 0.0 and not load > self.settings.load * self._weight:
-            self._loaded_since = None
+    def _lift(self, measurement: Measurement, now: float) -> None:
+        """Hang again: the feet carry nothing."""
+        self._start = self._begin_start(measurement, 0.0)
+        self._started = now
+        if not self._may_run:
+            logger.warning("a %s cannot be reset: the robot is balanced on", type(self.control).__name__)
+        self._enter(Phase.HANG, now)
+
+    def _with_gains(self, command: Command) -> Command:
+        """Return a command with the gains that act."""
+        zero = np.zeros(self._robot.na)
+        kp, kd = (zero, zero) if command.joint_position is None else self._gains
+        return replace(
+            command, kp=kp if command.kp is None else command.kp, kd=kd if command.kd is None else command.kd
+        )
+
+    def _lasts(self, holds: bool, time: float, now: float) -> bool:
+        """Return True once something has held for a time."""
+        if not holds:
+            self._holds = None
             return False
-        if self._loaded_since is None:
-            self._loaded_since = now
-        return now - self._loaded_since > 0.3
+        if self._holds is None:
+            self._holds = now
+        return now - self._holds >= time
+
+
+def mixed(first: Command | None, second: Command, part: float) -> Command:
+    """Return a command between two by what they do to the joints: torques, gains and servo torques in proportion.
+
+    Args:
+        first: Command at part 0, with references and gains; None for the second one alone.
+        second: Command at part 1, with gains.
+        part: From 0 to 1; above it is the second command.
+    """
+    if first is None or part >= 1.0:
+        return second
+    a, b, zero = 1.0 - part, part, np.zeros_like(second.joint_torque)
+    kp1, kd1, kp2, kd2 = (
+        zero if gains is None else gains for gains in (first.kp, first.kd, second.kp, second.kd)
+    )
+    q1 = zero if first.joint_position is None else first.joint_position
+    v1 = zero if first.joint_velocity is None else first.joint_velocity
+    q2 = q1 if second.joint_position is None else second.joint_position
+    v2 = zero if second.joint_velocity is None else second.joint_velocity
+    kp, kd = a * kp1 + b * kp2, a * kd1 + b * kd2
+    # kp q = a kp1 q1 + b kp2 q2: the servos' torque is between both as well.
+    q = np.divide(a * kp1 * q1 + b * kp2 * q2, kp, out=np.array(q2), where=kp > 0.0)
+    v = np.divide(a * kd1 * v1 + b * kd2 * v2, kd, out=np.array(v2), where=kd > 0.0)
+    torque = a * first.joint_torque + b * second.joint_torque
+    return Command(torque, q, v, second.sole_stiffness, kp, kd)
 
 
 def run(

@@ -1,4 +1,4 @@
-"""The way of a machine from any posture to the stand: references, gains and torques of the first seconds."""
+"""The way of a machine from any posture to the touch of the ground: references, gains and torques of servos."""
 
 from __future__ import annotations
 
@@ -6,53 +6,67 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
+from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loads import SoleLoads
-from wbc.robots import RobotDescription
+
+MEAN = 0.5
+"""Time constant of the lean of a robot that hangs, s."""
+
+SPEED = 0.3
+"""Largest speed of the legs that follow the lean, rad/s."""
+
+TOUCH = 0.05
+"""Share of the weight on the soles from which the legs no longer follow the lean."""
+
+MARGIN = 0.1
+"""Distance that the legs keep from the ends of their range, rad."""
+
+LONGEST = 0.02
+"""Longest time over which a reference moves on in one tick, s."""
 
 
 class SafeStart:
-    """Ramp from the measured posture to half-sitting.
+    """Ramp from the measured posture to half-sitting, and from there on the legs of a robot that hangs.
 
     The servos hold the measured posture while their stiffness rises, then the joints go to half-sitting along a
-    quintic. Feed-forward torques carry the limbs as they hang, less what the sole wrenches carry; they rise with the
+    quintic. Feed-forward torques carry the limbs as they hang, less what the soles carry; they rise with the
     stiffness.
 
     Attributes:
         duration: Time until the joints have arrived, s.
-        done: True when they have.
     """
 
     def __init__(
         self,
-        description: RobotDescription,
+        robot: Robot,
         first: Measurement,
         loads: SoleLoads,
         *,
         fade: float,
         speed: float,
-        gains: tuple[Array, Array] | None = None,
+        gains: tuple[Array, Array],
     ) -> None:
         """Plan the motion.
 
         Args:
-            description: The robot.
+            robot: The robot.
             first: Measurement of the posture from which it starts.
-            loads: Wrenches on the soles.
-            fade: Time in which stiffness and torques rise, s.
+            loads: Loads of the soles.
+            fade: Time in which stiffness and torques rise, s; 0 for servos that hold already.
             speed: Largest mean speed of a joint on the way, rad/s.
-            gains: kp and kd of the machine, each of shape (na,); the description's when None.
+            gains: kp and kd of the machine, each of shape (na,).
         """
-        self._robot, self._loads = description.robot(), loads
-        self._kp, self._kd = (description.kp, description.kd) if gains is None else gains
+        self._robot, self._loads = robot, loads
+        self._kp, self._kd = gains
         self._from = np.array(first.joint_position)
-        self._to = np.array(self._robot.half_sitting[7:])
+        self._to = np.array(robot.half_sitting[7:])
         self._fade = fade
         self._way = max(0.5, float(np.abs(self._to - self._from).max()) / speed)
         self.duration = fade + self._way
-        self._zero = np.zeros(self._robot.na)
-        self._soles = [self._robot.frame_id(sole.frame) for sole in self._robot.soles]
-        self.done = False
+        self._zero = np.zeros(robot.na)
+        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._landing = Landing(robot, loads)
 
     def command(self, measurement: Measurement, elapsed: float) -> Command:
         """Return the command at a time.
@@ -61,48 +75,90 @@ class SafeStart:
             measurement: Measurement of this tick.
             elapsed: Time since the start, s.
         """
-        part = min(1.0, elapsed / self._fade)
+        part = min(1.0, elapsed / self._fade) if self._fade > 0.0 else 1.0
+        torque = part * self.carry(measurement)
+        if elapsed >= self.duration:
+            return Command(torque, self._landing.reference(measurement), self._zero, kp=self._kp, kd=self._kd)
         s = min(1.0, max(0.0, (elapsed - self._fade) / self._way))
         shape = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
         rate = 30.0 * s**2 * (1.0 - s) ** 2 / self._way
         way = self._to - self._from
-        self.done = s >= 1.0
-        return Command(
-            part * self.carry(measurement),
-            self._from + shape * way,
-            rate * way,
-            kp=part * self._kp,
-            kd=self._kd,
-        )
+        return Command(torque, self._from + shape * way, rate * way, kp=part * self._kp, kd=self._kd)
 
     def carry(self, measurement: Measurement) -> Array:
-        """Return the torques that hold the limbs against gravity and the sole wrenches, shape (na,), Nm."""
-        robot, q = self._robot, self._loads.posture(measurement)
-        torque = np.array(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6:])
-        for frame, wrench in zip(self._soles, self._loads.wrenches(measurement), strict=True):
-            if np.isfinite(wrench).all() and wrench[2] > 0.0:
-                jacobian = pin.computeFrameJacobian(robot.model, robot.data, q, frame, pin.LOCAL)
-                torque -= jacobian[:, 6:].T @ wrench
+        """Return the torques that hold the limbs against gravity and the load of the soles, shape (na,), Nm."""
+        robot = self._robot
+        self._loads.wrenches(measurement)
+        q = self._loads.posture(measurement)
+        torque = np.array(pin.computeGeneralizedGravity(robot.model, robot.data, q)[BASE_DOF:])
+        # The normal forces alone: moments fed forward would be the servos' own, added to themselves.
+        for frame, normal in zip(self._soles, self._loads.normal.tolist(), strict=True):
+            jacobian = pin.computeFrameJacobian(robot.model, robot.data, q, frame, pin.LOCAL)
+            torque -= normal * jacobian[2, BASE_DOF:]
         limit: Array = np.clip(torque, -robot.torque_limit, robot.torque_limit)
         return limit
 
-    def blend(self, command: Command, measurement: Measurement, part: float) -> Command:
-        """Return a command between holding half-sitting (0) and one of the controller (1).
+
+class Landing:
+    """Legs of a robot that hangs: soles level and under the centre of mass, however the body hangs.
+
+    A body that hangs by its torso leans until its centre of mass is below the hook. Legs at half-sitting would touch
+    the ground with their toes, far behind the centre of mass, and the robot would tip over whatever the soles carry.
+    The legs turn until the feet are where the weight will be, by damped least squares a little in every tick; the lean
+    changes with them, and settles.
+    """
+
+    def __init__(self, robot: Robot, loads: SoleLoads) -> None:
+        """Start at half-sitting.
 
         Args:
-            command: The controller's.
-            measurement: Measurement of this tick.
-            part: From 0 to 1.
+            robot: The robot; its model is used.
+            loads: Attitude and load.
         """
-        torque = (1.0 - part) * self.carry(measurement) + part * command.joint_torque
-        kp = (1.0 - part) * self._kp
-        kd = (1.0 - part) * self._kd
-        if command.joint_position is None:
-            return Command(torque, self._to, self._zero, command.sole_stiffness, kp, kd)
-        own_kp = self._kp if command.kp is None else command.kp
-        own_kd = self._kd if command.kd is None else command.kd
-        position = (1.0 - part) * self._to + part * command.joint_position
-        velocity = self._zero if command.joint_velocity is None else part * command.joint_velocity
-        return Command(
-            torque, position, velocity, command.sole_stiffness, kp + part * own_kp, kd + part * own_kd
-        )
+        self._robot, self._loads = robot, loads
+        model, data = robot.model, robot.model.createData()
+        self._data, self._q = data, np.array(robot.half_sitting)
+        self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
+        pin.framesForwardKinematics(model, data, self._q)
+        com = pin.centerOfMass(model, data, self._q)
+        self._places = [data.oMf[frame].translation - com for frame in self._frames]
+        self._turns = [np.array(data.oMf[frame].rotation) for frame in self._frames]
+        joints = {j for f in self._frames for j in model.supports[model.frames[f].parentJoint] if j > 1}
+        self._columns = np.array(sorted(model.joints[j].idx_v for j in joints))
+        legs = self._columns - BASE_DOF
+        lower, upper = robot.position_lower[legs], robot.position_upper[legs]
+        middle = self._q[7 + legs]
+        self._lower, self._upper = np.minimum(lower + MARGIN, middle), np.maximum(upper - MARGIN, middle)
+        self._attitude: Array = np.eye(3)
+        self._time = -np.inf
+
+    def reference(self, measurement: Measurement) -> Array:
+        """Return the joint positions to hold, shape (na,), rad; from the first touch on they stay as they are.
+
+        Args:
+            measurement: Measurement of this tick, which the loads have seen.
+        """
+        q, model, data = self._q, self._robot.model, self._data
+        passed = min(max(measurement.time - self._time, 0.0), LONGEST)
+        self._time = measurement.time
+        if self._loads.share > TOUCH:
+            return np.array(q[7:])
+        hangs = pin.Quaternion(self._loads.posture(measurement)[3:7]).matrix()
+        roll, pitch, _ = pin.rpy.matrixToRpy(hangs)
+        turn = pin.log3(self._attitude.T @ pin.rpy.rpyToMatrix(roll, pitch, 0.0))
+        self._attitude = self._attitude @ pin.exp3(passed / MEAN * turn)
+        q[3:7] = pin.Quaternion(self._attitude).coeffs()
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        com_jacobian = pin.jacobianCenterOfMass(model, data, q)
+        rows, errors = [], []
+        for frame, place, turned in zip(self._frames, self._places, self._turns, strict=True):
+            jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            rows += [jacobian[:3] - com_jacobian, jacobian[3:]]
+            errors += [place - (data.oMf[frame].translation - data.com[0])]
+            errors += [pin.log3(turned @ data.oMf[frame].rotation.T)]
+        matrix, error = np.concatenate(rows)[:, self._columns], np.concatenate(errors)
+        step = matrix.T @ np.linalg.solve(matrix @ matrix.T + 1e-4 * np.eye(len(error)), error)
+        at = self._columns + 1
+        q[at] = np.clip(q[at] + np.clip(step, -passed * SPEED, passed * SPEED), self._lower, self._upper)
+        return np.array(q[7:])

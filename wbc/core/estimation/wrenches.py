@@ -61,6 +61,7 @@ class WrenchEstimator:
         contact: True for each foot that is on the ground, by its own leg's joints.
         wrench: Wrenches of the ground on the soles, [force; moment] in the sole frame at the sole centre, shape
             (number of soles, 6), N and Nm; zero for a foot in the air.
+        outside: Generalised forces of whatever else holds a robot that is `held`, shape (nv,), N and Nm.
     """
 
     def __init__(self, robot: Robot, dt: float, settings: WrenchSettings | None = None) -> None:
@@ -94,17 +95,19 @@ class WrenchEstimator:
         self._jacobians = [np.zeros((6, nv)) for _ in range(n)]
         self._bias, self._momentum = np.zeros(nv), np.zeros(nv)
         self._applied = np.zeros(nv)
-        self.wrench = np.zeros((n, 6))
+        self.wrench, self.outside = np.zeros((n, 6)), np.zeros(nv)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past: the robot stands still on all soles."""
         self._residual: Array | None = None
         self.contact = [True] * len(self._frames)
-        self.wrench[:] = 0.0
+        self.wrench[:], self.outside[:] = 0.0, 0.0
         self.wrench[:, 2] = self._weight / len(self._frames)
 
-    def update(self, q: Array, v: Array, torque: Array, passed: float | None = None) -> Array:
+    def update(
+        self, q: Array, v: Array, torque: Array, passed: float | None = None, *, held: bool = False
+    ) -> Array:
         """Take over a state and the torques that led there.
 
         Args:
@@ -112,7 +115,9 @@ class WrenchEstimator:
             v: Velocity, shape (nv,).
             torque: Mean joint torques in the control period that ended now, shape (na,), Nm.
             passed: Time since the last call, s, taken within a quarter and four control periods; one of them when
-                None or NaN.
+                None.
+            held: True for a robot that something else than the ground may hold, such as a crane: the wrench of a foot
+                is what the joints of its leg tell, and the rest of the residual is `outside`.
 
         Returns:
             Wrenches on the soles: `wrench`, the same array each time.
@@ -138,14 +143,20 @@ class WrenchEstimator:
         for i, frame in enumerate(self._frames):
             self._jacobians[i] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
         residual = self._scale * self._residual
-        soles = []
+        soles, alone = [], []
         for i, leg in enumerate(self._legs):
-            normal = self._solve([i], residual, leg)[2] / self._weight
+            alone.append(self._solve([i], residual, leg))
+            normal = alone[i][2] / self._weight
             self.contact[i] = normal > (s.lift_off if self.contact[i] else s.touch_down)
             if self.contact[i]:
                 soles.append(i)
         self.wrench[:] = 0.0
-        if soles:
+        if held:
+            self.outside[:] = self._residual
+            for i in soles:
+                self.wrench[i] = alone[i]
+                self.outside -= alone[i].dot(self._jacobians[i])
+        elif soles:
             rows = np.concatenate([np.arange(BASE_DOF), *(self._legs[i] for i in soles)])
             self.wrench[soles] = self._solve(soles, residual, rows).reshape(-1, 6)
         return self.wrench

@@ -1,0 +1,295 @@
+"""A machine is taken over from an elastic band: it stands by itself whatever its clock, its servos and its mass do.
+
+`python tests/machine/test_takeover.py [SEEDS]` prints the table of docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hanging import HangingMachine
+
+import wbc
+from wbc import Command, HybridControl, Measurement, TorqueControl
+from wbc.core.gate import CommandGate
+from wbc.machine import Runner, RunReport, RunSettings
+from wbc.machine.inlet import Inlet
+from wbc.machine.report import Phase
+from wbc.machine.run import mixed
+
+MODES: dict[str, Any] = {"torque": TorqueControl, "hybrid": HybridControl}
+
+SPEEDS = (0.12, 0.3, 0.5)
+"""Speeds with which the band is let out, m/s."""
+
+
+@dataclass
+class Outcome:
+    """Outcome of a run.
+
+    Attributes:
+        report: The run's.
+        stood: True if the robot stood without the band for the time asked for.
+        wild: Commands with something that is not finite or beyond a torque limit.
+        machine: The machine.
+    """
+
+    report: RunReport
+    stood: bool
+    wild: int
+    machine: HangingMachine
+
+    @property
+    def phases(self) -> list[str]:
+        """Names of the phases in their order."""
+        return [phase.name for phase, _ in self.report.phases]
+
+
+Script = Callable[[HangingMachine, Runner, float], None]
+"""Called in every tick with the time since the band is off (s), negative before."""
+
+
+def take_over(
+    mode: str = "torque",
+    rate: float = 250.0,
+    speed: float = 0.5,
+    *,
+    seconds: float = 30.0,
+    hang: float = 3.0,
+    script: Script | None = None,
+    control: Any = None,
+    kind: type[HangingMachine] = HangingMachine,
+    **machine: Any,
+) -> Outcome:
+    """Let a robot down from its band, take the band off once it stands, and look at it some time later.
+
+    Args:
+        mode: Control mode.
+        rate: Control rate, 1/s.
+        speed: Speed with which the band is let out, m/s.
+        seconds: Time to stand without the band, s.
+        hang: Time from the beginning until the band is let out, s.
+        script: What else happens.
+        control: The user's control; a balance when None.
+        kind: Class of the machine.
+        machine: Of `HangingMachine`.
+    """
+    robot = kind(**machine)
+    if control is None:
+        control = MODES[mode](wbc.balance_controller(robot.description.robot(), 1.0 / rate))
+    settings = RunSettings(robot_timeout=0.05, control_timeout=0.05, stop=0.7)
+    runner = Runner(robot, control, rate, settings=settings, guard=False, clock=robot.clock)
+    free: float | None = None
+    stood = False
+
+    def until() -> bool:
+        nonlocal free, stood
+        now = robot.time
+        if free is None:
+            robot.speed = speed if now > hang and (robot.length or 0.0) < 3.0 else 0.0
+            if runner.phase is Phase.RUN and robot.pull < 1.0:
+                robot.length, free = None, now
+        if script is not None:
+            script(robot, runner, -1.0 if free is None else now - free)
+        over = free is not None and now - free > seconds
+        stood = over and robot.height > 0.5
+        return over or robot.height < 0.4 or now > 40.0 + seconds
+
+    report = runner.run(until)
+    limit = robot.description.robot().torque_limit * (1.0 + 1e-6)
+    wild = sum(not (np.abs(command.joint_torque) <= limit).all() for command in robot.sent)  # or NaN
+    return Outcome(report, stood, wild, robot)
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_let_down_stands_by_itself() -> None:
+    """It hangs until then. No time stamp, no force sensors, jitter and repeats."""
+    got = take_over("torque", 250.0, 0.5, seconds=1.0)
+    assert got.stood and got.wild == 0
+    assert got.report.phases[2][1] > 3.5  # touches half a second after the band was let out
+    assert got.phases == ["START", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
+    assert got.report.reason == "stopped"
+
+
+BAD: dict[str, Callable[[np.ndarray], Any]] = {
+    "nan": lambda a: np.full_like(a, np.nan),
+    "short": lambda a: a[:-1],
+    "none": lambda a: None,
+    "objects": lambda a: a.astype(object),
+    "masked": lambda a: np.ma.masked_array(a, mask=True),
+}
+
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "joint_torque")
+
+
+def test_no_measurement_of_any_phase_gets_an_exception_or_a_wild_command() -> None:
+    """Every kind of bad signal for a tick in each phase; the robot is let down and taken over all the same."""
+    faults = list(itertools.product(SIGNALS, BAD))
+    told: dict[Phase, int] = dict.fromkeys(Phase, 0)
+    where: list[Runner] = []
+
+    class Faulty(HangingMachine):
+        def read(self, timeout: float) -> Any:
+            measurement = super().read(timeout)
+            phase = where[0].phase if where else Phase.START
+            if measurement is None or not where or self.time < 0.2:
+                return measurement
+            told[phase] += 1
+            which, tick = divmod(told[phase], 6)  # one tick in six
+            if tick or which >= len(faults):
+                return measurement
+            name, kind = faults[which]
+            value = getattr(measurement, name)
+            return replace(measurement, **{name: BAD[kind](value)})
+
+    got = take_over(
+        "hybrid", 250.0, 0.5, seconds=1.0, script=lambda m, r, t: where or where.append(r), kind=Faulty
+    )
+    assert got.stood and got.wild == 0 and got.report.reason == "stopped"
+    assert all(told[phase] > 6 * len(faults) for phase in Phase if phase is not Phase.DAMPED)
+
+
+def test_measurements_that_stay_bad_end_in_damping() -> None:
+    class Dead(HangingMachine):
+        def read(self, timeout: float) -> Any:
+            measurement = super().read(timeout)
+            if measurement is None or self.time < 1.0:
+                return measurement
+            return replace(measurement, joint_position=None)
+
+    got = take_over("torque", 250.0, kind=Dead)
+    assert got.phases == ["START", "DAMPED"] and 1.0 < got.report.phases[-1][1] < 1.2
+    assert (
+        got.wild == 0
+        and got.report.reason.startswith("measurements refused for 1")
+        and "joint_position" in got.report.reason
+    )
+
+
+def test_a_mixed_command_does_to_the_joints_what_is_between_both() -> None:
+    """So that a hand-over has no step, whatever gains and references the two have."""
+    rng = np.random.default_rng(0)
+    q, v = rng.normal(size=(2, 5))
+
+    def effect(c: Command) -> np.ndarray:
+        assert c.joint_position is not None and c.joint_velocity is not None
+        return c.joint_torque + c.kp * (c.joint_position - q) + c.kd * (c.joint_velocity - v)
+
+    first = Command(*rng.normal(size=(3, 5)), kp=np.array([0.0, 1.0, 2.0, 0.0, 5.0]), kd=rng.uniform(size=5))
+    second = Command(*rng.normal(size=(3, 5)), kp=np.array([1.0, 0.0, 3.0, 0.0, 4.0]), kd=rng.uniform(size=5))
+    for part in (0.0, 0.01, 0.3, 1.0):
+        expected = (1.0 - part) * effect(first) + part * effect(second)
+        np.testing.assert_allclose(effect(mixed(first, second, part)), expected, atol=1e-12)
+
+
+def test_the_gate_of_a_run_counts_the_servos_of_a_command() -> None:
+    robot = wbc.load_robot("g1").robot()
+    gate, q, zero = CommandGate(robot, 0.004), np.array(robot.half_sitting[7:]), np.zeros(robot.na)
+    kp = np.full(robot.na, 1e4)
+    sent = gate.admit(Command(zero, q + 0.1, zero, kp=kp, kd=zero), (q, zero))
+    assert sent.kp is not None and (np.abs(sent.joint_torque) <= robot.torque_limit).all()
+    np.testing.assert_allclose(sent.joint_torque + 0.1 * sent.kp, robot.torque_limit, rtol=1e-6)
+    for bad in (
+        Command(np.full(robot.na, np.nan)),
+        Command(zero, q, zero, kp=-kp, kd=zero),
+        Command(zero[:3]),
+    ):
+        with pytest.raises(wbc.InputError):
+            gate.admit(bad, (q, zero))
+
+
+def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() -> None:
+    robot = wbc.load_robot("g1").robot()
+    zero = np.zeros(robot.na)
+
+    def measurement(i: int, time: float) -> Measurement:
+        return Measurement(
+            time, robot.half_sitting[7:] + 1e-4 * i, zero, np.zeros(3), np.array([0.0, 0.0, 9.81]), None
+        )
+
+    inlet = Inlet(robot, 0.004)
+    assert [inlet.take(measurement(i, 0.0), 0.004 * i) for i in range(6)] == [
+        True,
+        False,
+        False,
+        True,
+        True,
+        True,
+    ]
+    assert not inlet.stamped and inlet.good is not None and inlet.good.time == pytest.approx(0.02)
+    stamped = Inlet(robot, 0.004)
+    again = measurement(1, 7.004)
+    assert [stamped.take(m, 0.0) for m in (measurement(0, 7.0), again, again, replace(again))] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    assert stamped.stamped and stamped.good is not None and stamped.good.time == 7.004
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("rate", [250.0, 500.0])
+@pytest.mark.parametrize("mode", MODES)
+def test_every_start_ends_in_a_stand(mode: str, rate: float, speed: float) -> None:
+    for heavier, period in ((False, 0.001), (True, 0.001), (False, 0.005)):
+        got = take_over(mode, rate, speed, heavier=heavier, message_period=period, seed=int(1000 * speed))
+        assert got.stood and got.wild == 0, (heavier, period, got.phases)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+def test_a_robot_that_is_hung_up_again_is_taken_over_again(mode: str) -> None:
+    def lift(machine: HangingMachine, runner: Runner, free: float) -> None:
+        if 2.0 < free < 6.0:  # up until the feet are off the ground, then down again
+            machine.length = max(0.0, (machine.length if machine.length is not None else 1.9) - 0.002)
+        elif free >= 6.0 and machine.length is not None:
+            machine.length = machine.length + 0.002 if machine.length < 3.0 else None
+
+    got = take_over(mode, 250.0, 0.5, seconds=20.0, script=lift)
+    assert got.stood and got.wild == 0
+    assert got.phases == ["START", "HANG", "STAND", "RUN", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+def test_a_robot_that_was_taken_over_stands_pushes(mode: str) -> None:
+    pushes = iter([(60.0, 0.0), (0.0, 60.0), (-80.0, 0.0), (0.0, -100.0), None])
+    due = 3.0
+
+    def push(machine: HangingMachine, runner: Runner, free: float) -> None:
+        nonlocal due
+        if free > due:
+            due += 4.0
+            force = next(pushes)
+            if force is not None:
+                machine.push(force)
+
+    assert take_over(mode, 500.0, 0.3, seconds=20.0, script=push).stood
+
+
+if __name__ == "__main__":
+    logging.disable(logging.CRITICAL)
+    for mode, rate, heavier, speed in itertools.product(MODES, (250.0, 500.0), (False, True), SPEEDS):
+        for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
+            got = take_over(mode, rate, speed, heavier=heavier, seed=seed, seconds=10.0)
+            print(
+                mode,
+                rate,
+                heavier,
+                speed,
+                seed,
+                got.stood,
+                got.phases,
+                got.report.reason,
+                got.wild,
+                flush=True,
+            )

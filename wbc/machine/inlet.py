@@ -1,0 +1,95 @@
+"""Way in of a machine's measurements, whatever its driver makes of them: time stamps, repeats, impossible readings."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from wbc.core.errors import MeasurementError
+from wbc.core.estimation.plausibility import SIGNALS, Plausibility
+from wbc.core.robot import Robot
+from wbc.core.signals import Measurement
+
+logger = logging.getLogger(__name__)
+
+STILL = 3
+"""Number of new measurements in a row with the same time stamp after which the stamp is taken for no clock."""
+
+
+class Inlet:
+    """Check of every measurement of every phase.
+
+    A measurement whose stamp and signals are those of the last one is no new one. Stamps that stand still while the
+    signals change, such as a tick that nobody counts, are no clock: the time of arrival takes their place.
+
+    Attributes:
+        stamped: False once the time of arrival counts.
+        raw: The last new measurement with the time that counts, for a control that has a check of its own.
+        good: The last measurement that can be used, impossible readings replaced; None before there is one.
+        refused: Reason why the last one cannot be used; empty when it can.
+        since: Time from which on they have been refused, s; infinite while they are not.
+    """
+
+    def __init__(self, robot: Robot, period: float) -> None:
+        """Take the ranges from a robot.
+
+        Args:
+            robot: The robot.
+            period: Control period, s.
+        """
+        self._plausible = Plausibility(robot, period)
+        self._unfelt = np.zeros((len(robot.soles), 6))
+        self._last: Any = None
+        self._still = 0
+        self.stamped, self.refused, self.since = True, "", math.inf
+        self.raw: Any = None
+        self.good: Measurement | None = None
+
+    def take(self, measurement: Any, now: float) -> bool:
+        """Take a measurement; True if it is a new one.
+
+        Args:
+            measurement: As it came.
+            now: Time of its arrival, s.
+        """
+        last, self._last = self._last, measurement
+        if isinstance(measurement, Measurement) and isinstance(last, Measurement):
+            if all(_same(getattr(measurement, name), getattr(last, name)) for name in SIGNALS):
+                if not self.stamped or _same(measurement.time, last.time):
+                    return False
+            elif self.stamped:
+                self._still = self._still + 1 if _same(measurement.time, last.time) else 0
+                if 0 < self._still < STILL:
+                    return False
+                if self._still >= STILL:
+                    logger.warning("time stamps stand still at %r: the time of arrival counts", last.time)
+                    self.stamped = False
+                    self._plausible.reset()
+        if not self.stamped and isinstance(measurement, Measurement):
+            measurement = replace(measurement, time=now)
+        self.raw = measurement
+        try:
+            self.good = self._checked(measurement)
+            self.refused, self.since = "", math.inf
+        except MeasurementError as error:
+            self.refused, self.since = str(error), min(self.since, now)
+        return True
+
+    def _checked(self, measurement: Any) -> Measurement:
+        if not isinstance(measurement, Measurement) or measurement.sole_wrench is not None:
+            return self._plausible.check(measurement)[0]
+        return replace(
+            self._plausible.check(replace(measurement, sole_wrench=self._unfelt))[0], sole_wrench=None
+        )
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return True if two parts of measurements are equal, of whatever kind they are."""
+    try:
+        return one is other or bool(np.array_equal(one, other))
+    except Exception:  # parts that cannot be compared are not the same
+        return False
