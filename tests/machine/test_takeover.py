@@ -245,37 +245,6 @@ def test_every_start_ends_in_a_stand(mode: str, rate: float, speed: float) -> No
         assert got.stood and got.wild == 0, (heavier, period, got.phases)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", MODES)
-def test_a_robot_that_is_hung_up_again_is_taken_over_again(mode: str) -> None:
-    def lift(machine: HangingMachine, runner: Runner, free: float) -> None:
-        if 2.0 < free < 6.0:  # up until the feet are off the ground, then down again
-            machine.length = max(0.0, (machine.length if machine.length is not None else 1.9) - 0.002)
-        elif free >= 6.0 and machine.length is not None:
-            machine.length = machine.length + 0.002 if machine.length < 3.0 else None
-
-    got = take_over(mode, 250.0, 0.5, seconds=20.0, script=lift)
-    assert got.stood and got.wild == 0
-    assert got.phases == ["START", "HANG", "STAND", "RUN", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", MODES)
-def test_a_robot_that_was_taken_over_stands_pushes(mode: str) -> None:
-    pushes = iter([(60.0, 0.0), (0.0, 60.0), (-80.0, 0.0), (0.0, -100.0), None])
-    due = 3.0
-
-    def push(machine: HangingMachine, runner: Runner, free: float) -> None:
-        nonlocal due
-        if free > due:
-            due += 4.0
-            force = next(pushes)
-            if force is not None:
-                machine.push(force)
-
-    assert take_over(mode, 500.0, 0.3, seconds=20.0, script=push).stood
-
-
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)
     for mode, rate, heavier, speed in itertools.product(MODES, (250.0, 500.0), (False, True), SPEEDS):

@@ -19,7 +19,8 @@ from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_cont
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
 from wbc.robots import load
-from wbc.sim import Machine, TrueFallDetector, WalkHook, WalkPlan, WalkSpec, walk
+from wbc.sim import Machine, StandSpec, TrueFallDetector, WalkHook, WalkPlan, WalkSpec, walk
+from wbc.sim.balance import StandTrial
 from wbc.sim.walks import WalkTick
 
 QUICK = (
@@ -298,3 +299,39 @@ def test_the_gate_of_hybrid_control_counts_what_the_servos_do(speed: float) -> N
             and (sent.kd >= 0.0).all()
             and (sent.kd <= kd).all()
         )
+
+
+@pytest.mark.parametrize(
+    ("robot", "change"),
+    [
+        ("hrp4_class", lambda f: np.roll(f, 1)),
+        ("g1", lambda f: f + [6.0, 0.0, 0.0]),
+        pytest.param("g1", lambda f: np.roll(f, 1), marks=pytest.mark.slow),
+        pytest.param("hrp4_class", lambda f: f + [0.0, -6.0, 0.0], marks=pytest.mark.slow),
+        pytest.param("talos", lambda f: f + [6.0, 0.0, 0.0], marks=pytest.mark.slow),
+    ],
+)
+def test_an_accelerometer_that_points_elsewhere_is_named_and_left_out(robot: str, change: Any) -> None:
+    """For 100 ms, in position control; before and after it nothing is refused."""
+    stand = StandTrial(StandSpec(robot=robot, mode="position", seconds=2.0, noise="realistic"))
+    named = []
+    while stand.plant.time < 2.0:
+        measurement = stand.plant.measure()
+        if 0.8 <= measurement.time < 0.9:
+            measurement = replace(measurement, specific_force=change(measurement.specific_force))
+        stand.plant.step(stand.control.command(measurement))
+        if "accelerometer" in stand.control.status():
+            named.append(measurement.time)
+    assert named and named[0] < 0.83 and 0.85 < named[-1] < 1.0
+    assert not TrueFallDetector(stand.plant.robot).fallen(stand.plant.truth().q)
+
+
+def test_a_robot_that_cannot_be_caught_says_so_before_it_lies_on_the_ground() -> None:
+    stand = StandTrial(StandSpec(robot="g1", mode="torque", seconds=3.0))
+    said: list[float] = []
+    stand.plant.push("base", (120.0, 0.0, 0.0), 0.4)
+    while stand.plant.time < 3.0 and stand.plant.truth().com[2] > 0.4:
+        stand.plant.step(stand.control.command(stand.plant.measure()))
+        if "balance lost" in stand.control.status():
+            said.append(stand.plant.time)
+    assert stand.plant.time < 3.0 and said and 0.1 < said[0] < stand.plant.time - 0.1

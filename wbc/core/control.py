@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, MeasurementError
-from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
+from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
@@ -31,11 +31,15 @@ from wbc.core.gate import CommandGate, GateSettings
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement, WrenchSource
 
 logger = logging.getLogger(__name__)
+
+FEET_STAY, FEET_STEP = 0.35, 0.8
+"""Distance of the DCM from the nearest sole that nothing recovers, as a multiple of the CoM height: by ankles and
+hips, and by steps."""
 
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
@@ -109,10 +113,14 @@ class DriveControl:
         reason: Reason of the last failure, or of the first of a row.
         plausibility: Check of measurements.
         monitor: Monitor of sensors that contradict each other.
+        accelerometer: Check of the direction of the specific force.
         gate: Limits of commands.
+        reach: Distance of the DCM from the nearest sole from which on `status` says that balance is lost, as a multiple
+            of the height of the CoM; walks have a greater one.
     """
 
     _follows_estimate = True
+    reach = FEET_STAY
 
     def __init__(
         self,
@@ -129,6 +137,7 @@ class DriveControl:
         robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
         self.plausibility = Plausibility(robot, dt, safety.plausibility)
         self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.consistency)
+        self.accelerometer = AccelerometerCheck(dt)
         self.gate = CommandGate(robot, dt, safety.gate)
         gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
         # Made when a measurement comes without wrenches.
@@ -161,6 +170,7 @@ class DriveControl:
         self.reason = ""
         self.plausibility.reset()
         self.monitor.reset()
+        self.accelerometer.reset()
         self.gate.reset(self.controller.robot.q[7:])
         self.wrenches, self._stamp = None, math.nan
         self._sent.reset()
@@ -172,8 +182,12 @@ class DriveControl:
             parts.append(f"stopped: {self.reason}")
         elif self._failing:
             parts.append(f"failing: {self.reason}")
+        if self._balance_lost():
+            parts.append("balance lost: the DCM is out of reach")
         if self.plausibility.faults:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
+        if self.accelerometer.left_out:
+            parts.append("refused: accelerometer, which contradicts attitude and legs")
         if self.plausibility.pace:
             parts.append(self.plausibility.pace)
         if self.monitor.doubts:
@@ -183,6 +197,14 @@ class DriveControl:
         if self.gate.faults:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
+
+    def _balance_lost(self) -> bool:
+        """Return True if the DCM is out of reach of feet and steps."""
+        robot = self.observer.robot
+        soles = [robot.placement(sole.frame).translation for sole in robot.soles]
+        height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
+        dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
+        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self.reach * height
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick; targets of tasks and contacts are as they are.
@@ -291,6 +313,7 @@ class DriveControl:
         measurement, renewed = self.plausibility.check(measurement)
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
+        measurement = self.accelerometer.check(measurement, self.observer)
         self.observer.update(measurement, soles, plausible=True)
         if blind:
             measurement = self._with_wrenches(measurement)

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import State
+from wbc.core.control import FEET_STEP, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -146,6 +146,7 @@ class WalkingControl:
             self.control = PositionControl(
                 self.controller, observer, feedforward=s.feedforward, safety=s.safety
             )
+        self.control.reach = FEET_STEP
         if s.hands is not None:
             self.hands = self._make_hands(s.hands, height)
         self.load: HeldLoad | None = None

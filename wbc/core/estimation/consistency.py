@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import logging
 import math
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.core.errors import Array, scalar
+from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Count, Positive, settings
@@ -32,11 +34,84 @@ OFFSET = 1.0
 SMOOTHING, SUSPICION = 0.03, 0.03
 """Low-pass of the difference, and time for which it must be too large, s."""
 
+BLIND, BLIND_SUSPICION = 1.5, 0.15
+"""Factor of the difference, and time for which it must be too large, where wrenches are estimated: the loads of feet
+that land come late, and legs seem to jerk."""
+
 SETTLING = 0.1
 """Time for which speeds are not compared after the feet have hopped or slid, s."""
 
 REMEMBERED = 1.0
 """Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
+
+
+CONTRADICTS, AGREES = 3.5, 2.0
+"""Horizontal acceleration that the accelerometer alone shows: from the first on it is left out, until it is below the
+second, m/s²."""
+
+STANDING, CARRIES = 0.5, 0.15
+"""Time for which every foot must have carried this share of the load, s: landing feet jerk the legs and their loads."""
+
+MEAN = 0.015
+"""Time constant of the accelerations that are compared, s."""
+
+
+class AccelerometerCheck:
+    """Check of the direction of the specific force against attitude, legs and ground forces.
+
+    A robot that stands and whose accelerometer points elsewhere than up accelerates: so the legs move, and the ground
+    pushes it. While neither is so, the accelerometer is left out, and the robot is taken to keep its speed.
+
+    Attributes:
+        left_out: True while the accelerometer is left out.
+    """
+
+    def __init__(self, dt: float) -> None:
+        """Start at rest.
+
+        Args:
+            dt: Control period, s.
+        """
+        self._dt, self._gain, self._rate = dt, lag_gain(dt, MEAN), 1.0 / dt
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.left_out = False
+        self._shown = self._moved = 0j
+        self._stands = 0.0  # time for which every foot has carried, s
+        self._legs: Vector | None = None
+
+    def check(self, measurement: Measurement, observer: Observer) -> Measurement:
+        """Return the measurement, without the accelerometer's direction where it contradicts all others.
+
+        Args:
+            measurement: Plausible measurement of this tick.
+            observer: Observer that has seen the ticks before.
+        """
+        inertial, before = observer.inertial, self._legs
+        self._legs = legs = inertial.legs
+        self._stands = self._stands + self._dt if observer.share.min() > CARRIES else 0.0
+        if before is None or legs is None or self._stands < STANDING:
+            self._shown = self._moved = 0j
+            self.left_out = False
+            return measurement
+        rotation = inertial.rotation
+        x, y, _ = rotation.dot(measurement.specific_force).tolist()
+        moved = complex(legs[0] - before[0], legs[1] - before[1]) * self._rate
+        self._shown = shown = self._shown + self._gain * (complex(x, y) - self._shown)
+        self._moved += self._gain * (moved - self._moved)
+        least = AGREES if self.left_out else CONTRADICTS
+        left_out = abs(shown) > least and abs(shown - self._moved) > least
+        if left_out and not self.left_out:
+            force = observer.net_wrench[:2] / observer.robot.mass
+            left_out = abs(shown - complex(*force.tolist())) > least
+            if left_out:
+                logger.error(
+                    "measurement at %.4f s: accelerometer contradicts attitude and legs", measurement.time
+                )
+        self.left_out = left_out
+        return replace(measurement, specific_force=GRAVITY * rotation[2]) if left_out else measurement
 
 
 @settings
@@ -148,7 +223,7 @@ class ConsistencyMonitor:
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
         self._rotation += gain * (foot_rotation - self._rotation)
-        if self._gyroscope_contradicts(stance_rotation, unexplained):
+        if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
             doubts.append("gyroscope contradicts accelerometer and legs")
         wrong = (
             self._gravity > s.gravity_share > self._share,
@@ -189,9 +264,12 @@ class ConsistencyMonitor:
         named = (self._contradicts >= self.settings.lasting).nonzero()[0]
         return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
 
-    def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex) -> bool:
+    def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex, blind: bool) -> bool:
         """Compare the speed of the legs, which the gyroscope turns about the foot, with that of the accelerometer."""
         s = self.settings
+        most, lasting = s.speed_difference, SUSPICION
+        if blind:
+            most, lasting = BLIND * most, BLIND_SUSPICION
         if self._share < s.weight_share or abs(rotation[2]) > s.foot_spin:
             self._unsettled = SETTLING
         if self._unsettled > 0.0:  # the feet hop or slide, as after a push
@@ -200,12 +278,12 @@ class ConsistencyMonitor:
         self._drift = drift = self._keep * self._drift + unexplained
         self._offset += self._offset_gain * (drift - self._offset)
         self._parted += self._smoothing * (drift - self._offset - self._parted)
-        if abs(self._parted) > s.speed_difference:
+        if abs(self._parted) > most:
             self._suspected += self._dt
             (x, y, z), (u, v, w) = self._turned, rotation
             self._turned = x + self._dt * u, y + self._dt * v, z + self._dt * w
             turns = math.hypot(*self._turned) > s.stance_rotation * self._suspected
-            if turns and self._suspected >= SUSPICION:
+            if turns and self._suspected >= lasting:
                 self._gyro_doubted = REMEMBERED
         elif self._suspected:
             self._suspected, self._turned = 0.0, (0.0, 0.0, 0.0)

@@ -24,6 +24,7 @@ from wbc.core.errors import Array, scalar
 from wbc.core.lag import LagGain
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive, settings
+from wbc.core.vectors import Vector
 
 
 @settings
@@ -58,6 +59,7 @@ class InertialFilter:
         gyro_bias: Bias of the gyroscope in the IMU frame, measured minus true, shape (3,), rad/s.
         unexplained: Change of the legs' horizontal velocity in the last period that the accelerometer does not show,
             x + iy in the world, m/s; zero in flight.
+        legs: Velocity of the IMU point by the legs in the last period, in the world, m/s; None in flight.
     """
 
     def __init__(self, settings: InertialSettings | None = None) -> None:
@@ -66,6 +68,7 @@ class InertialFilter:
         self.velocity: Array = np.zeros(3)
         self.gyro_bias: Array = np.zeros(3)
         self.unexplained = 0j
+        self.legs: Vector | None = None
         self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)
@@ -81,7 +84,7 @@ class InertialFilter:
         self.rotation = np.array(rotation)
         self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
         self._last = None
-        self.unexplained, self._left = 0j, None
+        self.unexplained, self._left, self.legs = 0j, None, None
 
     def align(self, specific_force: Array) -> None:
         """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up.
@@ -131,8 +134,9 @@ class InertialFilter:
         s = self.settings
         if velocity is None:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
-            self.unexplained, self._left = 0j, None
+            self.unexplained, self._left, self.legs = 0j, None, None
             return
+        self.legs = tuple(velocity.tolist())
         innovation = velocity - self.velocity
         gain = self._velocity_gain(dt, s.velocity_time_constant)
         x, y, _ = innovation.tolist()

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import Mode, SafetySettings, State
+from wbc.core.control import FEET_STEP, Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -127,6 +127,7 @@ class SteppingControl:
             observer = observer or Observer(robot, OBSERVER, adopt=True)
             kind = HybridControl if s.mode == "hybrid" else TorqueControl
             self.control = kind(self.controller, observer, safety=s.safety)
+        self.control.reach = FEET_STEP
         self.stiffness = stiffness
         self.reference: StepReference | None = None
         self.time = 0.0
