@@ -26,7 +26,7 @@ SOFT_ON_STONES = FootTest(foot("soft", stiffness=5.0), STONES)
 # --- press -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize("timestep", [0.001, pytest.param(0.002, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "design", [foot("flat"), foot("rigid"), *(foot("soft", stiffness=k) for k in (0.0, 5.0, 80.0))]
 )

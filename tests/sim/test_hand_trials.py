@@ -24,6 +24,7 @@ from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import HandSettings
 
 
+@pytest.mark.slow
 def test_a_press_on_a_wall_is_held_and_the_feet_take_their_part_of_it() -> None:
     hands = HandSettings(reach=1.5, ramp=2.5, edge=0.5)
     trial = HandPressTrial(HandPressSpec(on="wall", force=30.0, seconds=0.5, noise="none", hands=hands))

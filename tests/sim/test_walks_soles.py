@@ -57,6 +57,7 @@ def test_every_swing_is_accounted_for() -> None:
         assert step["wanted_nm_per_rad"] == 4.0 * step["cluster"] - 2.0
 
 
+@pytest.mark.slow
 def test_the_scan_is_as_the_ground_and_a_wrong_ground_would_be_noticed() -> None:
     result = walked()
     assert result.stiffness is not None
