@@ -122,13 +122,13 @@ def stepping(seeds: int = 24) -> Study:
     heights |= dict.fromkeys(("roof_tiles", "boards", "sticks", "cylinder_obstacles"), (0.02, 0.04))
     return Study(
         name="stepping",
-        about="3 m on flat feet over rough ground, blind, the steps decided as they go: completed walks; heights are "
-        "those of g1, scaled by the length of the legs",
+        about="3 m on flat feet over rough ground, blind, the steps decided as they go: completed walks; the ground "
+        "begins with a sharp edge; heights are those of g1, scaled by the length of the legs",
         base={"law": "stepping", "foot": "flat", "noise": "realistic", "plan": {"distance": 3.0}},
         cells=tuple(
             Cell(
                 cell_name(name, height),
-                {"terrain": name},
+                {"terrain": name, "terrain_params": {"ramp": 0.0}},
                 arm_values={robot: {"amplitude": round(height * leg, 6)} for robot, leg in LEGS.items()},
             )
             for name, of in heights.items()

@@ -275,7 +275,7 @@ def test_a_terrain_from_an_image(run: Run, grey: Path, tmp_path: Path) -> None:
 
 
 def test_roughness_is_what_the_feet_know_of_the_ground(run: Run) -> None:
-    found = data_of(run, "terrain", "metal_sheets", "--param", "period=0.1", "ramp=0")["roughness"]
+    found = data_of(run, "terrain", "metal_sheets", "--param", "period=0.1", "--ramp", "0")["roughness"]
     assert found["Sz_m"] == pytest.approx(0.02, rel=0.05)  # a line is taken off a sine
     assert found["Sq_m"] == pytest.approx(0.02 / math.sqrt(8.0), rel=0.02)
     assert found["Sku"] == pytest.approx(1.5, rel=0.02) and found["K"] == pytest.approx(0.5, abs=0.05)
