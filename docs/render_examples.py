@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 
 INSTANTS = {
     "stand": 1.0,
-    "squat": 2.5,
+    "program": 4.6,
     "reach_walking": 4.6,
     "push_recovery": 0.9,
     "walk": 4.6,
@@ -36,7 +36,6 @@ INSTANTS = {
     "walk_push": 4.9,
     "step_over_stones": 4.6,
     "walk_tune": 3.4,
-    "own_task": 3.0,
     "own_robot": 1.0,
     "hands/carry": 4.0,
     "hands/lean": 8.0,

@@ -6,13 +6,27 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.balance import BalanceGains, balance_controller
+from wbc.tasks.behaviours import (
+    BehaviourError,
+    Machine,
+    Program,
+    Scope,
+    State,
+    after,
+    all_of,
+    any_of,
+    error_below,
+    reached,
+    speed_below,
+)
 from wbc.tasks.check import check_task
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.compliance import ComplianceTask
 from wbc.tasks.force.impedance import FirstOrderImpedanceTask, ImpedanceTask
 from wbc.tasks.force.torque import JointTorqueTask
 from wbc.tasks.force.wrench import WrenchTask
-from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask
+from wbc.tasks.motion.direction import DirectionTask, GazeTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
@@ -45,9 +59,12 @@ __all__ = [
     "balance_controller",
     # Motion tasks
     "CoMTask",
+    "CoMOverFeetTask",
     "PositionTask",
     "OrientationTask",
     "PoseTask",
+    "DirectionTask",
+    "GazeTask",
     "RelativeFrameTask",
     "PostureTask",
     "MomentumTask",
@@ -59,6 +76,18 @@ __all__ = [
     "ImpedanceTask",
     # Targets that move
     "Trajectory",
+    # Behaviours: states, one after another
+    "State",
+    "Machine",
+    "Program",
+    "Scope",
+    "BehaviourError",
+    "after",
+    "reached",
+    "error_below",
+    "speed_below",
+    "any_of",
+    "all_of",
     # Bases for tasks of one's own
     "MotionTask",
     "SelectionTask",

@@ -1,14 +1,15 @@
-"""Task on the centre of mass."""
+"""Tasks on the centre of mass: in the world, and over the feet."""
 
 from __future__ import annotations
 
 from typing import Any, Unpack
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, finite_array
+from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES, AxesTask
@@ -103,3 +104,66 @@ class CoMTask(AxesTask):
         acceleration /= self._mass
         acceleration += self._gravity
         self._write((jacobian, error, drift), (robot.com_jacobian, difference, acceleration))
+
+
+class CoMOverFeetTask(CoMTask):
+    """Bring the centre of mass to a point over the middle of the soles: the target goes with the feet.
+
+    The target is the way from the middle of the soles' frames to the centre of mass, along the axes of the world, m.
+    """
+
+    @checked
+    def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
+        """Describe the task.
+
+        Args:
+            target: Centre of mass minus the middle of the soles, shape (3,), m; the present one when None.
+            **options: See `MotionOptions`.
+        """
+        given: MotionOptions = {"name": "com over feet", **options}
+        super().__init__(target, **given)
+
+    @property
+    def target(self) -> Array:
+        """Centre of mass minus the middle of the soles, shape (3,), m, read-only; assign one, or see `move_to`."""
+        if self._target is None:
+            return read_only(self.robot.com - self._middle(self.robot))
+        return read_only(self._target)
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
+        if self._held:
+            self._take_over()
+        self._target = target
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names; see `Task.bind`.
+
+        Raises:
+            InputError: A robot without soles.
+        """
+        if not robot.soles:
+            raise InputError(f"task '{self.name}' needs a robot with soles, '{robot.name}' has none")
+        place = self._target
+        super().bind(robot)
+        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._target = robot.com - self._middle(robot) if place is None else place
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `MotionTask.evaluate`."""
+        robot, data, world = self.robot, self.robot.data, pin.LOCAL_WORLD_ALIGNED
+        assert self._target is not None
+        acceleration = self._base_rotation.dot(self._base_force) / self._mass + self._gravity
+        rows, share = np.array(robot.com_jacobian), 1.0 / len(self._soles)
+        for sole in self._soles:
+            rows -= share * pin.getFrameJacobian(robot.model, data, sole, world)[:3]
+            acceleration -= share * pin.getFrameClassicalAcceleration(robot.model, data, sole, world).linear
+        difference = self._target + self._middle(robot) - robot.com
+        self._write((jacobian, error, drift), (rows, difference, acceleration))
+
+    @staticmethod
+    def _middle(robot: Robot) -> Array:
+        """Middle of the soles in the world, shape (3,), m."""
+        places = [robot.placement(sole.frame).translation for sole in robot.soles]
+        return np.asarray(sum(places[1:], places[0].copy()) / len(places))

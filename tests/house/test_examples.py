@@ -15,14 +15,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 
 import wbc
-from wbc.tasks import check_task
 
 FOLDER = Path(__file__).parents[2] / "examples"
-STANDING = ("own_robot", "own_task", "push_recovery", "squat", "stand")
+STANDING = ("own_robot", "push_recovery", "stand")
 WALKING = (
     "walk",
     "walk_push",
@@ -31,6 +29,7 @@ WALKING = (
     "walk_stones",
     "walk_tune",
     "drive",
+    "program",
     "reach_walking",
     "step_over_stones",
 )
@@ -107,13 +106,6 @@ def test_stand_takes_every_robot(load: Load) -> None:
         assert run(load("stand"), "--robot", robot, seconds=0.5)["com_error_mm"] < 3.0
 
 
-def test_squat_goes_as_deep_as_asked(load: Load) -> None:
-    module = load("squat")
-    result = run(module, seconds=module.PERIOD / 2)  # at its lowest point
-    assert result["lowered_mm"] == pytest.approx(1e3 * module.DEPTH, abs=2.0)
-    assert result["largest_error_mm"] < 2.0
-
-
 @pytest.mark.parametrize(
     ("mode", "direction"),
     [
@@ -126,30 +118,6 @@ def test_push_is_felt_and_recovered_from(load: Load, mode: str, direction: str) 
     result = run(load("push_recovery"), "--mode", mode, "--direction", direction)
     assert result["farthest_mm"] > 5.0
     assert result["at_the_end_mm"] < 2.0
-
-
-def test_own_task_looks_at_the_place(load: Load) -> None:
-    module = load("own_task")
-    assert run(module)["gaze_error_deg"] < 1.0
-    # The robot looks elsewhere when nobody asks: the task did it.
-    head = wbc.load_robot("hrp4_class").robot().placement("head")
-    y, z = head.actInv(np.array([1.5, 0.4, 1.0]))[1:]
-    assert np.hypot(y, z) > 0.3
-
-
-def test_own_task_is_short(load: Load) -> None:
-    module = load("own_task")
-    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
-    task = next(node for node in tree.body if isinstance(node, ast.ClassDef))
-    for node in ast.walk(task):
-        if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and ast.get_docstring(node) is not None:
-            del node.body[0]
-    assert len(ast.unparse(task).replace("\n\n", "\n").splitlines()) < 20
-
-
-def test_own_task_says_the_truth_about_its_rows(load: Load) -> None:
-    task = load("own_task").GazeTask("head", (1.5, 0.4, 1.0))
-    check_task(task, wbc.load_robot("hrp4_class").robot())
 
 
 def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,6 +150,26 @@ def test_walk_arrives(load: Load) -> None:
     result = walk(load("walk"), "--distance", "0.2")
     assert result["distance_m"] == pytest.approx(0.2, abs=0.03)
     assert result["steps"] == 3  # two, and one to close up
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "hybrid"])
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_program_does_one_thing_after_the_other(load: Load, robot: str, mode: str) -> None:
+    result = walk(load("program"), "--robot", robot, "--mode", mode)
+    assert result["outcome"] == "done"
+    assert result["squat_mm"] == pytest.approx(80.0, abs=6.0)
+    assert result["forward_m"] == pytest.approx(1.0, abs=0.06)
+
+
+def test_program_is_short(load: Load) -> None:
+    """The program itself, without the options and the report, in at most 40 lines."""
+    tree = ast.parse(Path(str(load("program").__file__)).read_text(encoding="utf-8"))
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    for node in functions:
+        del node.body[0]  # the docstring
+    assert sum(node.end_lineno - node.lineno + 1 for node in functions if node.end_lineno) <= 60
+    assert sum(len(ast.unparse(node).splitlines()) for node in functions) <= 40
 
 
 @pytest.mark.slow

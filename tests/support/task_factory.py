@@ -17,8 +17,11 @@ from wbc.core.robot import Robot
 from wbc.robots import RobotDescription, load
 from wbc.tasks import (
     AdmittanceTask,
+    CoMOverFeetTask,
     CoMTask,
+    DirectionTask,
     FirstOrderImpedanceTask,
+    GazeTask,
     ImpedanceTask,
     MomentumTask,
     OrientationTask,
@@ -86,6 +89,9 @@ MOTION_TASKS: dict[str, Case] = {
     "relative orientation": Case(
         lambda r: RelativeFrameTask(right_hand(r), r.base_frame, axes=("roll", "yaw"))
     ),
+    "direction": Case(lambda r: DirectionTask(left_hand(r), axis=(0.3, 0.0, -1.0)), feasible=False),
+    "gaze": Case(lambda r: GazeTask(r.torso_frame), feasible=False),
+    "com over feet": Case(lambda r: CoMOverFeetTask()),
     "momentum": Case(lambda r: MomentumTask()),
     "angular momentum": Case(lambda r: MomentumTask(axes=("roll", "pitch", "yaw"))),
     "admittance": Case(lambda r: AdmittanceTask(left_hand(r), admittance=ADMITTANCE), in_frame=True),

@@ -18,6 +18,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.tasks import (
     CoMTask,
+    DirectionTask,
     FirstOrderImpedanceTask,
     MomentumTask,
     OrientationTask,
@@ -42,6 +43,10 @@ TASKS: dict[str, tuple[Callable[[Robot], Any], Callable[[Any, Robot], Any]]] = {
     "orientation": (
         lambda robot: OrientationTask(left_hand(robot), weight=100.0),
         lambda now, _: pin.exp3(np.array([0.2, -0.3, 0.1])) @ now,
+    ),
+    "direction": (
+        lambda robot: DirectionTask(left_hand(robot), weight=100.0),
+        lambda now, _: pin.exp3(np.array([0.1, -0.3, 0.2])) @ now,
     ),
     "pose": (lambda robot: PoseTask(left_hand(robot), weight=100.0), lambda now, _: moved(now)),
     "relative": (

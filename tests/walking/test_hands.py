@@ -19,6 +19,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, TrueFallDetector, make_scene
 from wbc.sim.hands import CartSpec, CartTrial
+from wbc.tasks.motion.direction import least_turn
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
     FootstepPlan,
@@ -31,7 +32,7 @@ from wbc.walking import (
 )
 from wbc.walking.hands.hand import Hand
 from wbc.walking.hands.hands import Hands
-from wbc.walking.hands.motion import MovingFrame, least_turn
+from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.planning.footsteps import mean_heading
 
 TABLE = {"distance": 0.18, "height": 0.7}

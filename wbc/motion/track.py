@@ -234,7 +234,10 @@ class MotionControl(WalkingControl):
             output = output._replace(com_acceleration=acceleration)
         places = [foot.placement for foot in reference.feet]
         self.tasks.com.apply(true, reference.contact, places, reference.push, output)
-        self.tasks.pose_trunk(motion.trunk[i], self._lean(output))
+        lean = self._lean(output)
+        if self.body.active:
+            lean = self.body.leaned(lean, reference.heading)
+        self.tasks.pose_trunk(motion.trunk[i], lean)
         self.tasks.posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
 
     def _torso_up(self) -> Array:

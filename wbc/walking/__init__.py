@@ -4,6 +4,7 @@ Whatever decides on footsteps goes into `planning`, on reference motion into `pa
 `wbc.tasks.stabilizer`.
 """
 
+from wbc.walking.body import Body
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
@@ -28,6 +29,8 @@ __all__ = [
     "SteppingControl",
     "SteppingControlSettings",
     "SteppingSettings",
+    # Set-points of the body
+    "Body",
     # Arms: hands that go to targets
     "ArmSettings",
     "LoadSettings",

@@ -33,6 +33,7 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.body import Body
 from wbc.walking.driver import Driver
 from wbc.walking.falls import FallDetector, FallReason
 from wbc.walking.hands.hand import HandSettings
@@ -70,6 +71,7 @@ class WalkingControl:
         controller: Whole-body controller with all tasks and contacts of the walk.
         tasks: The tasks and contacts.
         arms: Hands, which can be given targets at any tick.
+        body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
         control: Position or torque control, with the observer.
         reference: References of the last tick with a good measurement; None before the first one.
         output: Output of the stabilizer in that tick; None before the first one.
@@ -137,6 +139,7 @@ class WalkingControl:
         self.stabilizer = self.tasks.com.stabilizer
         self.hands: Hands | None = None
         self.arms = Arms(self.controller, self.tasks.com, self.tasks.posture, self.dt, s.arms)
+        self.body = Body(self.controller, height, self.dt, waist=True)
         self.control: PositionControl | TorqueControl
         if s.mode == "hybrid":
             self.control = HybridControl(self.controller, observer, safety=s.safety)
@@ -311,6 +314,10 @@ class WalkingControl:
         self._dcm = com + velocity / self._omega
         bias = None if self.bias is None else self._estimate_bias(self.bias)
         self.reference = reference = self._update_walk(bias)
+        body = self.body
+        if body.active:
+            body.update()
+            self.reference = reference = reference._replace(pendulum=body.raised(reference.pendulum))
         if reference.contact != self._in_contact:
             self._switch_contacts(reference.contact)
         outside = None
@@ -342,7 +349,13 @@ class WalkingControl:
         self.tasks.move_feet(reference)
         places = [foot.placement for foot in reference.feet]
         self.tasks.com.apply(reference.pendulum, reference.contact, places, reference.push)
-        self.tasks.turn_trunk(reference.heading, self._lean(output))
+        lean, body = self._lean(output), self.body
+        if body.active:
+            self.tasks.turn_trunk(
+                reference.heading, body.leaned(lean, reference.heading), body.twist, by_waist=body.by_waist
+            )
+        else:
+            self.tasks.turn_trunk(reference.heading, lean)
 
     def _hold(self, load: HeldLoad) -> None:
         """Follow the estimate of the load; the models have it from the next tick on."""

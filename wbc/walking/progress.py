@@ -21,6 +21,7 @@ from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import Lean
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.body import Body
 from wbc.walking.falls import FallReason
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -193,6 +194,10 @@ class WalkingLike(Protocol):
     @property
     def arms(self) -> Arms:
         """Hands, which can be given targets at any tick."""
+
+    @property
+    def body(self) -> Body:
+        """Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick."""
 
     @property
     def output(self) -> StabilizerOutput | None:

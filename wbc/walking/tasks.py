@@ -14,6 +14,7 @@ from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
+from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.distribution import DistributionSettings
@@ -146,6 +147,7 @@ class WalkTasks:
         for contact in self.contacts:
             controller.add(contact)
         controller.add(TorqueLimits())
+        leave_to_walk(self.com, self._swings, self._trunk)
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off.
@@ -168,12 +170,21 @@ class WalkTasks:
                 motion = reference.feet[side]
                 self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
 
-    def turn_trunk(self, yaw: float, lean: LeanMotion) -> None:
+    def turn_trunk(
+        self,
+        yaw: float,
+        lean: LeanMotion,
+        twist: tuple[float, float, float] | None = None,
+        *,
+        by_waist: bool = False,
+    ) -> None:
         """Turn pelvis and torso to a heading and let them lean.
 
         Args:
             yaw: Heading, rad.
             lean: Lean; `UPRIGHT` itself for none.
+            twist: Turn against the heading, its speed and its acceleration, rad, rad/s and rad/s²; None for none.
+            by_waist: True to turn the torso alone.
         """
         if yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
@@ -181,6 +192,12 @@ class WalkTasks:
         turn = lean.rotation.dot(_yaw_rotation(yaw))
         for task, tilt in zip(self._trunk, self._trunk_tilts, strict=True):
             task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
+        if twist is not None:
+            angle, rate, push = twist
+            turn, up = lean.rotation.dot(_yaw_rotation(yaw + angle)), np.array([0.0, 0.0, 1.0])
+            first = 1 if by_waist else 0
+            for task, tilt in list(zip(self._trunk, self._trunk_tilts, strict=True))[first:]:
+                task.follow(turn.dot(tilt), lean.velocity + rate * up, lean.acceleration + push * up)
 
     def pose_trunk(self, motions: Sequence[tuple[Array, Array, Array]], lean: LeanMotion) -> None:
         """Turn pelvis and torso as a motion does, and let them lean.
@@ -194,6 +211,15 @@ class WalkTasks:
             task.follow(
                 lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
             )
+
+
+def leave_to_walk(com: CoMTask, swings: Sequence[PoseTask], trunk: Sequence[OrientationTask]) -> None:
+    """Name, for those who assign a target that a walk sets at every tick, what they may set instead."""
+    com.set_by("walking.body.com_height for its height, walking.velocity or walking.go_to for its place")
+    for swing in swings:
+        swing.set_by("walking.velocity, walking.go_to or a plan of footsteps")
+    for task in trunk:
+        task.set_by("walking.body.lean and walking.body.turn")
 
 
 def _yaw_rotation(yaw: float) -> Array:

@@ -26,7 +26,8 @@ from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
-from wbc.walking.hands.motion import MovingFrame, Ramp, least_turn, quintic_part
+from wbc.tasks.motion.direction import least_turn
+from wbc.walking.hands.motion import MovingFrame, Ramp, quintic_part
 
 logger = logging.getLogger(__name__)
 

@@ -97,20 +97,3 @@ def quintic_part(time: float, duration: float, begin: float, end: float) -> tupl
     span = (end - begin) * duration
     elapsed = min(max(time - begin * duration, 0.0), span)
     return Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), span).at(elapsed)
-
-
-def least_turn(axis: Array, direction: Array) -> Array:
-    """Return the least rotation vector that turns an axis to a direction, shape (3,), rad.
-
-    Args:
-        axis: Of length 1, shape (3,).
-        direction: Of length 1, shape (3,).
-    """
-    cross = np.cross(axis, direction)
-    sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
-    if sine < 1e-6:
-        if cosine > 0.0:
-            return np.zeros(3)
-        cross = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])  # half a turn, about any axis across
-        return np.asarray(math.pi / np.linalg.norm(cross) * cross)
-    return math.atan2(sine, cosine) / sine * cross

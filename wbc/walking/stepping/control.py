@@ -27,6 +27,8 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
 from wbc.core.signals import Command, Measurement
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.stabilizer.lean import UPRIGHT
+from wbc.walking.body import Body
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.planning.footsteps import heading
@@ -81,6 +83,7 @@ class SteppingControl:
         controller: Whole-body controller with all tasks and contacts of the walk.
         tasks: The tasks and contacts.
         arms: Hands, which can be given targets at any tick.
+        body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
         control: Position, torque or hybrid control, with the observer.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         output: None: no stabilizer runs; so are `stabilizer`, `lean`, `bias`, `hands` and `load`.
@@ -119,6 +122,7 @@ class SteppingControl:
         self.controller = Controller(robot, dt, settings=s.solver)
         self.tasks = SteppingTasks(self.controller, self.gait.settings, s.tasks, scale)
         self.arms = Arms(self.controller, self.tasks.com, self.tasks.posture, self.dt, s.arms)
+        self.body = Body(self.controller, scale.height, self.dt, waist=False)
         self.control: PositionControl | TorqueControl
         if s.mode == "position":
             observer = observer or Observer(robot, OBSERVER)
@@ -253,7 +257,13 @@ class SteppingControl:
         )
         self.reference = reference = self.gait.update(body, (left, right))
         self.arms.update(reference.feet, reference.heading)
-        self.tasks.follow(reference)
+        points = self.body
+        if points.active:
+            points.update()
+            self.reference = reference = reference._replace(pendulum=points.raised(reference.pendulum))
+            self.tasks.follow(reference, points.leaned(UPRIGHT, reference.heading), points.twist)
+        else:
+            self.tasks.follow(reference)
 
     def _detect_fall(self) -> None:
         if self.reference is None:

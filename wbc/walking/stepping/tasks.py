@@ -14,10 +14,12 @@ from wbc.core.settings import NonNegative, Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
 from wbc.walking.stepping.gait import StepReference
 from wbc.walking.stepping.settings import Scale, SteppingSettings
+from wbc.walking.tasks import leave_to_walk
 
 
 @settings
@@ -162,6 +164,7 @@ class SteppingTasks:
             for sole in robot.soles
         ]
         controller.add(TorqueLimits())
+        leave_to_walk(self.com, self._swings, [self._pelvis])
         self._state: tuple[object, ...] = ()
 
     def _posture(self, controller: Controller, gains: SteppingGains, turn: float) -> PostureTask:
@@ -180,11 +183,18 @@ class SteppingTasks:
             joint_weights={robot.joint_names[j]: share for j in legs},
         )
 
-    def follow(self, reference: StepReference) -> None:
+    def follow(
+        self,
+        reference: StepReference,
+        lean: LeanMotion = UPRIGHT,
+        twist: tuple[float, float, float] | None = None,
+    ) -> None:
         """Set all targets of a tick.
 
         Args:
             reference: References of the gait.
+            lean: Lean of the trunk; `UPRIGHT` itself for none.
+            twist: Turn against the heading, its speed and its acceleration, rad, rad/s and rad/s²; None for none.
         """
         self._stand(reference)
         if reference.swing is not None:
@@ -192,7 +202,16 @@ class SteppingTasks:
             self._swings[reference.swing].follow(motion.placement, motion.velocity, motion.acceleration)
         pendulum = reference.pendulum
         self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
-        self._pelvis.follow(pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading) @ self._pelvis_tilt)
+        if twist is None:
+            self._pelvis.follow(pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading) @ self._pelvis_tilt)
+            return
+        angle, rate, push = twist
+        turn, up = pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading + angle), np.array([0.0, 0.0, 1.0])
+        self._pelvis.follow(
+            lean.rotation @ turn @ self._pelvis_tilt,
+            lean.velocity + rate * up,
+            lean.acceleration + push * up,
+        )
 
     def _stand(self, reference: StepReference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""

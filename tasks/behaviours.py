@@ -1,0 +1,529 @@
+"""Behaviours: what a robot does one thing after another, as states with conditions and transitions by outcome.
+
+    reach = State("reach", lambda now: hand.move_to(point, speed=0.3), done=reached(hand), timeout=5.0)
+    squat = State("squat", lambda now: com.move_to(low, duration=2.0), done=reached(com))
+    program = Program(Machine("demo", [reach, squat], {"reach": {"timeout": "squat"}}), control)
+    program.run(plant)                       # or program.command(measurement), or wbc.run(driver, program)
+
+Every condition is looked at once a tick, before the tick of the controller, on what the tick before has left. A state
+begins in the tick after the one before it has ended. A machine is a state as well, so that machines nest.
+
+Written here and not taken from a library: `transitions`, `python-statemachine` and `py_trees` drive states by events or
+by ticking a whole tree, and know neither the lifetime of a task nor a tick; what is left of them is a dictionary.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, WbcError, positive, shown, unknown_name
+from wbc.core.qp.controller import Controller, Item, ItemT
+from wbc.core.signals import Command, Measurement
+
+logger = logging.getLogger(__name__)
+
+PATIENCE = 10
+"""Ticks in a row without a solution from which the QP counts as infeasible."""
+
+FAULTS = ("infeasible", "fall", "error")
+"""Outcomes that any state may have, whatever it waits for: no solution, a fall, an exception in its own functions."""
+
+END = "end"
+"""Where a transition goes that ends a machine with the outcome "done"; "end: NAME" ends it with that outcome."""
+
+
+class BehaviourError(WbcError):
+    """An exception in a function of a state, with the path of the state."""
+
+
+class Scope:
+    """What the functions of a state are given: the parts of the program, the time, and what lives as long as the state.
+
+    Attributes:
+        program: The program.
+        path: Names of the machines around the state and of the state itself, with slashes between.
+        began: Time at which the state began, s.
+    """
+
+    def __init__(self, program: Program, path: str) -> None:
+        """Begin now."""
+        self.program, self.path, self.began = program, path, program.time
+        self._items: list[Item] = []
+
+    @property
+    def control(self) -> Any:
+        """The control or walking robot that the program drives; the controller where it drives that alone."""
+        return self.program.control
+
+    @property
+    def controller(self) -> Controller:
+        """Controller with all tasks, contacts and limits."""
+        return self.program.controller
+
+    @property
+    def time(self) -> float:
+        """Time since the start of the program, s."""
+        return self.program.time
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start of the state, s."""
+        return self.program.time - self.began
+
+    def add(self, item: ItemT) -> ItemT:
+        """Add a task, contact or limit to the controller until the state ends; see `Controller.add`."""
+        self.controller.add(item)
+        self._items.append(item)
+        return item
+
+    def close(self) -> None:
+        """Remove what was added, the last first, but for what has been removed already."""
+        for item in reversed(self._items):
+            if any(item is each for each in self._present()):
+                self.controller.remove(item)
+        self._items.clear()
+
+    def _present(self) -> tuple[Item, ...]:
+        controller = self.controller
+        return (*controller.tasks, *controller.contacts, *controller.limits)
+
+
+Condition = Callable[[Scope], bool]
+"""Condition of a state: a function of its scope, called once a tick."""
+
+
+class Settling(Protocol):
+    """Task or hand with a target: what the conditions below look at."""
+
+    @property
+    def error(self) -> Array:
+        """Target − measured."""
+
+    @property
+    def speed(self) -> float:
+        """Measured speed."""
+
+    @property
+    def reached(self) -> bool:
+        """True once the target has arrived, and the robot there."""
+
+
+@checked
+def after(seconds: float) -> Condition:
+    """Return a condition that holds from a time after the start of the state on, s."""
+    positive("time of a condition (s)", seconds)
+    return lambda now: now.elapsed >= seconds - 1e-9
+
+
+def reached(*things: Any) -> Condition:
+    """Return a condition that holds once every target is reached: tasks, hands, `walking.body`."""
+    _check(things, "reached")
+    return lambda now: all(thing.reached for thing in things)
+
+
+def error_below(thing: Any, bound: float) -> Condition:
+    """Return a condition that holds while no component of an error is above a bound and the target does not move.
+
+    Args:
+        thing: Task or hand.
+        bound: In the unit of its error.
+    """
+    _check((thing,), "error")
+    positive("bound of an error", bound)
+    return lambda now: not getattr(thing, "moving", False) and float(np.abs(thing.error).max()) < bound
+
+
+def speed_below(thing: Any, bound: float) -> Condition:
+    """Return a condition that holds while a task or hand is slower than a bound, its unit per second."""
+    _check((thing,), "speed")
+    positive("bound of a speed", bound)
+    return lambda now: bool(thing.speed < bound)
+
+
+def any_of(*conditions: Condition) -> Condition:
+    """Return a condition that holds while one of several does."""
+    _check_callable("conditions", conditions)
+    return lambda now: any(condition(now) for condition in conditions)
+
+
+def all_of(*conditions: Condition) -> Condition:
+    """Return a condition that holds while all of several do."""
+    _check_callable("conditions", conditions)
+    return lambda now: all(condition(now) for condition in conditions)
+
+
+class State:
+    """One thing that a robot does.
+
+    Give functions, or override `start`, `tick` and `end` in a class of your own.
+
+    Attributes:
+        name: Name in paths, logs and messages.
+        timeout: Time after which the state ends with the outcome "timeout", s; None for none.
+        outcomes: Outcome → condition, in the order in which they are looked at.
+    """
+
+    @checked
+    def __init__(
+        self,
+        name: str,
+        start: Callable[[Scope], object] | None = None,
+        *,
+        tick: Callable[[Scope], object] | None = None,
+        end: Callable[[Scope], object] | None = None,
+        done: Condition | None = None,
+        outcomes: Mapping[str, Condition] | None = None,
+        timeout: float | None = None,
+    ) -> None:
+        """Describe the state.
+
+        Args:
+            name: Name, unique within its machine, without a slash.
+            start: Called once when the state begins, with its scope.
+            tick: Called at every tick of the state.
+            end: Called once when it ends, whatever the outcome.
+            done: Condition of the outcome "done"; None for a state that has others, a timeout, or no end.
+            outcomes: Further outcomes, each with its condition.
+            timeout: s.
+
+        Raises:
+            InputError: A name that is empty or has a slash, a timeout that is not above zero, not a function.
+        """
+        if not name or "/" in name or name.startswith(END):
+            raise InputError(
+                f"the name of a state must be text without '/' that does not begin with '{END}', got {shown(name)}"
+            )
+        given = [each for each in (start, tick, end, done, *(outcomes or {}).values()) if each is not None]
+        _check_callable(f"functions of state '{name}'", given)
+        self.name = name
+        self.timeout = None if timeout is None else positive(f"timeout of state '{name}' (s)", timeout)
+        self.outcomes = dict(outcomes or {}) if done is None else {"done": done, **(outcomes or {})}
+        self._functions = start, tick, end
+
+    def start(self, now: Scope) -> None:
+        """Begin: called once."""
+        if self._functions[0] is not None:
+            self._functions[0](now)
+
+    def tick(self, now: Scope) -> None:
+        """Run one tick."""
+        if self._functions[1] is not None:
+            self._functions[1](now)
+
+    def end(self, now: Scope) -> None:
+        """End: called once, before what the state has added is removed."""
+        if self._functions[2] is not None:
+            self._functions[2](now)
+
+    def outcome(self, now: Scope) -> str | None:
+        """Return the outcome, or None while the state goes on."""
+        if now.program.fault is not None:
+            return now.program.fault
+        for name, condition in self.outcomes.items():
+            if condition(now):
+                return name
+        return "timeout" if self.timeout is not None and now.elapsed >= self.timeout - 1e-9 else None
+
+    @property
+    def possible(self) -> frozenset[str]:
+        """Outcomes that the state may have, but for faults."""
+        return frozenset(self.outcomes) | ({"timeout"} if self.timeout is not None else set())
+
+
+class Machine(State):
+    """States, and what follows each of them for each outcome.
+
+    "done" leads to the next state of the list, or ends the machine after the last; any other outcome without a
+    transition ends the machine with that outcome.
+
+    Attributes:
+        states: Name → state.
+        transitions: State → outcome → state, or the end.
+    """
+
+    @checked
+    def __init__(
+        self,
+        name: str,
+        states: Sequence[State],
+        transitions: Mapping[str, Mapping[str, str]] | None = None,
+        *,
+        timeout: float | None = None,
+    ) -> None:
+        """Describe the machine.
+
+        Args:
+            name: Name.
+            states: States, the first one first.
+            transitions: State → outcome → name of the state that follows, "end", or "end: OUTCOME".
+            timeout: Time after which the machine ends with the outcome "timeout", s.
+
+        Raises:
+            InputError: No state, a name used twice, a state that no transition leads to.
+            UnknownNameError: A transition from or to a state that the machine does not have, or for an outcome that its
+                state cannot have.
+        """
+        super().__init__(name, timeout=timeout)
+        self.states = {state.name: state for state in states}
+        if not states or len(self.states) != len(states):
+            raise InputError(
+                f"machine '{name}' needs states of different names, got {[s.name for s in states]}"
+            )
+        names = [*self.states]
+        self.transitions: dict[str, dict[str, str]] = {
+            state: {"done": following} for state, following in zip(names, [*names[1:], END], strict=True)
+        }
+        for state, follows in (transitions or {}).items():
+            if state not in self.states:
+                unknown_name(f"state of machine '{name}'", state, names)
+            for outcome, goal in follows.items():
+                if outcome not in (*self.states[state].possible, *FAULTS):
+                    unknown_name(
+                        f"outcome of state '{state}'", outcome, {*self.states[state].possible, *FAULTS}
+                    )
+                if goal not in self.states and goal.partition(":")[0] != END:
+                    unknown_name(f"state of machine '{name}'", goal, [*names, END])
+                self.transitions[state][outcome] = goal
+        met = self._reachable({outcome for outcomes in self.transitions.values() for outcome in outcomes})
+        if lost := [state for state in names if state not in met]:
+            raise InputError(f"no transition of machine '{name}' leads to state '{lost[0]}'")
+        self._name: str | None = None  # of the present state
+        self._scope: Scope | None = None
+
+    @property
+    def possible(self) -> frozenset[str]:
+        """Outcomes that the machine may have, but for faults; empty where it goes on for ever."""
+        found = {"timeout"} if self.timeout is not None else set()
+        for state in self._reachable(set()):
+            for outcome in self.states[state].possible:
+                goal = self.transitions[state].get(outcome, f"{END}: {outcome}")
+                if goal not in self.states:
+                    found.add(goal.partition(":")[2].strip() or "done")
+        return frozenset(found)
+
+    def _reachable(self, also: set[str]) -> set[str]:
+        """States that the first one leads to, by outcomes that are possible and by `also`."""
+        met, ahead = set[str](), [next(iter(self.states))]
+        while ahead:
+            state = ahead.pop()
+            if state in self.states and state not in met:
+                met.add(state)
+                possible = self.states[state].possible | also
+                ahead += [goal for outcome, goal in self.transitions[state].items() if outcome in possible]
+        return met
+
+    @property
+    def path(self) -> str:
+        """Path of the innermost state at work, from this machine on; the machine's own name before and after."""
+        if self._name is None:
+            return self.name
+        inner = self.states[self._name]
+        return f"{self.name}/{inner.path if isinstance(inner, Machine) else inner.name}"
+
+    def start(self, now: Scope) -> None:
+        """Begin the first state."""
+        self._enter(next(iter(self.states)), now)
+
+    def tick(self, now: Scope) -> None:
+        """Run the present state."""
+        if self._name is not None and self._scope is not None:
+            self._guarded(now, self.states[self._name].tick)
+
+    def end(self, now: Scope) -> None:
+        """End the present state."""
+        self._leave()
+
+    def outcome(self, now: Scope) -> str | None:
+        """Look whether the present state has ended, and go on to the next; return the outcome of the machine."""
+        if self.timeout is not None and now.elapsed >= self.timeout - 1e-9:
+            return "timeout"
+        assert self._name is not None
+        result = self._guarded(now, self.states[self._name].outcome)
+        return None if result is None else self._follow(str(result), now)
+
+    def _guarded(self, now: Scope, call: Callable[[Scope], Any]) -> Any:
+        """Call a function of the present state; an exception is the outcome "error" where a transition is for it."""
+        assert self._scope is not None and self._name is not None
+        try:
+            return call(self._scope)
+        except Exception as failure:
+            if "error" not in self.transitions[self._name]:
+                raise _named(self._scope.path, failure) from failure
+            logger.error("%s", _named(self._scope.path, failure))
+            self._follow("error", now)
+            return None
+
+    def _follow(self, outcome: str, now: Scope) -> str | None:
+        """Go where an outcome leads; return the outcome of the machine, None while it goes on."""
+        assert self._scope is not None and self._name is not None
+        goal = self.transitions[self._name].get(outcome, f"{END}: {outcome}")
+        now.program.note(self._scope.path, outcome)
+        self._leave()
+        if goal not in self.states:
+            return goal.partition(":")[2].strip() or "done"
+        self._enter(goal, now)
+        return None
+
+    def _enter(self, name: str, now: Scope) -> None:
+        self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")
+        logger.info("%s begins at %.3f s", self._scope.path, now.time)
+        self._guarded(now, self.states[name].start)
+
+    def _leave(self) -> None:
+        scope, name = self._scope, self._name
+        self._name = self._scope = None
+        if scope is not None and name is not None:
+            try:
+                self.states[name].end(scope)
+            finally:
+                scope.close()
+
+
+class Program:
+    """A machine that runs, one tick of it before each tick of a controller.
+
+    Attributes:
+        machine: The machine.
+        control: What it drives: a control of drives, a walking robot, or a `Controller` alone.
+        controller: The controller with all tasks.
+        time: Time since the start, s.
+        outcome: Outcome of the machine; None before its end. After it the control goes on as it is.
+        fault: Fault of this tick, "fall" or "infeasible"; None without one.
+        history: Time (s), path and outcome of every state that has ended.
+    """
+
+    @checked
+    def __init__(
+        self, machine: Machine, control: object, *, fallen: Callable[[], bool] | None = None
+    ) -> None:
+        """Begin with the first tick.
+
+        Args:
+            machine: The machine.
+            control: Object with `command(measurement)` and `controller`, such as `wbc.PositionControl` or
+                `wbc.walking.WalkingControl`; or a `Controller`, for a loop that solves it itself after `tick`.
+            fallen: Returns whether the robot has fallen; that of the control (`fallen`) when None.
+
+        Raises:
+            InputError: No such object.
+        """
+        if not isinstance(control, Controller) and not (
+            hasattr(control, "command") and hasattr(control, "controller")
+        ):
+            raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
+        self.machine = machine
+        self.control: Any = control
+        self.controller: Controller = control if isinstance(control, Controller) else self.control.controller
+        self._fallen = fallen or (lambda: getattr(control, "fallen", None) is not None)
+        self.time, self._began = 0.0, False
+        self.outcome: str | None = None
+        self.fault: str | None = None
+        self.history: list[tuple[float, str, str]] = []
+        self._scope = Scope(self, machine.name)
+        self._failed, self._down = 0, False
+
+    @property
+    def path(self) -> str:
+        """Path of the state at work, such as "demo/squat"."""
+        return self.machine.path
+
+    @property
+    def ended(self) -> bool:
+        """True once the machine has ended."""
+        return self.outcome is not None
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick of the machine, then one of the control, and return its command.
+
+        Raises:
+            BehaviourError: An exception in a function of a state that has no transition for "error".
+        """
+        self.tick()
+        command: Command = self.control.command(measurement)
+        return command
+
+    def tick(self) -> None:
+        """Run one tick of the machine alone; `command` does it."""
+        if self.outcome is not None:
+            return
+        if not self._began:
+            self._began = True
+            self.machine.start(self._scope)
+        else:
+            self.time += self.controller.dt
+            self.fault = self._fault()
+            self.outcome = self.machine.outcome(self._scope)
+            self.fault = None
+        if self.outcome is None:
+            self.machine.tick(self._scope)
+        else:
+            self.machine.end(self._scope)
+            self.note(self.machine.name, self.outcome)
+
+    def run(
+        self, plant: Any, *, seconds: float | None = None, after_tick: Callable[[], object] | None = None
+    ) -> str | None:
+        """Run in a simulation until the machine ends, and return its outcome.
+
+        Args:
+            plant: Object with `measure()` and `step(command)`, such as `wbc.Plant`.
+            seconds: Longest time, s; None for a machine that ends by itself.
+            after_tick: Called after each tick, for a viewer.
+
+        Returns:
+            The outcome; None if the time was over before.
+
+        Raises:
+            InputError: A machine that never ends, without a time.
+        """
+        if seconds is None and not self.machine.possible:
+            raise InputError(
+                f"machine '{self.machine.name}' has no end: give one of its states a condition that leads there, or "
+                "run it for a number of seconds"
+            )
+        while self.outcome is None and (seconds is None or self.time < seconds - 1e-9):
+            plant.step(self.command(plant.measure()))
+            if after_tick is not None:
+                after_tick()
+        return self.outcome
+
+    def note(self, path: str, outcome: str) -> None:
+        """Record the end of a state."""
+        logger.info("%s: %s after %.3f s", path, outcome, self.time)
+        self.history.append((self.time, path, outcome))
+
+    def _fault(self) -> str | None:
+        """Return a fault that begins in this tick."""
+        solution = self.controller.solution
+        self._failed = 0 if solution is None or solution.ok else self._failed + 1
+        if self._failed == PATIENCE:
+            return "infeasible"
+        down, self._down = self._down, bool(self._fallen())
+        return "fall" if self._down and not down else None
+
+
+def _named(path: str, failure: Exception) -> BehaviourError:
+    if isinstance(failure, BehaviourError):
+        return failure
+    return BehaviourError(f"state '{path}': {type(failure).__name__}: {failure}")
+
+
+def _check(things: Sequence[object], part: str) -> None:
+    for thing in things:
+        if not hasattr(type(thing), part):
+            raise InputError(
+                f"a condition needs something with '{part}', such as a task or a hand, got {shown(thing)}"
+            )
+    if not things:
+        raise InputError("a condition needs at least one task or hand")
+
+
+def _check_callable(what: str, values: Sequence[object]) -> None:
+    for value in values:
+        if not callable(value):
+            raise InputError(f"{what} must be functions of a scope, got {shown(value)}")

@@ -1,0 +1,270 @@
+"""Behaviours: states, their conditions and what they add, machines with transitions by outcome, and programs."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from task_factory import left_hand, standing
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.limits.rows import TorqueLimits
+from wbc.core.qp.controller import Controller
+from wbc.tasks import (
+    BehaviourError,
+    CoMTask,
+    Machine,
+    PositionTask,
+    Program,
+    Scope,
+    State,
+    after,
+    all_of,
+    any_of,
+    error_below,
+    reached,
+    speed_below,
+)
+
+DT = 0.005
+
+
+def step(program: Program) -> None:
+    """One tick of a program that drives a controller alone, and the motion that follows."""
+    program.tick()
+    robot, solution = program.controller.robot, program.controller.solve()
+    if solution.ok:
+        v = robot.v + DT * solution.accelerations
+        robot.update(pin.integrate(robot.model, robot.q, 0.5 * DT * (robot.v + v)), v)
+
+
+def run(program: Program, seconds: float = 10.0) -> str | None:
+    while not program.ended and program.time < seconds:
+        step(program)
+    return program.outcome
+
+
+def steps(*names: str, **options: Any) -> list[State]:
+    return [State(name, done=after(0.02), **options) for name in names]
+
+
+def test_states_follow_each_other_and_say_so(caplog: pytest.LogCaptureFixture) -> None:
+    seen: list[str] = []
+    states = [
+        State(
+            name,
+            lambda now: seen.append(f"start {now.path}"),
+            tick=lambda now: seen.append("tick"),
+            end=lambda now: seen.append("end"),
+            done=after(2 * DT),
+        )
+        for name in ("one", "two")
+    ]
+    program = Program(Machine("both", states), standing("hrp4_class", dt=DT))
+    assert program.path == "both"
+    with caplog.at_level(logging.INFO):
+        assert run(program) == "done"
+    assert seen == [*("start both/one", "tick", "tick", "end"), *("start both/two", "tick", "tick", "end")]
+    assert program.history == [
+        (pytest.approx(2 * DT), "both/one", "done"),
+        (pytest.approx(4 * DT), "both/two", "done"),
+        (pytest.approx(4 * DT), "both", "done"),
+    ]
+    assert "both/two begins at 0.010 s" in caplog.text
+    step(program)  # nothing more happens
+    assert len(seen) == 8
+
+
+def test_what_a_state_adds_lives_as_long_as_the_state() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    place = controller.robot.placement(left_hand(controller.robot)).translation + [0.05, 0.0, 0.1]
+
+    class Reach(State):
+        def start(self, now: Scope) -> None:
+            self.task = now.add(PositionTask(left_hand(now.controller.robot), name="hand", weight=100.0))
+            now.add(TorqueLimits())
+            self.task.move_to(place, speed=0.3)
+            self.outcomes["done"] = all_of(reached(self.task), speed_below(self.task, 0.01))
+
+    reach = Reach("reach", timeout=3.0)
+    program = Program(Machine("demo", [reach, State("rest", timeout=0.05)]), controller)
+    step(program)
+    assert program.path == "demo/reach" and [t.name for t in controller.tasks] == ["posture", "hand"]
+    assert len(controller.limits) == 1
+    assert run(program) == "timeout"  # of the last state: no transition is for it
+    assert [outcome for _, _, outcome in program.history] == ["done", "timeout", "timeout"]
+    assert [t.name for t in controller.tasks] == ["posture"] and not controller.limits
+    np.testing.assert_allclose(
+        controller.robot.placement(left_hand(controller.robot)).translation, place, atol=0.02
+    )
+
+
+def test_conditions_join() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    com = controller.add(CoMTask(name="centre", weight=1e3))
+    com.move_to(com.target - [0.0, 0.0, 0.03], duration=0.5)
+    low = error_below(com, 1e-3)
+    times = {}
+    for name, condition in {
+        "move": all_of(low, after(0.1)),
+        "either": any_of(low, after(5.0)),
+        "neither": any_of(after(0.2)),
+    }.items():
+        program = Program(Machine("m", [State(name, done=condition)]), controller)
+        run(program)
+        times[name] = program.time
+    assert times["move"] == pytest.approx(0.505, abs=3 * DT)  # not before the target has arrived
+    assert times["either"] == pytest.approx(DT) and times["neither"] == pytest.approx(0.2)
+
+
+def test_outcomes_lead_where_the_transitions_say() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    tries: list[float] = []
+    states = [
+        State(
+            "try",
+            lambda now: tries.append(now.time),
+            outcomes={"enough": lambda now: len(tries) == 3},
+            timeout=0.1,
+        ),
+        State("give up", done=after(0.01)),
+        State("cheer", done=after(0.01)),
+    ]
+    transitions = {
+        "try": {"timeout": "try", "enough": "cheer"},
+        "cheer": {"done": "give up"},
+        "give up": {"done": "end: well"},
+    }
+    program = Program(Machine("m", states, transitions), controller)
+    assert run(program) == "well"
+    assert tries == pytest.approx([0.0, 0.1, 0.2])
+    assert [path for _, path, _ in program.history] == [
+        "m/try",
+        "m/try",
+        "m/try",
+        "m/cheer",
+        "m/give up",
+        "m",
+    ]
+
+
+def test_machines_nest_and_their_outcome_leads_on() -> None:
+    inner = Machine("inner", [*steps("a"), State("b", timeout=0.02)], {"b": {"timeout": "end: late"}})
+    outer = Machine("outer", [inner, *steps("c")], {"inner": {"late": "c"}})
+    assert inner.possible == {"late"} and outer.possible == {"done"}
+    program = Program(outer, standing("hrp4_class", dt=DT))
+    paths = []
+    while not program.ended:
+        step(program)
+        paths.append(program.path)
+    assert list(dict.fromkeys(paths)) == ["outer/inner/a", "outer/inner/b", "outer/c", "outer"]
+    assert program.outcome == "done"
+
+
+def test_a_machine_has_a_timeout_that_ends_what_is_in_it() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    stay = State("stay", lambda now: now.add(CoMTask(name="centre")))
+    program = Program(Machine("m", [Machine("inner", [stay], timeout=0.1)]), controller)
+    step(program)
+    assert len(controller.tasks) == 2
+    assert run(program) == "timeout" and program.time == pytest.approx(0.1)
+    assert len(controller.tasks) == 1
+
+
+def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
+    controller = standing("hrp4_class", dt=DT)
+    down: list[bool] = []
+    lie = State("lie", done=after(0.05))
+    machine = Machine("m", [State("stand"), lie], {"stand": {"fall": "lie"}})
+    program = Program(machine, controller, fallen=lambda: bool(down))
+    for _ in range(10):
+        step(program)
+    down.append(True)
+    assert run(program) == "done" and program.history[0][1:] == ("m/stand", "fall")
+
+    def contradict(now: Scope) -> None:
+        for height in (0.5, 0.6):
+            now.add(CoMTask([0.0, 0.0, height], name=f"at {height}", hard=True, stiffness=30.0))
+
+    program = Program(
+        Machine(
+            "m",
+            [State("stand", timeout=0.02), State("torn", contradict, timeout=1.0)],
+            {"stand": {"timeout": "torn"}},
+        ),
+        controller,
+    )
+    assert run(program) == "infeasible" and program.history[1][1:] == ("m/torn", "infeasible")
+    step(program)
+    assert controller.solve().ok  # what the state added is gone
+
+
+def test_an_exception_names_the_state_or_is_an_outcome() -> None:
+    controller = standing("hrp4_class", dt=DT)
+
+    def bad(now: Scope) -> None:
+        raise ValueError("no such thing")
+
+    broken = State("broken", bad, done=after(1.0))
+    program = Program(Machine("m", [Machine("inner", [broken])]), controller)
+    with pytest.raises(BehaviourError, match=r"state 'm/inner/broken': ValueError: no such thing"):
+        step(program)
+    outer = Machine("m", [Machine("inner", [broken]), *steps("c")], {"inner": {"error": "c"}})
+    program = Program(outer, controller)
+    assert run(program) == "done" and program.history[0][1:] == ("m/inner", "error")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Machine("m", steps("a"), {"b": {"done": "a"}}), "no state of machine 'm' 'b'"),
+        (lambda: Machine("m", steps("a", "b"), {"a": {"done": "bb"}}), "no state .* 'bb'; did you mean 'b'"),
+        (lambda: Machine("m", steps("a"), {"a": {"tiemout": "a"}}), "no outcome of state 'a' 'tiemout'"),
+        (lambda: Machine("m", steps("a", "a")), "different names"),
+        (lambda: Machine("m", []), "different names"),
+        (
+            lambda: Machine("m", steps("a", "b"), {"a": {"done": "end"}}),
+            "no transition .* leads to state 'b'",
+        ),
+        (lambda: State("a/b"), "without '/'"),
+        (lambda: State("end"), "does not begin with 'end'"),
+        (lambda: State("a", timeout=0.0), "timeout of state 'a'"),
+        (lambda: State("a", done=3.0), "functions of a scope"),  # type: ignore[arg-type]
+        (lambda: after(-1.0), "time of a condition"),
+        (lambda: reached(3.0), "needs something with 'reached'"),
+        (reached, "at least one"),
+        (lambda: error_below(CoMTask(), 0.0), "bound of an error"),
+        (lambda: any_of(1.0), "functions of a scope"),  # type: ignore[arg-type]
+        (lambda: Program(Machine("m", steps("a")), 3.0), "drives a control or a Controller"),
+    ],
+)
+def test_what_cannot_run_is_refused_before_it_runs(make: Any, message: str) -> None:
+    with pytest.raises((InputError, UnknownNameError), match=message):
+        make()
+
+
+def test_a_machine_without_an_end_is_not_asked_for_one() -> None:
+    class Plant:
+        def measure(self) -> None:
+            raise AssertionError("it began")
+
+    endless = Machine("m", steps("a", "b"), {"b": {"done": "a"}})
+    assert not endless.possible
+    with pytest.raises(InputError, match="machine 'm' has no end"):
+        Program(endless, standing("hrp4_class", dt=DT)).run(Plant())
+
+
+def test_a_program_without_anything_to_do_costs_a_controller_nothing() -> None:
+    """The torques are those of the controller alone, bit for bit."""
+    torques = []
+    for with_program in (False, True):
+        controller: Controller = standing("hrp4_class", dt=DT)
+        program = Program(Machine("m", steps("a", "b", "c")), controller)
+        for _ in range(20):
+            if with_program:
+                program.tick()
+            torques.append(controller.solve().torques)
+    np.testing.assert_array_equal(torques[:20], torques[20:])

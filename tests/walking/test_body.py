@@ -1,0 +1,131 @@
+"""Set-points of the body of a robot that walks: what is set is reached, slowly, and what cannot be is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import load_robot
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.sim import Plant, TrueFallDetector
+from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
+from wbc.walking.body import MOST_LEAN, lowest_com
+from wbc.walking.planning.reach import leg_geometry
+
+DT = 0.005
+
+
+def standing(name: str = "hrp4_class", kind: str = "lipm") -> tuple[Plant, WalkingControl | SteppingControl]:
+    plant = Plant(load_robot(name), noise="realistic", control_period=DT if kind == "lipm" else 0.002)
+    robot = plant.description.robot()
+    if kind == "lipm":
+        return plant, WalkingControl(robot, FootstepPlan.standing(robot), DT)
+    return plant, SteppingControl(robot, plant.control_period)
+
+
+def upright(plant: Plant) -> bool:
+    return not TrueFallDetector(plant.robot).fallen(plant.truth().q)
+
+
+@pytest.mark.parametrize("kind", ["lipm", "stepping"])
+def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> None:
+    plant, walking = standing("g1" if kind == "stepping" else "hrp4_class", kind)
+    body, real = walking.body, plant.description.robot()
+    assert not body.active and body.reached and not body.looking
+    while plant.time < 1.0:
+        plant.step(walking.command(plant.measure()))
+    before = float(plant.truth().com[2])
+    down = 0.04 if kind == "lipm" else 0.02  # a stepping walk has bent its legs already
+    body.com_height -= down
+    body.lean, body.turn = (0.0, 0.1), 0.15
+    body.look_at([3.0, 1.5, 1.0])
+    assert body.active and not body.reached
+    speeds = []
+    while plant.time < 3.5:
+        plant.step(walking.command(plant.measure()))
+        speeds.append(abs(float(plant.truth().v[2])))
+    assert body.reached and upright(plant) and walking.fallen is None
+    truth = plant.truth()
+    real.update(truth.q, truth.v)
+    turned = pin.rpy.matrixToRpy(real.placement(real.torso_frame).rotation)
+    assert float(truth.com[2]) - before == pytest.approx(-down, abs=0.01)
+    assert max(speeds) < 0.25
+    assert turned[1] == pytest.approx(0.1, abs=0.05)
+    if kind == "lipm":
+        assert body.looking and turned[2] == pytest.approx(0.15, abs=0.05)
+        eye = real.placement("head")
+        ahead = eye.actInv(np.array([3.0, 1.5, 1.0]))
+        assert np.hypot(*ahead[1:]) / ahead[0] < 0.08
+
+
+def test_a_walk_goes_on_while_its_body_is_set() -> None:
+    plant, walking = standing()
+    walking.body.look_at([4.0, -1.0, 0.5])
+    walking.velocity = (0.2, 0.0, 0.0)
+    while plant.time < 4.0:
+        if plant.time > 1.5:
+            walking.body.com_height, walking.body.turn = 0.75, 0.2
+        plant.step(walking.command(plant.measure()))
+    assert upright(plant) and walking.fallen is None and walking.steps_done >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+@pytest.mark.parametrize("where", [(1.0, 3.0, 0.3), (-2.0, 0.5, 2.5), (0.3, 0.0, 0.1)])
+def test_a_gaze_anywhere_makes_no_walk_fall(name: str, where: tuple[float, float, float]) -> None:
+    plant, walking = standing(name)
+    walking.body.look_at(where)
+    walking.body.com_height -= 0.05
+    walking.velocity = (0.2, 0.0, 0.1)
+    while plant.time < 8.0:
+        if plant.time > 6.0:
+            walking.velocity = None
+        plant.step(walking.command(plant.measure()))
+    assert upright(plant) and walking.fallen is None and walking.steps_done >= 4
+
+
+def test_what_the_robot_does_not_reach_is_refused_by_name() -> None:
+    _, walking = standing("talos")
+    body, height = walking.body, walking.body.com_height
+    for name, value, message in (
+        ("com_height", 0.3, r"com_height \(m\) of 'talos', as far as its legs bend"),
+        ("com_height", 1.5, r"CoM height \(m\) of 'talos'"),
+        ("com_height", float("nan"), "finite"),
+        ("lean", (0.0, 2.0 * MOST_LEAN), "lean must be at most"),
+        ("lean", 0.1, r"shape \(2,\)"),
+        ("turn", 3.0, "turn of the trunk"),
+    ):
+        with pytest.raises(InputError, match=message):
+            setattr(body, name, value)
+    with pytest.raises(InputError, match="point to look at"):
+        body.look_at([0.0, 1.0])
+    with pytest.raises(
+        UnknownNameError, match="no attribute of Body 'com_heigth'; did you mean 'com_height'"
+    ):
+        body.com_heigth = 0.8  # type: ignore[attr-defined]
+    assert not body.active and body.com_height == height
+
+
+def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
+    for name in ("hrp4_class", "talos", "g1"):
+        robot = load_robot(name).robot()
+        leg = leg_geometry(robot)
+        lowest = lowest_com(robot)
+        assert leg.com_height - (leg.hip_height - leg.shortest) < lowest < leg.com_height - 0.08
+
+
+@pytest.mark.parametrize("kind", ["lipm", "stepping"])
+def test_a_target_that_the_walk_sets_says_what_to_set_instead(kind: str) -> None:
+    _, walking = standing("g1", kind)
+    controller = walking.controller
+    for name, setting in (
+        ("com", r"walking\.body\.com_height"),
+        ("pelvis", r"walking\.body\.lean"),
+        ("left_foot swing", r"walking\.velocity"),
+    ):
+        task = controller.task(name)
+        with pytest.raises(InputError, match=f"'{name}' is set at every tick .* use {setting}"):
+            task.target = task.target  # type: ignore[attr-defined]
+    walking.tasks.posture.move_to({controller.robot.joint_names[-1]: 0.1}, speed=0.5)
+    controller.task("com").weight = 50.0  # weights and gains are the user's

@@ -1,0 +1,311 @@
+"""Set-points of the body of a robot that walks: height of the CoM, lean and turn of the trunk, and gaze, at any tick.
+
+Each goes to what it is set to with bounded speed and acceleration, so that a walk goes on meanwhile; what the robot
+cannot reach is refused by name. Nothing of it is computed before something is set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.attributes import FixedAttributes
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import BASE_DOF, Robot
+from wbc.tasks.motion.direction import GazeTask
+from wbc.tasks.stabilizer.lean import LeanMotion
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.trajectories import approach
+from wbc.walking.planning.reach import hip_height, leg_geometry
+
+SPEED, ACCELERATION = 0.1, 0.5
+"""Greatest speed (m/s) and acceleration (m/s²) of the height: a twentieth of gravity hardly changes the pendulum."""
+
+TURN_SPEED, TURN_ACCELERATION = 0.5, 2.0
+"""Greatest speed (rad/s) and acceleration (rad/s²) of the trunk."""
+
+MOST_LEAN = 0.35
+"""Greatest lean of the trunk, rad: about half of the tilt that counts as a fall."""
+
+MOST_TURN = 0.3
+"""Greatest turn of a trunk without a joint of the waist about the vertical, rad: the hips turn then."""
+
+MARGIN = 0.05
+"""Distance of a joint to its limit that is left at an extreme set-point, rad."""
+
+GAZE_WEIGHT, TORSO_GAZE_WEIGHT, GAZE_STIFFNESS, GAZE_BOUND = 1.0, 200.0, 30.0, 0.3
+"""Cost per (rad/s²)², a tenth of that of the trunk; that of a torso that looks; 1/s²; greatest error that acts, rad: a
+gaze turns at 0.8 rad/s."""
+
+ARRIVED = 1e-3
+"""Way left, m and rad, from which a set-point counts as reached."""
+
+
+class Body(FixedAttributes):
+    """Set-points of the body.
+
+        walking.body.com_height = 0.70       # m over the soles
+        walking.body.lean = (0.0, 0.2)       # roll and pitch of the trunk, rad
+        walking.body.turn = 0.3              # of the trunk against the heading, rad
+        walking.body.look_at([2.0, 0.5, 1.2])
+
+    Joints of arms and neck go where `walking.tasks.posture.move_to({joint: angle})` sends them.
+    """
+
+    def __init__(self, controller: Controller, com_height: float, dt: float, *, waist: bool) -> None:
+        """Leave everything to the walk.
+
+        Args:
+            controller: Controller of the walk.
+            com_height: Height of the CoM over the soles while walking, m.
+            dt: Control period, s.
+            waist: True if the walk has a task of the torso beside that of the pelvis, so that the waist can turn it.
+        """
+        self._controller, self._robot, self._dt = controller, controller.robot, dt
+        self._nominal = com_height
+        self._goal = np.zeros(4)  # height − nominal, roll, pitch, turn
+        self._now, self._rate, self._push = np.zeros(4), np.zeros(4), np.zeros(4)
+        self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
+        self._lowest: float | None = None
+        self._gaze: GazeTask | None = None
+        self._gaze_weight = np.zeros(0)
+        self.active = False
+
+    # ---- set-points -------------------------------------------------------------------------------------------------
+
+    @property
+    def com_height(self) -> float:
+        """Height of the CoM over the soles, m; assign it.
+
+        Raises:
+            InputError: Assigned a height that the legs do not reach; the message gives the range.
+        """
+        return self._nominal + float(self._goal[0])
+
+    @com_height.setter
+    def com_height(self, value: float) -> None:
+        robot, what = self._robot, f"com_height (m) of '{self._robot.name}'"
+        height = finite_scalar(what, value)
+        if height > self._nominal:
+            hip_height(robot, height, leg_geometry(robot))
+        else:
+            if self._lowest is None:
+                self._lowest = lowest_com(robot)
+            low = min(self._lowest, self._nominal)
+            finite_scalar(f"{what}, as far as its legs bend,", height, low=low, high=self._nominal)
+        self._set(0, height - self._nominal)
+
+    @property
+    def lean(self) -> tuple[float, float]:
+        """Roll and pitch of the trunk in the heading, rad: positive to the right and forward; assign both.
+
+        Raises:
+            InputError: Assigned other than two numbers, or more than 0.35 rad.
+        """
+        return float(self._goal[1]), float(self._goal[2])
+
+    @lean.setter
+    def lean(self, value: Sequence[float]) -> None:
+        angles = finite_array("lean (roll and pitch of the trunk, rad)", value, (2,))
+        if float(np.linalg.norm(angles)) > MOST_LEAN:
+            raise InputError(f"lean must be at most {MOST_LEAN:g} rad in all, got {angles}")
+        self._set(1, angles[0])
+        self._set(2, angles[1])
+
+    @property
+    def turn(self) -> float:
+        """Turn of the trunk against the heading of the feet, rad, positive to the left; assign it.
+
+        Raises:
+            InputError: Assigned more than the waist, or without its joint the hips, turn.
+        """
+        return float(self._goal[3])
+
+    @turn.setter
+    def turn(self, value: float) -> None:
+        most = MOST_TURN
+        if self._waist:
+            joint = next(j for j in _waist_joints(self._robot) if _vertical(self._robot, [j]))
+            robot = self._robot
+            most = min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
+        self._set(
+            3, finite_scalar(f"turn of the trunk (rad) of '{self._robot.name}'", value, low=-most, high=most)
+        )
+
+    def look_at(self, point: ArrayLike | None) -> None:
+        """Look at a point with the neck, and a little with the waist where the neck does not reach.
+
+        A robot without a neck turns its torso to the point, about the vertical alone.
+
+        Args:
+            point: In the world, shape (3,), m; None to look ahead with the posture again.
+
+        Raises:
+            InputError: Not three finite numbers; a robot without a neck and a waist.
+        """
+        if point is None:
+            if self._gaze is not None:
+                self._gaze.weight = 0.0
+            return
+        place = finite_array("point to look at (m)", point, (3,))
+        if self._gaze is None:
+            self._gaze = self._controller.add(_gaze_task(self._robot, place))
+            self._gaze_weight = self._gaze.weight.copy()
+        self._gaze.target, self._gaze.weight = place, self._gaze_weight
+
+    @property
+    def moving(self) -> bool:
+        """True while height or trunk are on their way."""
+        return bool(np.abs(self._goal - self._now).max() > ARRIVED)
+
+    @property
+    def reached(self) -> bool:
+        """True once height and trunk are where they were set to."""
+        return not self.moving
+
+    @property
+    def looking(self) -> bool:
+        """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
+        gaze = self._gaze
+        return gaze is not None and not gaze.idle and gaze.reached
+
+    def _set(self, index: int, value: float) -> None:
+        self._goal[index] = value
+        self.active = True
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def update(self) -> None:
+        """Move on by one tick, while `active`."""
+        before, way = self._rate, self._goal - self._now
+        if not (way.any() or before.any()):
+            self._push = np.zeros(4)
+            self.active = bool(self._now.any())
+            return
+        self._rate = rate = np.empty(4)
+        rate[:1] = approach(way[:1], before[:1], SPEED, ACCELERATION, self._dt)
+        rate[1:] = approach(way[1:], before[1:], TURN_SPEED, TURN_ACCELERATION, self._dt)
+        self._push = (rate - before) / self._dt
+        self._now = self._now + self._dt * rate
+        if np.abs(way).max() < 1e-7 and np.abs(rate).max() < 1e-6:
+            self._now, self._rate = self._goal.copy(), np.zeros(4)
+
+    def raised(self, pendulum: Pendulum) -> Pendulum:
+        """Return a reference of the pendulum at the height that is set.
+
+        Args:
+            pendulum: Reference of the walk.
+        """
+        com, velocity, acceleration = (
+            pendulum.com.copy(),
+            pendulum.com_velocity.copy(),
+            pendulum.com_acceleration.copy(),
+        )
+        com[2] += self._now[0]
+        velocity[2] += self._rate[0]
+        acceleration[2] += self._push[0]
+        return pendulum._replace(com=com, com_velocity=velocity, com_acceleration=acceleration)
+
+    def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
+        """Return a lean of the trunk with the one that is set.
+
+        Args:
+            lean: Lean of the walk, in the world.
+            heading: Heading of the robot, rad.
+        """
+        ahead = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+        ahead_part = np.array([1.0, 1.0, 0.0])
+        set_here = ahead @ pin.exp3(ahead_part * [*self._now[1:3], 0.0]) @ ahead.T
+        rates = [ahead @ np.array([*values[1:3], 0.0]) for values in (self._rate, self._push)]
+        return LeanMotion(lean.rotation @ set_here, lean.velocity + rates[0], lean.acceleration + rates[1])
+
+    @property
+    def twist(self) -> tuple[float, float, float]:
+        """Turn of the trunk against the heading now, its speed and its acceleration, rad, rad/s and rad/s²."""
+        return float(self._now[3]), float(self._rate[3]), float(self._push[3])
+
+    @property
+    def by_waist(self) -> bool:
+        """True if the waist turns the torso against the pelvis; otherwise both turn on the hips."""
+        return self._waist
+
+
+def lowest_com(robot: Robot) -> float:
+    """Return the least height of the CoM over the soles with an upright trunk and flat soles, m.
+
+    The hips sink over the feet until a joint of a leg comes near its limit.
+
+    Args:
+        robot: Robot with two soles and legs of six joints or more.
+    """
+    model, data = robot.model, robot.model.createData()
+    q, legs = np.array(robot.half_sitting), []
+    pin.framesForwardKinematics(model, data, q)
+    for sole in robot.soles[:2]:
+        frame = robot.frame_id(sole.frame)
+        legs.append((frame, robot.joints_between(sole.frame, robot.base_frame), pin.SE3(data.oMf[frame])))
+    ground = float(legs[0][2].translation[2])
+    best = float(pin.centerOfMass(model, data, q)[2]) - ground
+    low, high = robot.position_lower + MARGIN, robot.position_upper - MARGIN
+    step, drop = 0.01, 0.0
+    while drop < best:
+        q[2] -= step
+        drop += step
+        for frame, joints, place in legs:
+            columns = np.array(joints) + BASE_DOF
+            for _ in range(20):
+                jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)[:, columns]
+                pin.framesForwardKinematics(model, data, q)
+                error = pin.log6(data.oMf[frame].actInv(place)).vector
+                change = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-8 * np.eye(6), error)
+                q[columns + 1] += change
+                if np.linalg.norm(error) < 1e-6:
+                    break
+            angles = q[columns + 1]
+            if np.linalg.norm(error) > 1e-4 or (angles < low[joints]).any() or (angles > high[joints]).any():
+                return best
+        best = float(pin.centerOfMass(model, data, q)[2]) - ground
+    return best
+
+
+def _waist_joints(robot: Robot) -> list[int]:
+    return robot.joints_between(robot.torso_frame, robot.base_frame)
+
+
+def _vertical(robot: Robot, joints: Sequence[int]) -> bool:
+    """Return true if one of some joints turns about the vertical in half-sitting."""
+    data = robot.model.createData()
+    pin.computeJointJacobians(robot.model, data, robot.half_sitting)
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    rows = pin.getFrameJacobian(robot.model, data, robot.frame_id(robot.torso_frame), pin.LOCAL_WORLD_ALIGNED)
+    return any(abs(float(rows[5, BASE_DOF + joint])) > 0.9 for joint in joints)
+
+
+def _gaze_task(robot: Robot, place: Array) -> GazeTask:
+    """Return the task of the last link of the neck, or of the torso, with its axis that points forward in a stand."""
+    neck = [joint for joint in robot.joint_names if "neck" in joint.lower() or "head" in joint.lower()]
+    waist = [robot.joint_names[joint] for joint in _waist_joints(robot)]
+    if not neck and not waist:
+        raise InputError(f"'{robot.name}' has neither a neck nor a waist to look with")
+    frame = robot.torso_frame
+    if neck:
+        last = robot.model.getJointId(max(neck, key=robot.model.getJointId))
+        frame = next(f.name for f in robot.model.frames if f.parentJoint == last and f.type == pin.BODY)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    turn = data.oMf[robot.frame_id(frame)].rotation.T @ data.oMf[robot.frame_id(robot.base_frame)].rotation
+    return GazeTask(
+        frame,
+        place,
+        name="gaze",
+        axis=turn[:, 0],
+        joints=[*neck, *waist],
+        axes=("roll", "pitch", "yaw") if neck else ("yaw",),
+        weight=GAZE_WEIGHT if neck else TORSO_GAZE_WEIGHT,
+        stiffness=GAZE_STIFFNESS,
+        error_bound=GAZE_BOUND,
+    )
