@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, WbcError, positive, shown, unknown_name
+from wbc.core.errors import InputError, WbcError, positive, shown, unknown_name
 from wbc.core.qp.controller import Controller, Item, ItemT
 from wbc.core.signals import Command, Measurement
 
@@ -50,6 +50,7 @@ class Scope:
         began: Time at which the state began, s.
     """
 
+    @checked
     def __init__(self, program: Program, path: str) -> None:
         """Begin now."""
         self.program, self.path, self.began = program, path, program.time
@@ -97,22 +98,6 @@ Condition = Callable[[Scope], bool]
 """Condition of a state: a function of its scope, called once a tick."""
 
 
-class Settling(Protocol):
-    """Task or hand with a target: what the conditions below look at."""
-
-    @property
-    def error(self) -> Array:
-        """Target − measured."""
-
-    @property
-    def speed(self) -> float:
-        """Measured speed."""
-
-    @property
-    def reached(self) -> bool:
-        """True once the target has arrived, and the robot there."""
-
-
 @checked
 def after(seconds: float) -> Condition:
     """Return a condition that holds from a time after the start of the state on, s."""
@@ -120,13 +105,15 @@ def after(seconds: float) -> Condition:
     return lambda now: now.elapsed >= seconds - 1e-9
 
 
+@checked
 def reached(*things: Any) -> Condition:
     """Return a condition that holds once every target is reached: tasks, hands, `walking.body`."""
     _check(things, "reached")
     return lambda now: all(thing.reached for thing in things)
 
 
-def error_below(thing: Any, bound: float) -> Condition:
+@checked
+def error_below(thing: object, bound: float) -> Condition:
     """Return a condition that holds while no component of an error is above a bound and the target does not move.
 
     Args:
@@ -135,22 +122,27 @@ def error_below(thing: Any, bound: float) -> Condition:
     """
     _check((thing,), "error")
     positive("bound of an error", bound)
-    return lambda now: not getattr(thing, "moving", False) and float(np.abs(thing.error).max()) < bound
+    settling: Any = thing
+    return lambda now: not getattr(thing, "moving", False) and float(np.abs(settling.error).max()) < bound
 
 
-def speed_below(thing: Any, bound: float) -> Condition:
+@checked
+def speed_below(thing: object, bound: float) -> Condition:
     """Return a condition that holds while a task or hand is slower than a bound, its unit per second."""
     _check((thing,), "speed")
     positive("bound of a speed", bound)
-    return lambda now: bool(thing.speed < bound)
+    settling: Any = thing
+    return lambda now: bool(settling.speed < bound)
 
 
+@checked
 def any_of(*conditions: Condition) -> Condition:
     """Return a condition that holds while one of several does."""
     _check_callable("conditions", conditions)
     return lambda now: any(condition(now) for condition in conditions)
 
 
+@checked
 def all_of(*conditions: Condition) -> Condition:
     """Return a condition that holds while all of several do."""
     _check_callable("conditions", conditions)

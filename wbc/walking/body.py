@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.arguments import checked
 from wbc.core.attributes import FixedAttributes
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
@@ -56,6 +57,7 @@ class Body(FixedAttributes):
     Joints of arms and neck go where `walking.tasks.posture.move_to({joint: angle})` sends them.
     """
 
+    @checked
     def __init__(self, controller: Controller, com_height: float, dt: float, *, waist: bool) -> None:
         """Leave everything to the walk.
 
