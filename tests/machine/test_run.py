@@ -37,6 +37,8 @@ from wbc.machine.report import Phase
 from wbc.machine.start import SafeStart
 from wbc.machine.udp import OLD, pack_command, pack_measurement, unpack
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
+from wbc.tasks import behaviours
+from wbc.tasks.behaviours import Program, Scope, State, after
 
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.004
@@ -180,6 +182,25 @@ def test_a_controller_takes_over_by_and_by() -> None:
     assert len(blended) == 50 and all(command.kp is None for command in taken[50:])  # 0.2 s
     damping = [float(command.kd[0]) for command in blended if command.kd is not None]
     np.testing.assert_allclose(np.array(damping) / damping[0], 1.0 - np.arange(50) / 50.0, atol=0.03)
+
+
+def test_a_program_runs_on_a_machine() -> None:
+    """Its state goes down by 30 mm once the robot is handed over, and its end is that of the run."""
+    machine = SimulatedMachine(SimulatedTime())
+    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
+    height = float(control.controller.robot.com[2])
+
+    def down(now: Scope) -> None:
+        com = now.controller.task("com")
+        assert isinstance(com, wbc.CoMTask)
+        com.move_to(com.target - [0.0, 0.0, 0.03], duration=0.5)
+
+    program = Program(behaviours.Machine("demo", [State("down", down, done=after(0.8))]), control)
+    settings = RunSettings(fade=0.2, blend=0.2, stop=0.2)
+    runner = Runner(machine, program, 1.0 / PERIOD, settings=settings, guard=False, clock=machine.clock)
+    report = runner.run(until=lambda: program.ended)
+    assert report.reason == "stopped" and program.outcome == "done"
+    assert control.observer.robot.com[2] == pytest.approx(height - 0.03, abs=0.005)
 
 
 def test_a_controller_that_has_stopped_ends_in_damping() -> None:

@@ -267,7 +267,9 @@ class Runner:
         self._loads = SoleLoads(self.description, period, self._gains)
         self._start = self._begin_start(first, self.settings.fade)
         soft = self._gains[1] if robot.servos is None else np.minimum(self._gains[1], robot.servos.soft()[1])
-        self._inner: Any = getattr(self.control, "control", self.control)
+        self._inner: Any = self.control
+        while not isinstance(self._inner, DriveControl) and hasattr(self._inner, "control"):
+            self._inner = self._inner.control  # of a walking robot, or of a program around one
         self._stand: Stand | None = None
         if not isinstance(self._inner, PositionControl):  # its servos stand by themselves
             self._stand = Stand(self.description, period, self._loads, soft)
