@@ -124,13 +124,13 @@ def test_only_figures_of_the_stabilizer_are_missing(
 
 
 @pytest.mark.usefixtures("bare")
-def test_a_fall_has_its_step_and_direction_without_a_stabilizer() -> None:
+def test_a_fall_has_its_step_and_cause_without_a_stabilizer() -> None:
     """In step 2 the left foot stands: a robot that falls to the left falls to the outside."""
     push = WalkPush(impulse=0.9, direction=math.pi / 2, step=1, phase=0.3)
     result: WalkResult = walk(spec(noise="none", pushes=(push,)))
     assert result.fall is not None
     fall = asdict(result.fall)
-    assert (fall["step"], fall["phase"], fall["direction"]) == (2, "single support", "outward")
+    assert (fall["step"], fall["phase"], fall["cause"]) == (2, "single support", "left")
     assert fall["onset"] == pytest.approx(fall["time"], abs=0.02)
     assert fall["dcm_forward"] is None and fall["dcm_outward"] is None
 
