@@ -56,7 +56,7 @@ def check(root: Element) -> None:
         raise ModelError(
             "the model cannot be simulated: "
             + "; ".join(problems)
-            + ". Correct the URDF, or pass repair=True to clamp these inertias to the nearest physical ones"
+            + ". Correct the URDF, or pass repair=True (--repair) to clamp these inertias to the nearest physical ones"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -61,6 +62,24 @@ def test_add_makes_a_name_for_every_later_command(capfd: Captured, file: Path, c
         assert code == cli.RAN and json.loads(out)["upright"]
     with pytest.raises(UnknownNameError, match="did you mean 'mine'"):
         load("mime")
+
+
+def test_inertias_that_no_body_can_have_are_repaired_when_asked(
+    capfd: Captured, tmp_path: Path, configuration: Path
+) -> None:
+    """A shin whose moments break the triangle inequality: refused with the option that helps, then added with it."""
+    text = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
+    wrong = re.sub(r'<inertia ixx="[^"]*"', '<inertia ixx="9.0"', text, count=1)
+    assert wrong != text
+    (tmp_path / "bad.urdf").write_text(wrong)
+    feet = ("--left", "left_foot", "--right", "right_foot")
+    words = ("robots", "add", str(tmp_path / "bad.urdf"), *feet, "--name", "fixed")
+    code, _, err = wbc_command(capfd, *words)
+    assert code == cli.BAD_INPUT and "--repair" in err
+    code, *_ = wbc_command(capfd, *words, "--repair", "--package-dir", str(tmp_path))
+    assert code == cli.RAN
+    written = (configuration / "wbc" / "robots" / "fixed.toml").read_text()
+    assert "repair = true" in written and f'package_dirs = ["{tmp_path}"]' in written
 
 
 def test_a_changed_description_is_read_anew(file: Path) -> None:

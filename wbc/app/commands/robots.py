@@ -28,6 +28,8 @@ class RobotFileOptions:
         lock: Joints to fix, such as those of fingers, each as joint=position, rad or m.
         without_meshes: Read an MJCF whose meshes are missing.
         derive_gains: Derive the servo gains instead of taking those of the file.
+        repair: Clamp inertias that no body can have, and go on, instead of refusing them.
+        package_dir: Folders in which package:// of a URDF is looked for.
         name: Name under which the robot is added.
         plot: Picture of soles and posture that a check writes: png, svg, pdf.
     """
@@ -39,6 +41,8 @@ class RobotFileOptions:
     lock: tuple[str, ...] = ()
     without_meshes: bool = False
     derive_gains: bool = False
+    repair: bool = False
+    package_dir: tuple[Path, ...] = ()
     name: str | None = None
     plot: Path | None = None
 
@@ -52,6 +56,8 @@ class RobotFileOptions:
             "lock": {name: value for name, value in map(_locked, self.lock)} or None,
             "meshes": False if self.without_meshes else None,
             "use_gains": False if self.derive_gains else None,
+            "repair": True if self.repair else None,
+            "package_dirs": [str(folder.expanduser().resolve()) for folder in self.package_dir] or None,
         }
         return {name: value for name, value in given.items() if value is not None}
 
