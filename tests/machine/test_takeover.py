@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hanging import HangingMachine
+from hanging import HOOK, HangingMachine
 
 import wbc
 from wbc import Command, HybridControl, Measurement, TorqueControl
@@ -116,6 +116,28 @@ def test_a_robot_that_is_let_down_stands_by_itself() -> None:
     assert got.report.phases[2][1] > 3.5  # touches half a second after the band was let out
     assert got.phases == ["START", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
     assert got.report.reason == "stopped"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+def test_a_robot_that_is_lifted_hangs_again_and_runs_when_it_is_let_down(mode: str) -> None:
+    """Two seconds after it stands alone the band is back, and reeled in at 0.5 m/s; from 10 s on it is let out."""
+
+    def lift(robot: HangingMachine, runner: Runner, free: float) -> None:
+        if free < 2.0:
+            return
+        if robot.length is None and free < 2.5:
+            rope = np.array([0.0, 0.0, HOOK]) - robot.loop.data.xipos[robot.torso]
+            robot.length = float(np.linalg.norm(rope))
+        length = robot.length or 0.0
+        if free < 10.0:
+            robot.speed = -0.5 if length > -1.2 else 0.0
+        else:
+            robot.speed = 0.5 if length < 3.0 else 0.0
+
+    got = take_over(mode, 250.0, 0.5, seconds=20.0, script=lift)
+    assert got.stood and got.wild == 0
+    assert got.phases == ["START", "HANG", "STAND", "RUN", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
 
 
 BAD: dict[str, Callable[[np.ndarray], Any]] = {

@@ -49,6 +49,7 @@ class HangingMachine:
         clock: Its time, also that of the loop.
         length: Length of the band, m; None once it is off.
         speed: Speed with which the band is let out, m/s.
+        torso: Body that the band holds.
     """
 
     def __init__(
@@ -105,7 +106,7 @@ class HangingMachine:
         q = np.array(robot.half_sitting)
         q[2] += 0.3
         self.loop.reset(q)
-        self._torso = model.body("torso_link").id
+        self.torso = model.body("torso_link").id
         self._rng, self._stamped, self._busy = np.random.default_rng(seed), stamped, busy
         self._every = round(message_period / STEP)
         self._command: Command = Command(np.zeros(robot.na))
@@ -123,7 +124,7 @@ class HangingMachine:
     @property
     def pull(self) -> float:
         """Force of the band, N."""
-        return float(np.linalg.norm(self.loop.data.xfrc_applied[self._torso, :3]))
+        return float(np.linalg.norm(self.loop.data.xfrc_applied[self.torso, :3]))
 
     @property
     def height(self) -> float:
@@ -137,14 +138,14 @@ class HangingMachine:
             force = np.zeros(3)
             if self.length is not None:
                 self.length += self.speed * STEP
-                rope = np.array([0.0, 0.0, HOOK]) - data.xipos[self._torso]
+                rope = np.array([0.0, 0.0, HOOK]) - data.xipos[self.torso]
                 size = float(np.linalg.norm(rope))
                 velocity = np.zeros(6)
                 kind = mujoco.mjtObj.mjOBJ_BODY
-                mujoco.mj_objectVelocity(self.loop.model, data, kind, self._torso, velocity, 0)
+                mujoco.mj_objectVelocity(self.loop.model, data, kind, self.torso, velocity, 0)
                 along = float(rope @ velocity[3:]) / size
                 force = max(0.0, STIFFNESS * (size - self.length) - DAMPING * along) * rope / size
-            data.xfrc_applied[self._torso, :3] = force
+            data.xfrc_applied[self.torso, :3] = force
             self.loop.step(self._torques())
             self._steps += 1
             if self._steps % self._every == 0:
