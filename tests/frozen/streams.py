@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, fields
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -124,11 +125,14 @@ def stream(commands: list[Command]) -> dict[str, Any]:
 
 
 def processor() -> str:
-    """Return what decides how sums are rounded, as far as it can be known: the kernels of the linear algebra."""
+    """Return what decides how sums are rounded: processor, kernels of the linear algebra, versions of the libraries."""
     from threadpoolctl import threadpool_info  # type: ignore[import-untyped]  # noqa: PLC0415
 
     kernels = sorted({str(pool.get("architecture", "")) for pool in threadpool_info()} - {""})
-    return f"{platform.machine()} {' '.join(kernels)}"
+    versions = [
+        f"{name} {metadata.version(name)}" for name in ("numpy", "pin", "mujoco", "daqp", "proxsuite")
+    ]
+    return " ".join([platform.machine(), *kernels, *versions])
 
 
 def _numbers(value: Any) -> Iterator[float]:
