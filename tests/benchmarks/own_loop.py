@@ -204,7 +204,7 @@ def _in_words(gains: str) -> str:
 def table(rows: list[Row]) -> str:
     """Return the table of a journal: a row for each way of driving, with stands, walks and pushes."""
     lines = [
-        "| control | gains | | delay | stands 60 s | walks 3 m | fewest steps | force error "
+        "| control | gains |  | delay | stands 60 s | walks 3 m | fewest steps | force error "
         "| pushed standing, 0.25 Ns/kg | walking, 0.15 |",
         "|---|---|---|---:|---:|---:|---:|---:|---:|---:|",
     ]

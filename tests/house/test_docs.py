@@ -28,6 +28,10 @@ from wbc.sim.rig import FootTest, press
 from wbc.sim.terrain import terrain, terrain_families
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs"))
+
+import measured  # noqa: E402 - of docs
+
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
 LONG = ("logs.md", "motion.md", "stiffness.md", "studies.md")
 """Pages whose programs take seconds: they run with -m slow."""
@@ -203,39 +207,32 @@ def test_the_programs_that_draw_pictures_can_be_imported() -> None:
     assert done.returncode == 0, done.stderr
 
 
-MEASURED = (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")
-VERSION = re.compile(
-    r"^\| (\d+) \| `\w{7}`, [\d-]{10} \| .* \| ([\d.]+), ([\d.]+), ([\d.]+) \|$", re.MULTILINE
-)
-TABLE = re.compile(r"(?:^\|.*\n)+\n(.*)$", re.MULTILINE)
-CAPTION = re.compile(
-    r"\*Measured at `\w{7}`, \d{4}-\d\d-\d\d(?:, walk (?:\d+, as )?(\d+)"
-    r"(?: on a flat floor|(; \*\*stale\*\*: the walk is (\d+) now))?)?\.\*"
-)
+def test_the_page_of_measurements_is_that_of_its_data() -> None:
+    data = measured.read()
+    assert measured.page(data) == (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")
+    walks = [version["walk"] for version in data["version"]]
+    assert walks == list(range(1, len(walks) + 1))
+    for table in data["table"]:
+        assert {"commit", "date", "columns", "align"} <= table.keys() or "rows" not in table, table
+        assert table.get("walk", 1) in walks
 
 
-def test_every_table_of_results_says_its_version_and_whether_it_is_stale() -> None:
-    now = max(int(version[0]) for version in VERSION.findall(MEASURED))
-    captions = TABLE.findall(MEASURED.partition("\n## Results\n")[2])
-    assert captions
-    for caption in captions:
-        match = CAPTION.fullmatch(caption)
-        assert match, f"no 'Measured at' behind a table but: {caption}"
-        if match[1] is not None:
-            stale = int(match[1]) < now
-            assert (match[2] is not None) == stale, caption
-            assert not stale or int(match[3]) == now, caption
+def test_a_table_of_an_older_walk_is_stale_but_on_a_flat_floor() -> None:
+    table = {"commit": "abcdef0", "date": "2026-11-25", "walk": 8}
+    assert measured.caption(table, 8) == "*Measured at `abcdef0`, 2026-11-25, walk 8.*"
+    assert "**stale**: the walk is 9 now" in measured.caption(table, 9)
+    assert "as 9 on a flat floor" in measured.caption({**table, "flat": True}, 9)
 
 
 @pytest.mark.slow
 def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFixture[str]) -> None:
-    """Fails when walks compute something else: then add a version to measured.md, and mark what is stale."""
-    (command,) = re.findall(r"The reference walk is `wbc ([^`]+)`", MEASURED)
+    """Fails when walks compute something else: then add a version to measured.toml."""
+    data = measured.read()
+    (command,) = re.findall(r"The reference walk is `wbc ([^`]+)`", data["reference"])
     assert main([*command.split(), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     errors = [1e3 * result[name]["mean"] for name in ("zmp_error", "com_error", "dcm_error")]
-    expected = [float(value) for value in VERSION.findall(MEASURED)[-1][1:]]
-    assert errors == pytest.approx(expected, rel=0.01)
+    assert errors == pytest.approx(data["version"][-1]["errors"], rel=0.01)
 
 
 ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
