@@ -85,12 +85,12 @@ class Quintic(Generic[ValueT]):
 class Trajectory:
     """Minimum jerk through waypoints to rest at the last: a quintic spline whose first four derivatives are continuous.
 
-        way = Trajectory([[0, 0, 1.0], [0.2, 0, 1.1], [0.4, 0, 1.0]], speed=0.3)
-        position, velocity, acceleration = way.at(0.5)
+        trajectory = Trajectory([[0, 0, 1.0], [0.2, 0, 1.1], [0.4, 0, 1.0]], speed=0.3)
+        position, velocity, acceleration = trajectory.at(0.5)
 
     Between two points alone, x(s) = x₀ + (x₁ − x₀) (10 s³ − 15 s⁴ + 6 s⁵), s = t / T: the greatest speed is
     15/8 · |x₁ − x₀| / T, the greatest acceleration 10/√3 · |x₁ − x₀| / T². Waypoints in between are passed at times in
-    proportion to the way, without a stop.
+    proportion to the distance, without a stop.
 
     Attributes:
         duration: s.
@@ -117,7 +117,7 @@ class Trajectory:
         Args:
             points: Start, waypoints and end, each of shape (n,); two points that follow each other differ, unless all
                 are the same.
-            duration: Time for the whole way, s; the least within the limits when None.
+            duration: Time from the first point to the last, s; the least within the limits when None.
             speed: Greatest speed, above zero; one for each part, or one for all. None for no limit, with a duration.
             acceleration: Greatest acceleration, above zero; that which reaches the greatest speed in 0.2 s when None
                 and no duration is given.
@@ -129,13 +129,13 @@ class Trajectory:
             InputError: Fewer than two points, points of different shapes, one twice in a row, a duration or limit that
                 is not above zero, no duration and no speed, or a duration in which the limits cannot be kept.
         """
-        way = [finite_array("points of a trajectory", point) for point in points]
-        if len(way) < 2 or way[0].ndim != 1 or any(point.shape != way[0].shape for point in way):
+        waypoints = [finite_array("points of a trajectory", point) for point in points]
+        if len(waypoints) < 2 or waypoints[0].ndim != 1 or len({p.shape for p in waypoints}) > 1:
             raise InputError(
-                f"a trajectory needs two or more points of one shape (n,), got shapes {[p.shape for p in way]}"
+                f"a trajectory needs two or more points of one shape (n,), got shapes {[p.shape for p in waypoints]}"
             )
-        steps = np.diff(np.array(way), axis=0)
-        parts = (slice(0, way[0].size),) if parts is None else parts
+        steps = np.diff(np.array(waypoints), axis=0)
+        parts = (slice(0, waypoints[0].size),) if parts is None else parts
         speeds = _limits("speed", speed, len(parts))
         accelerations = _limits("acceleration", acceleration, len(parts))
         if duration is not None:
@@ -144,11 +144,11 @@ class Trajectory:
             raise InputError("a trajectory needs a duration or a speed, got neither")
         elif accelerations is None:
             accelerations = speeds / RUN_UP
-        self.end = way[-1]
+        self.end = waypoints[-1]
         begin = [
-            np.zeros(way[0].size)
+            np.zeros(waypoints[0].size)
             if rate is None
-            else finite_array(f"{what} at the start", rate, way[0].shape)
+            else finite_array(f"{what} at the start", rate, waypoints[0].shape)
             for what, rate in (("velocity", velocity), ("acceleration", acceleration_at_start))
         ]
         lengths = _lengths(steps, parts, speeds)
@@ -158,13 +158,13 @@ class Trajectory:
             self.duration = duration or 0.0
             return
         if not lengths.all():
-            if len(way) > 2:
+            if len(waypoints) > 2:
                 i = int(lengths.argmin())
                 raise InputError(
-                    f"points of a trajectory that follow each other must differ, {i} and {i + 1} are {way[i]}"
+                    f"points of a trajectory that follow each other must differ, {i} and {i + 1} are {waypoints[i]}"
                 )
             lengths = np.ones(1)
-        path = _Path(np.array(way), begin, lengths, parts, speeds, accelerations)
+        path = _Path(np.array(waypoints), begin, lengths, parts, speeds, accelerations)
         least = path.least_duration()
         if duration is not None and duration < least * (1.0 - 1e-6):
             raise InputError(
@@ -269,11 +269,11 @@ class _Path:
         ]
 
 
-def approach(way: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
+def approach(displacement: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
     """Return the next velocity of a point on its way to rest at a goal that may move.
 
     Args:
-        way: From the point to the goal, shape (n,), m or rad.
+        displacement: From the point to the goal, shape (n,), m or rad.
         velocity: Velocity now, shape (n,), per second.
         speed: Greatest speed.
         acceleration: Greatest acceleration; half of it brakes before the goal.
@@ -282,10 +282,10 @@ def approach(way: Array, velocity: Array, speed: float, acceleration: float, dt:
     Returns:
         Velocity, shape (n,), changed by `acceleration` · dt at most.
     """
-    distance = math.sqrt(float(way @ way))
-    wanted = np.zeros_like(way)
+    distance = math.sqrt(float(displacement @ displacement))
+    wanted = np.zeros_like(displacement)
     if distance > 0.0:
-        wanted = way * (min(speed, math.sqrt(acceleration * distance), 8.0 * distance) / distance)
+        wanted = displacement * (min(speed, math.sqrt(acceleration * distance), 8.0 * distance) / distance)
     change = wanted - velocity
     size = math.sqrt(float(change @ change))
     if size > acceleration * dt:

@@ -121,7 +121,7 @@ class MovingTask(Task):
     acceleration at every tick. Whatever is assigned to one of these ends it.
     """
 
-    _way: Trajectory | None = None
+    _trajectory: Trajectory | None = None
     _on: Course
     target: Any
     _elapsed = 0.0
@@ -146,7 +146,7 @@ class MovingTask(Task):
 
         Raises:
             InputError: A target that cannot be assigned, a duration, speed or acceleration that is not above zero or do
-                not agree, a task that no controller has, or whose target another part sets.
+                not agree, a task that no controller has, or whose target something else sets.
         """
         self.move_through([target], duration=duration, speed=speed, acceleration=acceleration)
 
@@ -162,7 +162,7 @@ class MovingTask(Task):
 
         Args:
             targets: One after the other; rotations between two of them go the short way.
-            duration: Of the whole way, s.
+            duration: From the first target to the last, s.
             speed: Greatest speed.
             acceleration: Greatest acceleration.
 
@@ -183,7 +183,7 @@ class MovingTask(Task):
         if duration is None and speed is None:
             units = self.unit.split("|")
             speed = USUAL_SPEED[units[0]] if len(units) == 1 else [USUAL_SPEED[unit] for unit in units]
-        self._way, self._on = (
+        self._trajectory, self._on = (
             Trajectory(
                 points,
                 duration,
@@ -201,7 +201,7 @@ class MovingTask(Task):
     @property
     def moving(self) -> bool:
         """True while the target is on its way."""
-        return self._way is not None
+        return self._trajectory is not None
 
     @property
     def velocity(self) -> Array:
@@ -229,14 +229,14 @@ class MovingTask(Task):
 
     def move_on(self, dt: float) -> bool:
         """Move the target on by one tick; see `Task.move_on`."""
-        way = self._way
-        if way is None:
+        trajectory = self._trajectory
+        if trajectory is None:
             return False
-        arrived = self._elapsed >= way.duration - 1e-9
-        self._put(*self._on.motion(*way.at(self._elapsed)))
+        arrived = self._elapsed >= trajectory.duration - 1e-9
+        self._put(*self._on.motion(*trajectory.at(self._elapsed)))
         self._elapsed += dt
         if arrived:
-            self._way, self._held = None, False
+            self._trajectory, self._held = None, False
         return not arrived
 
     def reset(self) -> None:
@@ -253,15 +253,15 @@ class MovingTask(Task):
 
     def _stop(self) -> None:
         """End a move, if there is one, where the target is."""
-        if self._way is not None:
-            self._way, self._held = None, self._set_by is not None
+        if self._trajectory is not None:
+            self._trajectory, self._held = None, self._set_by is not None
             self._put(self.target, np.zeros(self._on.start.size), np.zeros(self._on.start.size))
 
     def _rates(self) -> tuple[Array | None, Array | None]:
         """Bring the target to where it is at the next tick, and return how it moves there; None for rest."""
-        if self._way is None:
+        if self._trajectory is None:
             return None, None
-        target, velocity, acceleration = self._on.motion(*self._way.at(self._elapsed))
+        target, velocity, acceleration = self._on.motion(*self._trajectory.at(self._elapsed))
         self._put(target, velocity, acceleration)
         return velocity, acceleration
 

@@ -183,17 +183,17 @@ class Body(FixedAttributes):
 
     def update(self) -> None:
         """Move on by one tick, while `active`."""
-        before, way = self._rate, self._goal - self._now
-        if not (way.any() or before.any()):
+        before, displacement = self._rate, self._goal - self._now
+        if not (displacement.any() or before.any()):
             self._push = np.zeros(4)
             self.active = bool(self._now.any())
             return
         self._rate = rate = np.empty(4)
-        rate[:1] = approach(way[:1], before[:1], SPEED, ACCELERATION, self._dt)
-        rate[1:] = approach(way[1:], before[1:], TURN_SPEED, TURN_ACCELERATION, self._dt)
+        rate[:1] = approach(displacement[:1], before[:1], SPEED, ACCELERATION, self._dt)
+        rate[1:] = approach(displacement[1:], before[1:], TURN_SPEED, TURN_ACCELERATION, self._dt)
         self._push = (rate - before) / self._dt
         self._now = self._now + self._dt * rate
-        if np.abs(way).max() < 1e-7 and np.abs(rate).max() < 1e-6:
+        if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:
             self._now, self._rate = self._goal.copy(), np.zeros(4)
 
     def raised(self, pendulum: Pendulum) -> Pendulum:

@@ -1,4 +1,4 @@
-"""The arm that carries a hand: its joints, how it gives way, and with what force it can press."""
+"""The arm that carries a hand: its joints, its compliance, and the force with which it can press."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class HandArm:
         lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
         # A hand at rest: what carries the arm is left out of what may press, or helps.
         weight = np.sign(lever) * robot.data.g[BASE_DOF:][arm]
-        room = np.maximum(share * robot.torque_limit[arm] - weight, 0.0)
-        most = room / np.maximum(np.abs(lever), 1e-6)
+        spare = np.maximum(share * robot.torque_limit[arm] - weight, 0.0)  # torque
+        most = spare / np.maximum(np.abs(lever), 1e-6)
         least = int(np.argmin(most))
         return float(most[least]), robot.joint_names[arm[least]]

@@ -16,7 +16,7 @@ HANDS = ("left_hand", "right_hand")
 """Roles of the hands in `Robot.frames`."""
 
 LEAST_GAIN = 0.01
-"""Way of a hand forward per angle of a joint, m/rad, below which the joint cannot swing the arm."""
+"""Displacement of a hand forward per angle of a joint, m/rad, below which the joint cannot swing the arm."""
 
 
 class ArmSwing:
@@ -34,7 +34,9 @@ class ArmSwing:
         """
         self._posture = posture
         self._rest = np.array(posture.target)
-        self._joints: list[tuple[int, int, float]] = []  # joint, side, hand's way forward per radian
+        self._joints: list[
+            tuple[int, int, float]
+        ] = []  # joint, side, displacement of the hand forward per radian
         for side, name in enumerate(HANDS):
             frame, joints = arms.get(name, ("", ()))
             if not joints:
@@ -54,7 +56,7 @@ class ArmSwing:
         Args:
             feet: References of left and right sole.
             yaw: Heading of the robot, rad.
-            swing: Way of a hand forward for each metre that the other side's foot is ahead of its own.
+            swing: Displacement of a hand forward for each metre that the other side's foot is ahead of its own.
         """
         c, s = math.cos(yaw), math.sin(yaw)
         (left, right), velocity = feet, np.zeros(self._posture.dim)
@@ -64,7 +66,7 @@ class ArmSwing:
         speed = c * u + s * v
         target = self._rest.copy()
         for joint, side, gain in self._joints:
-            way = (1.0, -1.0)[side] * swing / gain
-            target[joint] += way * ahead
-            velocity[joint] = way * speed
+            turn = (1.0, -1.0)[side] * swing / gain  # rad for each metre that the foot is ahead
+            target[joint] += turn * ahead
+            velocity[joint] = turn * speed
         self._posture.follow(target, velocity, np.zeros(self._posture.dim))

@@ -52,14 +52,14 @@ class HandSettings:
 
     Attributes:
         weight: Position of the hand, cost per (m/s²)².
-        turn_weight: Its orientation on its way, cost per (rad/s²)².
+        turn_weight: Its orientation while it approaches, cost per (rad/s²)².
         hold_weight: Its orientation while it presses, cost per (rad/s²)²: an arm that has to fold turns the hand.
         stiffness: Of both, 1/s².
         reach: Time in which a hand goes before a surface, s.
         clearance: Distance of the tip of the hand before a surface from which it is approached, m.
         length: From the frame of a hand to its tip, m.
         approach: Speed towards a surface, m/s.
-        search: Longest way to a surface, m.
+        search: Greatest distance of an approach, m.
         behind: Distance by which a hand that searches may stay behind its target, m: its arm is no longer.
         touch: Force that is a touch, N.
         ramp: Time in which a force is built up, taken back or changed, s.
@@ -67,8 +67,8 @@ class HandSettings:
         silence: Time without a reading of the force sensor after which what depends on it ends, s.
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
         follow: Time constant, twice, with which a hand that grips follows the feet, s.
-        edge: Share of the way to the edge of the soles that the ZMP of the feet goes for planned forces before the CoM
-            moves: less of a lean, and less room for what is not planned.
+        edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
+            the CoM does: less lean, and less margin against disturbances.
         help: Share of the moment that the feet cannot give which hands that press take over; 0 leaves it to the trunk.
         loss: Share of the force below which a contact is lost.
         loss_time: Time below that share after which the contact counts as lost, s.
@@ -115,7 +115,7 @@ class Hand:
         force: Force that is asked for now, N.
         reading: Last reading of its sensor, [force; moment] in its frame, shape (6,), N and Nm.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
-            its last way to a surface; zero before the first.
+            its last approach; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the arm has less force than is asked for.
@@ -155,7 +155,7 @@ class Hand:
         self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
         self._start = pin.SE3.Identity()
         self._path, self._turn, self._rotation = np.zeros(3), np.zeros(3), np.eye(3)
-        self._way = self._elapsed = 0.0
+        self._travelled = self._elapsed = 0.0
         self._grips = False
         self._held = pin.SE3.Identity()  # in the frame that goes with the robot
 
@@ -166,7 +166,7 @@ class Hand:
 
     @property
     def target(self) -> float:
-        """The same with the hand's part of the balance, N."""
+        """Planned force plus the one for the balance, N."""
         return self.planned + self.extra
 
     @property
@@ -200,7 +200,7 @@ class Hand:
             self.force.to(force, settings.ramp)
             return
         self.direction = direction
-        self.state, self._felt, self._way = HandState.APPROACH, 0.0, 0.0
+        self.state, self._felt, self._travelled = HandState.APPROACH, 0.0, 0.0
         self._path, self._elapsed, self._grips, self._silent = np.zeros(3), 0.0, False, 0.0
         self.extra, self.excess, self.bounded, self._most = 0.0, np.zeros(3), False, math.inf
         self._start = pin.SE3(self._robot.placement(self.task.frame))
@@ -305,11 +305,15 @@ class Hand:
         task.measured_wrench[:] = task.target_wrench
 
     def _reach(self, dt: float) -> bool:
-        """Go before the surface and turn towards it: away from it first, along it last; True when it is there."""
+        """Move to the point of departure of the approach and point the hand along it; True once it is there.
+
+        The displacement along the direction of approach comes first where it leads away from the surface, and last
+        where it leads towards it, so that the hand does not brush along it.
+        """
         duration = self._settings.reach
         self._elapsed = min(self._elapsed + dt, duration)
         along = float(self._path @ self.direction)
-        early, late = (quintic_part(self._elapsed, duration, *part) for part in ((0.0, 0.6), (0.4, 1.0)))
+        early, late = (quintic_part(self._elapsed, duration, *span) for span in ((0.0, 0.6), (0.4, 1.0)))
         first, last = (early, late) if along < 0.0 else (late, early)
         straight = along * self.direction
         point, velocity, acceleration = (
@@ -330,7 +334,7 @@ class Hand:
         task.feedforward_velocity, task.feedforward_acceleration = motion
 
     def _carry(self, rotation: Array, middle: MovingFrame) -> None:
-        """Go with the robot; yield to the part of the force of all hands that is more than it may be."""
+        """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
         task, place = self.task, middle.placement * self._held
         lever = place.translation - middle.placement.translation
         velocity = middle.velocity + middle.turning * np.array((-lever[1], lever[0], 0.0))
@@ -352,11 +356,11 @@ class Hand:
             self.force.to(goal, settings.ramp)
             return
         behind = task.target.translation - self._robot.placement(task.frame).translation
-        if self._way >= settings.search or float(np.linalg.norm(behind)) > settings.behind:
+        if self._travelled >= settings.search or float(np.linalg.norm(behind)) > settings.behind:
             self._lose()
             return
-        self._way += settings.approach * dt
-        point = self._start.translation + self._way * self.direction
+        self._travelled += settings.approach * dt
+        point = self._start.translation + self._travelled * self.direction
         self._move(point, settings.approach * self.direction, np.zeros(3))
 
     def _watch(self, dt: float) -> None:
@@ -373,7 +377,7 @@ class Hand:
         self.force.to(0.0, duration)
 
     def _lose(self) -> None:
-        if self.state is not HandState.HOLD:  # stop on the way
+        if self.state is not HandState.HOLD:  # stop where it is
             self.task.target = pin.SE3(self._robot.placement(self.task.frame))
         self.state = HandState.LOST
         self._fade(self._settings.loss_ramp)

@@ -1,4 +1,4 @@
-"""Hands of a robot that stands or walks: what they press on carries a part of it, and the balance knows.
+"""Hands of a robot that stands or walks: contact forces on them, which the stabilizer counts.
 
 A wrench of the surroundings on the hands moves the point about which the pendulum turns away from the ZMP z of the
 feet,
@@ -48,8 +48,8 @@ SLOW_TIME = 1.0
 The servos of the arms are told of the same share."""
 
 RELAX = 0.1
-"""Share of all forces on them to which hands that grip yield while the robot stands: forces that are left from the way
-there decay within about a second, as slowly as the CoM follows them, so that the next way begins without a lean."""
+"""Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
+ends decay within about a second, as slowly as the CoM follows them, so that the next walk begins without a lean."""
 
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
@@ -324,7 +324,7 @@ class Hands:
             else:
                 held += offset
 
-        def room(force: float) -> float:
+        def margin(force: float) -> float:
             """Return how far the ZMP stays within the edge, m, when all forces are lost."""
             total = held + force * own
             size = math.hypot(total[0], total[1])
@@ -332,13 +332,13 @@ class Hands:
 
         if math.hypot(own[0], own[1]) < 1e-9:
             return
-        if room(force) < 0.0:
-            most = brentq(room, 0.0, force) if room(0.0) > 0.0 else 0.0
+        if margin(force) < 0.0:
+            most = brentq(margin, 0.0, force) if margin(0.0) > 0.0 else 0.0
             size = math.hypot(*(held + force * own))
             raise InputError(
                 f"{hand} may press with {most:.0f} N there on what may give way: a sudden loss of {force:g} N would "
-                f"move the ZMP by {1e3 * size:.0f} mm of {1e3 * (size + room(force)):.0f} mm to the edge of the soles "
-                "(firm=True for what cannot)"
+                f"move the ZMP by {1e3 * size:.0f} mm of {1e3 * (size + margin(force)):.0f} mm to the edge of the "
+                "soles (firm=True for what cannot)"
             )
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
@@ -402,7 +402,7 @@ class Hands:
         return self._outside
 
     def _yield(self, rests: bool) -> None:
-        """Let hands that grip yield to what is of no use, and to what is too much.
+        """Let hands that grip yield to internal forces, and to forces beyond their limits.
 
         Of no use are vertical forces, and the squeeze of two hands along the line between them. Too much is what all
         hands together feel above their limits; a couple, which turns what they hold, may be more. While the robot
@@ -427,29 +427,29 @@ class Hands:
         if rests:
             excess += RELAX * (forces - excess)
         excess[:, 2] = forces[:, 2]
-        for hand, part in zip(gripping, excess, strict=True):
-            hand.excess = part
+        for hand, force in zip(gripping, excess, strict=True):
+            hand.excess = force
 
-    def _to_edge(self, way: Array, yaw: float) -> float:
-        """Return the distance from the middle of the stance to the edge of a sole along a way, shape (2,), m.
+    def _to_edge(self, direction: Array, yaw: float) -> float:
+        """Return the distance from the middle of the stance to the edge of a sole along a direction, m.
 
         Args:
-            way: In the world, of a length, shape (2,).
+            direction: In the world, not zero, shape (2,).
             yaw: Heading of the robot, rad.
         """
         c, s = math.cos(yaw), math.sin(yaw)
-        x, y = float(way[0]), float(way[1])
+        x, y = float(direction[0]), float(direction[1])
         size = math.hypot(x, y)
         ahead, aside = abs(c * x + s * y) / size, abs(c * y - s * x) / size
         return min(self._edges[0] / max(ahead, 1e-9), self._edges[1] / max(aside, 1e-9))
 
     def _lean(self, goal: Array, yaw: float) -> Array:
-        """Return what is left of a shift of the CoM once the ZMP of the feet has gone its part of the way."""
+        """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
         size = math.hypot(goal[0], goal[1])
         if self.settings.edge == 0.0 or size < 1e-9:
             return goal
-        room = self.settings.edge * self._to_edge(goal, yaw)
-        rest: Array = goal * max(0.0, 1.0 - room / size)
+        borne = self.settings.edge * self._to_edge(goal, yaw)  # by the ZMP, m
+        rest: Array = goal * max(0.0, 1.0 - borne / size)
         return rest
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:
@@ -461,7 +461,7 @@ class Hands:
         return self._shift.applied(pendulum)
 
     def help(self, missing: Array, zmp: Array, dt: float) -> None:
-        """Let hands that press take over a moment that the feet cannot give: theirs is shared by least squares.
+        """Distribute a moment that the feet cannot give to the hands that press, by least squares.
 
         Args:
             missing: Desired less given moment of the feet, about the horizontal axes through the ZMP, shape (2,), Nm.

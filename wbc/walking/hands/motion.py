@@ -1,4 +1,4 @@
-"""Motions of hands: a force or a way along a quintic, and the frame that goes with the robot."""
+"""Motions of hands: a force or a displacement along a quintic, and the frame that goes with the robot."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from wbc.walking.hands.arm_swing import ArmSwing
 from wbc.walking.pattern.swing import FootMotion
 
 ARRIVED = 1e-3
-"""Way of the reference to a target, m and rad, from which it counts as there."""
+"""Distance of the reference from a target, m and rad, from which it counts as there."""
 
 WORLD, PELVIS = "world", "pelvis"
 """Frames of targets that are always there."""
@@ -64,8 +64,8 @@ class ArmSettings:
         lead: Error of the hand at which its reference waits, m (of the rotation, rad).
         blend: Time in which a hand is taken to its task, and let go, s.
         waist: Hands with targets move the joints of the waist as well.
-        swing: Swing of arms without targets, m/m: way of a hand forward for each metre that the other side's foot is
-            ahead of its own. 0 holds them still.
+        swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
+            foot is ahead of its own. 0 holds them still.
     """
 
     weight: Positive = 100.0
@@ -122,9 +122,9 @@ class Arm:
         self._goal: pin.SE3 | None = None
         self._point = False
         self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
-        self._way: Trajectory | None = None
+        self._trajectory: Trajectory | None = None
         self._course, self._elapsed = Placing(self._reference, _any_pose), 0.0
-        self._share = 0.0  # of the weight
+        self._ratio = 0.0  # of the weight
         self._on = False
 
     @property
@@ -135,7 +135,7 @@ class Arm:
     @property
     def active(self) -> bool:
         """True while the hand has a task: from `reach` on until it has been let go."""
-        return self._share > 0.0 or self._on
+        return self._ratio > 0.0 or self._on
 
     @property
     def error(self) -> Array:
@@ -158,7 +158,7 @@ class Arm:
         """True while the reference of the hand is on its way to the target."""
         if self._goal is None or not self._on:
             return False
-        if self._way is not None:
+        if self._trajectory is not None:
             return True
         left = self._reference.actInv(self._goal)
         return bool(
@@ -197,7 +197,7 @@ class Arm:
         Args:
             target: Point, shape (3,), m, or pose of the hand.
             frame: "world", "pelvis" or the name of an object that `Arms.place` knows.
-            duration: Time on the way, s.
+            duration: Time to the target, s.
             speed: Greatest speed, m/s, or a pair (linear, angular), m/s and rad/s.
             acceleration: Greatest acceleration, as `speed`; reaches that speed in 0.2 s when None and no duration is
                 given.
@@ -231,10 +231,10 @@ class Arm:
             reference, velocity = pin.SE3(turn, reference.translation), velocity * ([1.0] * 3 + [0.0] * 3)
         if point:
             goal.rotation = reference.rotation
-        way, course = None, Placing(reference, _any_pose)
+        trajectory, course = None, Placing(reference, _any_pose)
         if duration is not None or speed is not None:
             points = [course.start, course.point(goal, course.start)]
-            way = Trajectory(
+            trajectory = Trajectory(
                 points,
                 duration,
                 speed=speed,
@@ -244,7 +244,7 @@ class Arm:
             )
         self._within, self._goal, self._point, self._on = frame, goal, point, True
         self._reference, self._velocity = reference, velocity
-        self._way, self._course, self._elapsed = way, course, 0.0
+        self._trajectory, self._course, self._elapsed = trajectory, course, 0.0
         self._task_of(frame == PELVIS)
         for within, task in self._tasks.items():
             if within != (frame == PELVIS):
@@ -259,11 +259,11 @@ class Arm:
     def update(self) -> None:
         """Move the reference on and hand it to the task; does nothing without one."""
         s, dt = self._settings, self._dt
-        self._share = (
-            min(1.0, self._share + dt / s.blend) if self._on else max(0.0, self._share - dt / s.blend)
+        self._ratio = (
+            min(1.0, self._ratio + dt / s.blend) if self._on else max(0.0, self._ratio - dt / s.blend)
         )
         task = self._tasks[self._within == PELVIS]
-        weight = np.full(6, s.weight * self._share**2 * (3.0 - 2.0 * self._share))
+        weight = np.full(6, s.weight * self._ratio**2 * (3.0 - 2.0 * self._ratio))
         if self._point:
             weight[3:] = 0.0
         task.weight = weight
@@ -273,38 +273,38 @@ class Arm:
         assert self._goal is not None
         error = task.error
         goal, reference = self._goal, self._reference
-        way = np.concatenate(
+        displacement = np.concatenate(
             [goal.translation - reference.translation, pin.log3(goal.rotation @ reference.rotation.T)]
         )
         if self._point:
-            way[3:] = 0.0
+            displacement[3:] = 0.0
         before = self._velocity.copy()
-        if self._way is not None:
-            self._follow(task, *self._along(self._way, error))
+        if self._trajectory is not None:
+            self._follow(task, *self._along(self._trajectory, error))
             return
-        for part, speed, acceleration in (
+        for rows, speed, acceleration in (
             (slice(0, 3), s.speed, s.acceleration),
             (slice(3, 6), s.turn_speed, s.turn_acceleration),
         ):
-            behind = float(np.linalg.norm(error[part]))
+            behind = float(np.linalg.norm(error[rows]))
             granted = speed * min(1.0, max(0.0, 2.0 - 2.0 * behind / s.lead))
-            self._velocity[part] = approach(way[part], before[part], granted, acceleration, dt)
+            self._velocity[rows] = approach(displacement[rows], before[rows], granted, acceleration, dt)
         reference.translation = reference.translation + dt * self._velocity[:3]
         reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
         self._follow(task, reference, self._velocity, (self._velocity - before) / dt)
 
-    def _along(self, way: Trajectory, error: Array) -> tuple[pin.SE3, Array, Array]:
+    def _along(self, trajectory: Trajectory, error: Array) -> tuple[pin.SE3, Array, Array]:
         """Move the reference on along a trajectory, more slowly where the hand stays behind."""
         behind = float(np.linalg.norm(error[:3]))
         if not self._point:
             behind = max(behind, float(np.linalg.norm(error[3:])))
-        share = min(1.0, max(0.0, 2.0 - 2.0 * behind / self._settings.lead))
-        self._elapsed += share * self._dt
-        reference, velocity, acceleration = self._course.motion(*way.at(self._elapsed))
-        self._reference, self._velocity = pin.SE3(reference), share * velocity
-        if self._elapsed >= way.duration:
-            self._way = None
-        return self._reference, self._velocity, share * share * acceleration
+        pace = min(1.0, max(0.0, 2.0 - 2.0 * behind / self._settings.lead))
+        self._elapsed += pace * self._dt
+        reference, velocity, acceleration = self._course.motion(*trajectory.at(self._elapsed))
+        self._reference, self._velocity = pin.SE3(reference), pace * velocity
+        if self._elapsed >= trajectory.duration:
+            self._trajectory = None
+        return self._reference, self._velocity, pace * pace * acceleration
 
     def _follow(
         self, task: PoseTask | RelativeFrameTask, reference: pin.SE3, velocity: Array, acceleration: Array
